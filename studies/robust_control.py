@@ -73,23 +73,28 @@ REFERENCES = ("Passive-off", "Optimal passive", "Passive-on")
 
 def tuned(study: mr.Study, table: Any) -> list[dict[str, Any]]:
     """Rows of the references and laws of a table of the study file."""
-    results = mr.tune(study, [table], rng=script.seed, threads=script.threads)
-    return [{each.label: numbers_of(each) for each in (*results.references, *results.laws)}]
+    found = mr.tune(study, [table], rng=script.seed, threads=script.threads)
+    results = mr.tuning.judge(study, found, threads=script.threads)
+    return [{each.label: numbers_of(results, each) for each in (*found.references, *found.laws)}]
 
 
-def numbers_of(law: Any) -> dict[str, Any]:
+def numbers_of(results: mr.tuning.TunedStudy, law: mr.tuning.TunedLaw) -> dict[str, Any]:
     """Training score, and what the law does on the test motions, over i = 0."""
+    row, judged = results.row_of_law(law), results.judged_motions
+    train, test = results.judgement(law, "training"), results.judgement(law, "test")
+    ratios = [results.ratios(row, motion, "passive_off") for motion in judged]
+    runs = [results.criteria(row, motion) for motion in judged]
     return {
-        "training": law.train.score,
-        "motions": {each.motion: each.score for each in law.test.motions},
-        "peaks": [[each.criteria[name] for name in SCORE[:2]] for each in law.test.motions],
-        "ratios": {name: law.test.criteria[name] for name in SCORE},
-        "current": law.test.largest["rms_current"],
-        "stroke": law.test.largest["peak_stroke"],
+        "training": train.score,
+        "motions": {results.motions[motion].name: results.score_under(row, [motion]) for motion in judged},
+        "peaks": [[each[name] for name in SCORE[:2]] for each in ratios],
+        "ratios": {name: test.criteria[name] for name in SCORE},
+        "current": max(each["rms_current"] for each in runs),
+        "stroke": max(each["peak_stroke"] for each in runs),
         "bands": {
-            name: [band.median, band.lower, band.upper]
-            for name, band in law.test.bands.items()
-            if name in ("score", "peak_drift")
+            name: [test.bands[name].median, test.bands[name].lower, test.bands[name].upper]
+            for name in ("score", "peak_drift")
+            if name in test.bands
         },
     }
 

@@ -54,6 +54,7 @@ SMALL_VALUES = {
     "Finding",
     "FurtherSignal",
     "GammaEnvelope",
+    "Judgement",
     "KanaiTajimi",
     "Likeness",
     "Limits",

@@ -15,7 +15,7 @@ from mrwork.base.numbers import counted
 from mrwork.report.fit.parameters import caution  # the one sentence of the page on standard errors
 from mrwork.search import EfficientGA, StopRules, run_search
 from mrwork.search.rules import ended_in_words
-from mrwork.tuning.results import Better, motions_in_words, speed_in_words
+from mrwork.tuning.results import speed_in_words
 
 pytestmark = pytest.mark.words
 
@@ -50,19 +50,10 @@ def test_only_the_test_of_the_residuals_calls_them_correlated(noise: float) -> N
     assert "correlated" not in caution(fit)
 
 
-def test_of_one_motion_a_law_is_better_or_not() -> None:
-    def better(both: int, motions: int) -> str:
-        return Better(peak_drift=both, peak_acceleration=both, both=both, motions=motions).in_words
-
-    assert [better(1, 1), better(0, 1), better(0, 2), better(2, 3)] == ["yes", "no", "0 of 2", "2 of 3"]
-
-
 def test_a_tuning_says_what_its_time_went_into() -> None:
     results = mr.tuning.TuningResults(
-        title="", status="finished", laws=(), references=(), training=("A",), testing=("B", "C"),
-        command_unit="A", realisations=0, candidates_per_second=37.2, seconds=2.0, seconds_outside=1.16,
+        title="", status="finished", laws=(), references=(), training=("A",), command_unit="A",
+        candidates_per_second=37.2, seconds=2.0, seconds_outside=1.16,
     )  # fmt: skip
-    assert motions_in_words(results) == "1 training motion and 2 test motions"
-    assert motions_in_words(replace(results, testing=())) == "1 training motion"
     assert speed_in_words(results).startswith("37.2 candidates a second; ")
     assert " 58 % of the time" in speed_in_words(results)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 from refusals import refusal
-from report_samples import comparison
 from report_samples import fit as sample_fit
+from report_samples import prediction
 from run_folders import write_fit
 
 import mrwork
@@ -78,7 +78,7 @@ def test_arrays_of_objects_are_refused_and_not_unpickled(tmp_path: Path) -> None
     harm = tmp_path / "harm"
     forged = io.BytesIO()
     np.savez(forged, force=np.array([Hostile(harm)], dtype=object))
-    run = write_fit(tmp_path / "run", sample_fit(comparison()))
+    run = write_fit(tmp_path / "run", sample_fit(prediction()))
     add_to_run(run, {PREDICTIONS: forged.getvalue()})
     refusal(RunFolder.open(run).arrays, PREDICTIONS, match="cannot be read .*allow_pickle")
     assert not harm.exists()

@@ -89,7 +89,7 @@ def test_json_has_laws_and_references_in_one_form(tuned: Path, tmp_path: Path) -
     passive = ["Passive-off", "Optimal passive", "Passive-on"]
     assert [each["label"] for each in document["references"]][:3] == passive
     assert len(document["references"]) == 7
-    assert mr.tuning.read_tuning(tuned / "out").laws[0].settings == document["laws"][0]["settings"]
+    assert mr.tuning.read_tuning(tuned / "out").tuned.laws[0].settings == document["laws"][0]["settings"]
     printed("respond", tuned / "out" / "chosen.toml", "--out", tmp_path / "r", "--json")
 
 
@@ -101,7 +101,7 @@ def test_placements_are_in_the_json_in_the_text_and_in_the_folder(tmp_path: Path
     document = json.loads(printed("tune", study, "--out", out, "--threads", 1, "--json"))
     assert len(document["places"]) == 3
     assert set(document["places"][0]) == {"storeys", "command", "train", "test", "given", "count"}
-    assert [each.storeys for each in mr.tuning.read_tuning(out).places] == [
+    assert [each.storeys for each in mr.tuning.read_tuning(out).tuned.places] == [
         each["storeys"] for each in document["places"]
     ]
     assert mrwork("respond", out / "chosen.toml", "--out", tmp_path / "r", "--json").returncode == 0

@@ -70,7 +70,7 @@ def undrawn(*arguments: object) -> str:
     return ended.stdout if "the results are written" not in warning else f"{ended.stdout}{warning}"
 
 
-@pytest.mark.parametrize(("verb", "kind"), [("respond", mr.StudyResults), ("tune", mr.TuningResults)])
+@pytest.mark.parametrize(("verb", "kind"), [("respond", mr.StudyResults), ("tune", mr.tuning.TunedStudy)])
 def test_a_study_whose_page_fails_is_complete(
     study: Path, failing: pytest.MonkeyPatch, verb: str, kind: type
 ) -> None:

@@ -78,8 +78,12 @@ def tuned_study() -> mr.Study:
 
 
 def tuning(opened: Open) -> object:
-    found = mr.tune(tuned_study(), threads=1, journal=opened("tuning"))
-    return [(law.settings, law.judged) for law in (*found.laws, *found.references)]
+    journal, study = opened("tuning"), tuned_study()
+    found = mr.tune(study, threads=1, journal=journal)
+    judged = mr.tuning.judge(study, found, threads=1, journal=journal)
+    return [
+        (law.settings, law.least, judged.judgement(law, "test")) for law in (*found.laws, *found.references)
+    ]
 
 
 class Journals:

@@ -115,7 +115,7 @@ DRAWN = [
     *(Drawn(figure="storey_profiles", kind=kind) for kind in RUNS),
     *(Drawn(figure="energies", kind=kind) for kind in RUNS),
     Drawn(figure="energies", kind="History", pairs=(("time", "input"),)),
-    *(Drawn(figure="fronts", kind=kind) for kind in ("Front", "TuningResults")),
+    *(Drawn(figure="fronts", kind=kind) for kind in ("Front", "TuningResults", "TunedStudy")),
     Drawn(figure="ida", kind="Fragilities", options={"rows": ["uncontrolled", 1]}),
     Drawn(figure="fragility", kind="Fragilities", pairs=(("intensity", "reached"),)),
     Drawn(figure="fronts", kind="SizeFront", pairs=(("envelope_volume", "dynamic_range"),)),
@@ -312,7 +312,8 @@ def test_a_result_has_the_figures_that_take_it_and_no_others(kind: str) -> None:
     # What it says of itself, in a terminal and in a notebook.
     assert len(repr(result)) < 4000
     assert result._repr_html_().startswith("<div")
-    assert dir(result.plot) == [figure for figure in FIGURES if kind in accepted(figure)]
+    kinds = {each.__name__ for each in type(result).__mro__}
+    assert dir(result.plot) == [figure for figure in FIGURES if kinds & accepted(figure)]
     assert all(name in repr(result.plot) for name in dir(result.plot))
     for name in ("drawn_data", "sheet", *({*FIGURES} - {*dir(result.plot)})):
         with pytest.raises(

@@ -16,7 +16,7 @@ from verb_folders import verbs_with
 import mrwork as mr
 from mrwork.store.run_folder import FIT, JOURNAL, MANIFEST, MODELS, RESULTS, RUN_KINDS
 
-TYPES: dict[str, type] = {"identify": mr.StoredRun, "respond": mr.StudyResults, "tune": mr.TuningResults}
+TYPES: dict[str, type] = {"identify": mr.StoredRun, "respond": mr.StudyResults, "tune": mr.tuning.TunedStudy}
 SLOW = ("synthetic:spencer1997_slow", "synthetic:spencer1997_fast", "--every", 40)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from command_line import mrwork
 from refusals import refusal
-from report_samples import comparison
 from report_samples import fit as sample_fit
+from report_samples import prediction
 
 import mrwork as mr
 from mrwork.store.run_folder import FIT_RUN
@@ -59,4 +59,4 @@ def test_nothing_is_replaced_and_draws_belong_to_their_fit(
     (tmp_path / "files").mkdir()
     (tmp_path / "files" / "notes.txt").write_text("mine")
     refusal(mr.save, fit, tmp_path / "files", match="not a run folder")
-    mr.save(sample_fit(comparison()), tmp_path / "described")
+    mr.save(sample_fit(prediction()), tmp_path / "described")

@@ -22,6 +22,7 @@ from mrwork.errors import MrworkWarning
 from mrwork.identification import Multistart
 from mrwork.records.reading import Reading
 from mrwork.tuning import Front
+from mrwork.tuning.judging import with_tuning
 from mrwork.tuning.results import FrontPoint
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 
@@ -154,9 +155,8 @@ def front() -> Front:
 
 
 def tuning(*fronts: Front) -> mr.TuningResults:
-    lists = dict.fromkeys(("laws", "references", "testing"), ())
-    facts = {"title": "Small", "status": "finished", "command_unit": "A", "realisations": 0}
-    return mr.TuningResults(**lists, **facts, training=("one",), fronts=fronts)
+    facts = {"title": "Small", "status": "finished", "command_unit": "A"}
+    return mr.TuningResults(laws=(), references=(), **facts, training=("one",), fronts=fronts)
 
 
 def size_front() -> SizeFront:
@@ -187,6 +187,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "ResponseSpectrum": lambda: mr.response_spectrum(motion(), np.linspace(0.1, 2.0, 20)),
     "Front": front,
     "TuningResults": lambda: tuning(front()),
+    "TunedStudy": lambda: with_tuning(study_samples.results(), tuning(front())),
     "SizeFront": size_front,
 }
 """By the name of the type."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,7 +14,9 @@ from study_texts import study_text
 import mrwork as mr
 from mrwork.store.codec import plain
 from mrwork.tuning import tune
-from mrwork.tuning.results import LawResult, TuningResults, chosen_study, tuning_document
+from mrwork.tuning.folder import chosen_study
+from mrwork.tuning.judging import Judgement, judge
+from mrwork.tuning.results import TunedLaw, TuningResults
 
 FIVE_STOREYS = 'published = "uts"'
 # Weights of fewer states are designed in half the time, where the building is not what matters.
@@ -89,7 +91,15 @@ def tuned(table: str) -> TuningResults:
     return tune(small_study(), small_study(table).tunes, threads=1)
 
 
-def tuned_law_with_its_score(folder: Path, table: str) -> LawResult:
+def judgement(results: TuningResults, study: mr.Study) -> Judgement:
+    """What the first law is worth on the test motions."""
+    judged = judge(study, results, threads=1)
+    found = judged.judgement(results.laws[0], "test")
+    assert found is not None
+    return found
+
+
+def tuned_law_with_its_score(folder: Path, table: str) -> TunedLaw:
     """The law that a table tunes, which has the score of its test in the chosen study, too."""
     results = tuned(table)
     assert_its_score(results, small_study(table), folder)
@@ -103,8 +113,7 @@ def assert_its_score(results: TuningResults, study: mr.Study, folder: Path) -> N
     chosen.write_text(chosen_study(results, study.file), encoding="utf-8")
     found = mr.run_study(mr.read_study(chosen), threads=1)
     row = [each.label for each in found.rows].index(law.label)
-    assert law.test is not None
-    assert found.score(row) == pytest.approx(law.test.score, rel=1e-12)
+    assert found.score(row) == pytest.approx(judgement(results, study).score, rel=1e-12)
 
 
 def without_times(results: TuningResults) -> Any:
@@ -112,4 +121,4 @@ def without_times(results: TuningResults) -> Any:
     still = replace(results, seconds=0.0, candidates_per_second=0.0, seconds_outside=0.0)
     laws = tuple(replace(each, seconds=0.0) for each in still.laws)
     references = tuple(replace(each, seconds=0.0) for each in still.references)
-    return plain(tuning_document(replace(still, laws=laws, references=references)))
+    return plain(asdict(replace(still, laws=laws, references=references)))

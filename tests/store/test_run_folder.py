@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 from command_line import started
 from refusals import refusal
-from report_samples import comparison, fit
+from report_samples import fit, prediction
 from run_folders import write_fit
 
 import mrwork as mr
@@ -45,7 +45,7 @@ from mrwork.store.run_folder import (
 from mrwork.store.run_folder import FIT as FIT_FILE
 from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, adding, addition_journal
 
-FIT = fit(comparison())
+FIT = fit(prediction())
 MANIFEST = commit.MANIFEST
 KINDS = pytest.mark.parametrize("kind", RUN_KINDS, ids=lambda kind: kind.verb)
 
@@ -86,7 +86,7 @@ def is_whole(run: RunFolder) -> bool:
 
 @pytest.mark.contract
 def test_a_run_reads_back_as_the_same_fit_with_nothing_else_in_or_beside_its_folder(tmp_path: Path) -> None:
-    described = fit(comparison(), comparison("second", synthetic=True))
+    described = fit(prediction(), prediction("second", synthetic=True))
     free = replace(described.estimates[0], lower=-math.inf, upper=math.inf)
     described = replace(described, estimates=(free, *described.estimates[1:]))
     assert math.isinf(described.trace.median[0])

@@ -69,7 +69,9 @@ def test_with_training_motions_it_is_theirs_also_in_tune() -> None:
     assert trained.problem is not None
     assert tuple(trained.problem.motions) == trained.chosen_on
     tuned = mr.tune(trained, laws=["clipped_optimal"], budget=24, rng=0)
-    assert (len(tuned.training), len(tuned.testing), tuned.design_levels) == (2, 3, ("0.5 g",))
+    judged = mr.tuning.judge(trained, tuned)
+    assert (len(tuned.training), judged.design_levels) == (2, ("0.5 g",))
+    assert [judged.motions[each].level for each in judged.judged_motions] == ["0.5 g"]
 
 
 def test_a_level_may_be_a_factor() -> None:

@@ -26,7 +26,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectral_density import mean_square_of, strong_part
 from mrwork.study.comparison import findings
-from mrwork.tuning.results import chosen_study
+from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.space import space_of
 
 FIRM = "ground_frequency = 15, ground_damping = 0.6, intensity = 0.01"

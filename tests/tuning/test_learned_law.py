@@ -40,12 +40,12 @@ def test_gradients_train_a_network_and_are_the_differences_of_the_loop() -> None
     study = tuning_samples.study_with(motions=motions)
     table = TuneTable(laws=(LAW,))
     benches = benches_of(study, journal=None, threads=1, clock=Clock())
-    space = space_of(table, LAW, magnitudes_of(benches.training))
+    space = space_of(table, LAW, magnitudes_of(benches.nominal))
     objective = objective_of(table, "A")
     start = np.where(np.array([each.name for each in space.free]) == "largest_command", 0.99, space.start)
-    found = follow_gradients(space, benches.training, objective, start, 3)
+    found = follow_gradients(space, benches.nominal, objective, start, 3)
     candidates = [space.candidate(unit) for unit in (start, found.unit)]
-    before, after = score_candidates(benches.training, objective, LAW, candidates).objective
+    before, after = score_candidates(benches.nominal, objective, LAW, candidates).objective
     assert after < before
 
 
@@ -55,7 +55,7 @@ def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins() -> 
         TuneTable(laws=(LAW,)),
         LAW,
         magnitudes_of(
-            benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).training
+            benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).nominal
         ),
     )
     *units, bias = space.candidate(space.start).settings["network"]

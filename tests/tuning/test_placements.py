@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import replace
 from itertools import combinations_with_replacement
 from pathlib import Path
 
@@ -14,11 +13,12 @@ from tuning_samples import motion, without_times
 
 import mrwork as mr
 from mrwork.errors import Interrupted
-from mrwork.report.study.tuning_page import tuning_page
+from mrwork.report.study.page import study_page
 from mrwork.study.placements import placements_of
-from mrwork.tuning import TuningResults, tune
+from mrwork.tuning import TuningResults, judge, tune
+from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.placing import PlacingProgress
-from mrwork.tuning.results import chosen_study, places_table
+from mrwork.tuning.results import places_table
 
 # Storey 3 is the soft one, where dampers help most.
 SOFT = "masses = [1000, 1000, 1000, 1000]\nstiffnesses = [4e6, 4e6, 3e5, 4e6]\nmodal_damping = { ratios = [0.02] }"
@@ -106,9 +106,9 @@ def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path:
     assert again.table.places is None
     runs = mr.run_study(again)
     (row,) = (number for number, each in enumerate(runs.rows) if each.label == results.laws[0].label)
-    tuned = results.laws[0].test
-    assert tuned is not None
-    assert runs.score(row) == pytest.approx(tuned.score, rel=1e-6)
+    judged = judge(study, results, threads=1).judgement(results.laws[0], "test")
+    assert judged is not None
+    assert runs.score(row) == pytest.approx(judged.score, rel=1e-6)
     best = next(each for each in results.references if each.label == "Optimal passive")
     # Of one study, by another denominator.
     assert best.settings["command"] == pytest.approx(results.places[0].command, abs=0.5)
@@ -167,11 +167,13 @@ def test_places_that_cannot_be_compared_are_refused(
 
 
 def test_places_are_told_with_the_number_of_dampers(tmp_path: Path) -> None:
-    results = tune(study_with(tmp_path, "[places]\ndampers = 2", dampers=f"{DAMPER}count = 3"), threads=1)
+    study = study_with(tmp_path, "[places]\ndampers = 2", dampers=f"{DAMPER}count = 3")
+    results = tune(study, threads=1)
     assert {sum(each.storeys.values()) for each in results.places} == {2}
     # Two [[damper]] of three dampers each.
     (given,) = (each for each in results.places if each.given)
     assert given.in_words == "6 in storey 1"
     best = results.places[0]
-    front = " ".join(tuning_page(replace(results, laws=(), references=()), summary=True).split())
-    assert f"The best place of the dampers: {best.in_words}, at {best.command:.3g} A" in front
+    judged = judge(study, results, threads=1)
+    front = " ".join(study_page(judged, lambda row, motion: None, summary=True).split())
+    assert f"Best of 10 placements of the dampers: {best.in_words}." in front

@@ -35,7 +35,7 @@ def slopes_of(study: mr.Study, table: TuneTable, threads: int = 1) -> ScoreSlope
     plan, benches = plan_of(study, table, threads)
     return ScoreSlopes(
         space=plan.space,
-        bench=benches.select_search_bench(robust=table.robust),
+        bench=benches.select(robust=table.robust),
         objective=plan.objective,
     )
 
@@ -169,12 +169,12 @@ def test_gradients_lower_the_objective_of_the_loop() -> None:
     study = tuning_samples.study_with(motions=tuning_samples.motion("A", 1).replace("3\n", "1\n", 1))
     table = TuneTable(laws=(LAW,), free={"slope": (), "largest_command": ()})
     benches = benches_of(study, journal=None, threads=1, clock=Clock())
-    space = space_of(table, LAW, magnitudes_of(benches.training))
+    space = space_of(table, LAW, magnitudes_of(benches.nominal))
     objective = objective_of(table, "A")
     start = np.array([0.4, 0.99])
-    found = follow_gradients(space, benches.training, objective, start, 3)
+    found = follow_gradients(space, benches.nominal, objective, start, 3)
     candidates = [space.candidate(start), space.candidate(found.unit)]
-    before, after = score_candidates(benches.training, objective, LAW, candidates).objective
+    before, after = score_candidates(benches.nominal, objective, LAW, candidates).objective
     assert after < before
     assert found.unit[1] == start[1]
 

@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 import tuning_samples
 from refusals import refusal
-from study_samples import ranges
 from tuning_samples import TWO_STOREYS, without_times
 
 import mrwork as mr
 from mrwork.closed_loop.evaluation import SCORE, ties_in_words
 from mrwork.errors import Interrupted
-from mrwork.study.schema import OPTIMAL_PASSIVE
+from mrwork.study.results import score_band
 from mrwork.tuning import TuningResults, tune
+from mrwork.tuning.folder import chosen_study
+from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, unjudged
 from mrwork.tuning.problem import Clock, benches_of
-from mrwork.tuning.results import chosen_study, settings_in_words
+from mrwork.tuning.results import DesignNotes, settings_in_words
 from mrwork.tuning.space import LawCandidate
 
 
@@ -40,28 +41,52 @@ def results(study: mr.Study, journal: Path) -> TuningResults:
         return tune(study, threads=1, journal=kept)
 
 
+@pytest.fixture(scope="module")
+def judged(study: mr.Study, results: TuningResults) -> TunedStudy:
+    return judge(study, results, threads=1)
+
+
 def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
     results: TuningResults,
 ) -> None:
     law = results.laws[0]
     equal = next(each for each in results.references if each.label.startswith("Equal drift weights"))
-    assert law.train.objective <= equal.train.objective
-    assert law.train.score == law.train.objective
-    assert law.trace[-1].least == pytest.approx(law.train.objective)
+    assert law.least <= equal.least
+    assert law.trace[-1].least == pytest.approx(law.least)
 
 
-def test_test_motions_are_not_those_of_the_training(results: TuningResults) -> None:
+def test_the_study_finds_the_objective_again_and_judges_on_motions_that_the_tuning_has_not_seen(
+    results: TuningResults, judged: TunedStudy
+) -> None:
     assert results.training == ("A",)
-    assert results.testing == ("B", "C")
-    assert [each.motion for each in results.laws[0].test.motions] == ["B", "C"]  # type: ignore[union-attr] # judged
-    assert not any("training" in each and "only" in each for each in results.warnings)
+    assert [judged.motions[each].name for each in judged.judged_motions] == ["B", "C"]
+    assert judged.held_out
+    assert TRAINING_ONLY not in judged.warnings()
+    for law in (*results.laws, *results.references):
+        train, test = judged.judgement(law, "training"), judged.judgement(law, "test")
+        assert train is not None
+        assert test is not None
+        assert train.score == train.objective == pytest.approx(law.least, rel=1e-12)
+        assert test.score == judged.score(judged.row_of_law(law))  # type: ignore[arg-type] # it has a row
+        assert test.spread["score"].motions == 2
 
 
 def test_the_references_begin_with_the_dampers_at_zero_command(results: TuningResults) -> None:
     off, best, largest = results.references[:3]
-    assert off.train.score == off.test.score == 1.0  # type: ignore[union-attr] # judged
-    assert best.train.score <= min(off.train.score, largest.train.score)
+    assert off.least == 1.0
+    assert best.least <= min(off.least, largest.least)
     assert largest.settings["command"] == 1.88
+
+
+def test_the_best_constant_command_is_that_of_the_study(results: TuningResults) -> None:
+    """Whether the study adds the row by itself or has none."""
+    best = results.references[1]
+    alone = replace(tuning_samples.small_study(), arrangements=tuning_samples.small_study().arrangements[:2])
+    for study in (tuning_samples.small_study(), alone):
+        found = judge(study, results, threads=1)
+        row = found.row_of("best_passive")
+        assert row is not None
+        assert found.score_under(row, found.motions_of("training")) == pytest.approx(best.least, rel=1e-12)
 
 
 def test_threads_change_no_bit(study: mr.Study, results: TuningResults) -> None:
@@ -133,25 +158,36 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
     found: TuningResults = caught.value.result
     assert found.status == "interrupted"
     assert len(found.references) == 7
-    assert found.laws[0].train.objective > 0.0
-    assert found.laws[0].test is None
+    assert found.laws[0].least > 0.0
+    assert found.laws[0].design == DesignNotes()
+    partial = unjudged(study, found)
+    assert partial.status == "interrupted"
+    assert partial.tuned is found
+    assert partial.judgement(found.laws[0], "test") is None
 
 
 @pytest.mark.parametrize(
     ("name", "unit", "share"),
     [("rms_current", "A", 0.5), ("command_travel", "A/s", 0.7)],
 )
-def test_a_limit_that_holds_is_kept(name: str, unit: str, share: float, results: TuningResults) -> None:
-    limit = share * results.laws[0].train.largest[name]
+def test_a_limit_that_holds_is_kept(
+    name: str, unit: str, share: float, results: TuningResults, judged: TunedStudy
+) -> None:
+    def largest(of: TunedStudy) -> float:
+        found = of.criteria(len(of.rows) - 1, 0)
+        assert found is not None
+        return found[name]
+
+    limit = share * largest(judged)
     text = tuning_samples.TUNE.replace("16", "48") + f'constraints = {{ {name} = "{limit:.6g} {unit}" }}\n'
     found = tuning_samples.tuned(text)
-    assert found.laws[0].train.violation == 0.0
-    assert found.laws[0].train.largest[name] <= limit * (1.0 + 1e-5)
+    assert found.laws[0].violation == 0.0
+    assert largest(judge(tuning_samples.small_study(), found, threads=1)) <= limit * (1.0 + 1e-5)
 
 
 def test_laws_are_compared_by_the_score_of_a_study_whatever_they_minimise() -> None:
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\ncriteria = { peak_acceleration = 2, peak_drift = 1 }\n'
-    found = tuning_samples.tuned(text).laws[0].train
+    found = tuning_samples.judgement(tuning_samples.tuned(text), tuning_samples.small_study())
     ratios = [found.criteria[name] for name in SCORE]
     assert found.score == pytest.approx(sum(ratios) / 4)
     weighted = 2.0 * found.criteria["peak_acceleration"] + found.criteria["peak_drift"]
@@ -163,25 +199,21 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command() -> Non
     keys = f'criteria = {list(peaks)}\nrelative_to = "best_passive"\ncombine = "largest"\n'
     text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\n' + keys
     found = tuning_samples.tuned(text)
-    law, constant = (
-        each.test for each in (found.laws[0], next(r for r in found.references if r.label == OPTIMAL_PASSIVE))
-    )
+    judged = judge(tuning_samples.small_study(), found, threads=1)
+    row, constant = judged.row_of_law(found.laws[0]), judged.row_of("best_passive")
+    assert row is not None
+    ratios = [judged.ratios_to(row, motion, constant) for motion in judged.judged_motions]
+    worst = [max(each[name] for name in peaks) for each in ratios]
+    law = judged.judgement(found.laws[0], "test")
     assert law is not None
-    assert constant is not None
-    worst = [
-        max(one.criteria[name] / other.criteria[name] for name in peaks)
-        for one, other in zip(law.motions, constant.motions, strict=True)
-    ]
     assert law.objective == pytest.approx(np.mean(worst), rel=1e-12)
-    assert found.laws[0].better is not None
-    assert sum(each < 1.0 for each in worst) == found.laws[0].better.both
 
 
 @pytest.mark.parametrize("law", ["clipped_optimal", "maximum_energy_dissipation"])
 def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_of_single_ones(
     study: mr.Study, law: str
 ) -> None:
-    bench = benches_of(study, journal=None, threads=1, clock=Clock()).training
+    bench = benches_of(study, journal=None, threads=1, clock=Clock()).nominal
     settings = {"drifts": 1.0, "control_weight": 1e-13} if law == "clipped_optimal" else {}
     candidates = [LawCandidate(settings=settings, largest_command=largest) for largest in (0.3, 1.0, 1.88)]
     together, alone = bench.run(law, candidates), [bench.run(law, [each]) for each in candidates]
@@ -193,20 +225,26 @@ def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_o
 
 
 @pytest.mark.long
-def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective() -> None:
+def test_realisations_belong_to_a_robust_objective() -> None:
     more = "[uncertainty]\nrealisations = 3\nstiffness = 0.1\ndelay = '2 ms'\n"
     text = tuning_samples.TUNE + 'robust = true\nrisk = "max"\n'
     motions = tuning_samples.motion("A", 1)
     study = tuning_samples.study_with(tune=text, more=more, motions=motions, building=TWO_STOREYS)
     found = tune(study, threads=1)
-    law = found.laws[0]
-    band = law.train.bands["score"]
+    law, judged = found.laws[0], judge(study, found, threads=1)
+    row = judged.row_of_law(law)
+    assert row is not None
+    band = score_band(judged, row)
+    assert band is not None
     assert band.lower < band.median < band.upper
     # The largest of three realisations under one motion; the band lies within them.
-    assert law.train.objective >= band.upper
+    assert law.least >= band.upper
+    train = judged.judgement(law, "training")
+    assert train is not None
+    assert train.objective == pytest.approx(law.least, rel=1e-12)
     # Without other motions nothing is judged.
-    assert (found.testing, law.test) == ((), None)
-    assert "says nothing about others" in found.warnings[0]
+    assert judged.judgement(law, "test") is None
+    assert TRAINING_ONLY in judged.warnings()
 
 
 @pytest.mark.parametrize(
@@ -231,40 +269,11 @@ def test_points_of_a_front_are_ratios_whatever_the_limits() -> None:
     text = '[[tune]]\nlaws = ["clipped_optimal"]\nbudget = 5\npopulation = 5\n'
     text += 'objectives = ["peak_drift", "rms_drift"]\n'
     limit = "constraints = { peak_stroke = 1e-9 }\n"
-    front = tuning_samples.tuned(text + limit).fronts[0]
-    assert all(0.0 < ratio < 3.0 for point in front.points for ratio in point.train.values())
-
-
-@pytest.mark.long
-def test_bands_are_of_the_test_motions_and_strokes_below_the_tested_ones_are_named(
-    results: TuningResults,
-) -> None:
-    """Where no table is robust."""
-    assert results.damper_warnings == ()
-    more = "[uncertainty]\nrealisations = 3\nstiffness = 0.1\n"
-    study = tuning_samples.study_with(more=more, building=TWO_STOREYS)
-    tested = ranges(command=(0.0, 2.0), least_stroke=0.1)
-    assert study.problem is not None
-    devices = tuple(replace(each, tested=tested) for each in study.problem.devices)
-    limited = replace(
-        study,
-        devices=devices,
-        problem=replace(study.problem, devices=devices),
-        arrangements=tuple(
-            replace(each, devices=devices) if each.devices else each for each in study.arrangements
-        ),
-    )
-    found = tune(limited, threads=1)
-    (warning,) = found.damper_warnings
-    assert " make 20 % of the travel or more, tested from 100 mm, so " in warning
-    # Under the training motion and both test motions.
-    assert "in 3 of 3 runs" in warning
-    assert warning in found.warnings
-    law = found.laws[0]
-    assert law.test is not None
-    band = law.test.bands["score"]
-    assert band.lower < band.median < band.upper
-    assert law.train.bands == {}
+    found = tuning_samples.tuned(text + limit)
+    front = judge(tuning_samples.small_study(), found, threads=1).tuned.fronts[0]
+    for point in front.points:
+        assert point.test is not None
+        assert all(0.0 < ratio < 3.0 for ratio in (*point.train.values(), *point.test.values()))
 
 
 def test_semi_active_weights_are_scanned_by_their_budget_and_are_a_reference(results: TuningResults) -> None:

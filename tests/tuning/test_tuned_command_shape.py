@@ -12,8 +12,9 @@ from refusals import refusal
 import mrwork as mr
 from mrwork.study import TuneTable
 from mrwork.tuning import tune
+from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.problem import Clock, benches_of, magnitudes_of
-from mrwork.tuning.results import chosen_study, settings_in_words
+from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.space import LawCandidate, space_of
 
 TUNE = """
@@ -52,7 +53,7 @@ def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
 
 
 def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> None:
-    bench = benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).training
+    bench = benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).nominal
     shapes = [(0.0, np.inf), (0.002, np.inf), (0.01, 40.0), (0.0, 40.0), (0.05, np.inf)]
     for name, settings in (
         ("clipped_optimal", {"drifts": 1.0, "control_weight": 1e-12}),
@@ -74,7 +75,7 @@ def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> Non
 
 def test_they_are_searched_only_where_asked() -> None:
     study = tuning_samples.small_study()
-    bench = benches_of(study, journal=None, threads=1, clock=Clock()).training
+    bench = benches_of(study, journal=None, threads=1, clock=Clock()).nominal
     magnitudes = magnitudes_of(bench)
 
     def names(table: TuneTable) -> list[str]:

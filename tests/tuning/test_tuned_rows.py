@@ -45,29 +45,26 @@ def test_a_point_of_a_front_is_a_row_that_is_simulated_as_it_was_tuned(
     assert results.ratios(places[front.label], training, "passive_off")["peak_drift"] == pytest.approx(
         point.train["peak_drift"], rel=1e-9
     )
-    for name, each in ((motion.motion, motion) for motion in law.train.motions):
-        assert results.score_under(places["chosen"], [names.index(name)]) == pytest.approx(
-            each.score, rel=1e-9
-        )
+    assert results.score_under(places["chosen"], [training]) == pytest.approx(law.least, rel=1e-9)
 
 
-def test_scores_and_criteria_have_law_and_motion(study: mr.Study, found: mr.TuningResults) -> None:
-    data = found.to_xarray()
-    assert data["score"].dims == ("law", "motion")
-    assert set(data["motion"].values) == {motion.name for motion in study.motions}
-    law = found.laws[0]
-    assert law.test is not None
-    for use, judged in (("training", law.train), ("test", law.test)):
-        for each in judged.motions:
-            place = {"law": law.label, "motion": each.motion}
-            assert data["score"].sel(place) == each.score
-            assert data["peak_drift"].sel(place) == each.criteria["peak_drift"]
-            assert data["use"].sel(motion=each.motion) == use
+def test_objectives_and_settings_have_the_law_and_the_study_judges_each_point(
+    found: mr.TuningResults,
+) -> None:
+    law, data = found.laws[0], found.to_xarray()
+    assert data["least"].sel(law=law.label) == law.least
     assert data["largest_command"].sel(law=law.label) == law.settings["largest_command"]
-    table = found.to_pandas()
-    assert table.index.names == ["law", "motion"]
-    assert table.loc[(law.label, found.testing[0]), "use"] == "test"
-    assert found.fronts[0].to_xarray()["train"].dims == ("point", "objective")
+    assert found.to_pandas().loc[law.label, "candidates"] == law.candidates
+    judged = mr.tuning.judge(tuning_samples.small_study(), found)
+    front = judged.tuned.fronts[0]
+    assert front.to_xarray()["train"].dims == ("point", "objective")
+    test = front.points[0].test
+    picked = mr.tuning.with_tuned_law(tuning_samples.small_study(), front, front.points[0], label="first")
+    alone = mr.run_study(picked)
+    ratios = [alone.ratios(len(picked.rows) - 1, each, "passive_off") for each in alone.judged_motions]
+    assert test is not None
+    for name, ratio in test.items():
+        assert ratio == pytest.approx(sum(each[name] for each in ratios) / len(ratios), rel=1e-9)
 
 
 def test_what_is_no_point_or_no_objective_is_said(study: mr.Study, found: mr.TuningResults) -> None:

@@ -12,8 +12,8 @@ forces = mr.simulate(fit.spec, fit.theta, mr.synthetic_test("spencer1997"))
 run = mr.load("demo")
 if isinstance(run, mr.StoredRun):
     found = f"a fit of {run.fit.fit_percent:.1f} %"
-elif isinstance(run, mr.StudyResults):
-    found = f"a study with {len(run.rows)} rows"
+elif isinstance(run, mr.tuning.TunedStudy):
+    found = f"a study with {len(run.tuned.laws)} tuned laws"
 else:
-    found = f"a tuning of {len(run.laws)} laws"
+    found = f"a study with {len(run.rows)} rows"
 print(found, forces.shape)

@@ -25,7 +25,7 @@ def digests(executor: Executor | None) -> list[str]:
     criteria = mr.run_study(study, executor=executor and mr.Workers(executor, 3)).labelled.numbers
     return [
         digest_of(*((fit.theta, fit.nrmse, fit.warnings) for fit in choice.fits), choice.ranking.sentence),
-        digest_of(*((law.settings, law.judged) for law in tuned.laws)),
+        digest_of(*((law.settings, law.least) for law in tuned.laws)),
         digest_of(*(criteria[name] for name in sorted(criteria))),
     ]
 

@@ -50,9 +50,8 @@ from mrwork.study.tables import (
     step_table,
     value_table,
 )
-from mrwork.tuning.results import TuningResults
 
-Results = TypeVar("Results", StudyResults, TuningResults)
+Results = TypeVar("Results", bound=StudyResults)
 
 # Seconds until progress is shown; seconds beyond which the expected time is told.
 _SOON, _LONG = 0.5, 10.0

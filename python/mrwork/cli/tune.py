@@ -5,18 +5,18 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from functools import partial
-from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.base.numbers import with_decimals
+from mrwork.base.numbers import counted, with_decimals
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_repeated, add_seed, add_threads, end_parser
-from mrwork.cli.output import table_lines
+from mrwork.cli.output import is_quiet, table_lines
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.workers import add_workers
-from mrwork.store.run_folder import CHOSEN, REPORT, TUNING_RUN
+from mrwork.errors import Interrupted
+from mrwork.store.run_folder import CHOSEN, TUNING_RUN
 
 if TYPE_CHECKING:
     from mrwork.base.progress import ProgressLine
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mrwork.store.run_writer import RunAtWork
     from mrwork.study.schema import TuneTable
     from mrwork.study.study import Study
-    from mrwork.tuning.results import TuningResults
+    from mrwork.tuning.judging import TunedStudy
 
 _QUICK = (48, 12)
 
@@ -33,8 +33,8 @@ _QUICK = (48, 12)
 def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = (
-        "Tune the settings of the laws in the [[tune]] tables of a study file on its training motions, and "
-        "judge them on its test motions, beside i = 0, the best constant and the largest command and equal drift "
+        "Tune the settings of the laws in the [[tune]] tables of a study file on its training motions, and run the "
+        "study with them on all its motions, beside i = 0, the best constant and the largest command and equal drift "
         "weights. With [places], the storeys of its dampers are compared first, each placement with its best constant "
         "command. The folder has the chosen settings as a study file for mrwork respond. mrwork respond --schema "
         "prints the keys of [[tune]]."
@@ -78,25 +78,41 @@ def run(options: argparse.Namespace) -> int:
     return run_on_study(options, TUNING_RUN, default, "what was found", partial(_verb, options))
 
 
-def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[TuningResults]:
-    """The tuning of the tables of a study, or of the command line."""
+def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[TunedStudy]:
+    """The tuning of the tables of a study, or of the command line, and the study that judges it."""
     from mrwork.cli.study_text import StudyVerb
-    from mrwork.tuning.results import tuning_document, write_tuning
+    from mrwork.study.run_result import Histories
+    from mrwork.tuning.folder import tuning_document, write_tuning
+    from mrwork.tuning.judging import judge, unjudged, with_tuned_rows
+    from mrwork.tuning.run import tune
 
     tables, place = _tables(study, options), work.destination.path
+    stored = Histories(work, study)
 
-    def compute(journal: Journal, line: ProgressLine[Any]) -> TuningResults:
-        from mrwork.tuning.run import tune
-
-        return tune(
-            study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
+    def compute(journal: Journal, line: ProgressLine[Any]) -> TunedStudy:
+        nonlocal stored
+        try:
+            tuned = tune(
+                study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
+            )
+        except Interrupted as interrupt:
+            raise Interrupted(unjudged(study, interrupt.result), "tuning") from None
+        stored = Histories(work, with_tuned_rows(study, tuned))
+        return judge(
+            study,
+            tuned,
+            journal=journal,
+            kept=stored.is_stored,
+            keep=stored.keep,
+            on_progress=None if is_quiet(options) else line,
+            threads=options.threads,
         )
 
     return StudyVerb(
         compute=compute,
-        write=write_tuning,
+        write=lambda *given, **named: write_tuning(*given, **named, histories=stored),
         document=tuning_document,
-        text=lambda results, drawn, _: _text(results, place, drawn=drawn),
+        text=lambda results, drawn, written: _text(results, place, page=drawn or not written),
     )
 
 
@@ -114,44 +130,29 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
     )
 
 
-def _text(results: TuningResults, place: Path, *, drawn: bool) -> str:
-    """Scores on training and test motions, the settings, warnings, and where everything is."""
-    from mrwork.tuning.results import motions_in_words, places_table, settings_in_words, speed_in_words
+def _text(results: TunedStudy, place: Path, *, page: bool) -> str:
+    """The settings that were found and how, the results of the study with them, and where everything is."""
+    from mrwork.cli.study_text import study_text
+    from mrwork.tuning.results import places_table, settings_in_words, speed_in_words
 
-    head = ("", "training", "test", "drift", "acc.", "better", "settings")
+    tuned = results.tuned
+    head = ("", "objective", "settings")
     rows = [
-        (
-            each.label,
-            with_decimals(each.train.score, 3),
-            "-" if each.test is None else with_decimals(each.test.score, 3),
-            *(
-                with_decimals(each.judged.criteria.get(f"peak_{name}", nan), 3)
-                for name in ("drift", "acceleration")
-            ),
-            "" if each.better is None else each.better.in_words,
-            settings_in_words(each.settings, results.command_unit),
-        )
-        for each in results.ranked
+        (each.label, with_decimals(each.least, 3), settings_in_words(each.settings, tuned.command_unit))
+        for each in (*tuned.laws, *tuned.references)
     ]
     lines = [
-        results.title,
-        "",
-        *([] if (places := places_table(results)) is None else [places.title, *places.lines("  "), ""]),
-        f"Scores over i = 0 on {motions_in_words(results)}, lowest first;",
-        "drift, acc.: mean ratios of the peaks; better: motions with both peaks below the best constant command",
+        *([] if (places := places_table(tuned)) is None else [places.title, *places.lines("  "), ""]),
+        f"Found on {counted(len(tuned.training), 'training motion')}:",
         *table_lines([head, *rows]),
         "",
     ]
-    lines += [f"{each.label}: {each.certificate or 'no certificate'}" for each in results.laws]
-    for labels, sentences in results.designs:
+    lines += [f"{each.label}: {each.certificate or 'no certificate'}" for each in tuned.laws]
+    for labels, sentences in tuned.designs:
         lines += ["", f"Weights of {', '.join(labels)}", *(f"  {sentence}" for sentence in sentences)]
-    for each in results.laws:
+    for each in tuned.laws:
         if each.design.loop:
             lines += ["", f"Loop of {each.label}", *(f"  {sentence}" for sentence in each.design.loop)]
-    lines += ["", *results.findings] if results.findings else []
-    lines += ["", *(f"warning: {each}" for each in results.warnings)]
-    lines.append(speed_in_words(results))
+    lines += ["", study_text(results, place if page else None), speed_in_words(tuned)]
     lines.append(f"Settings for mrwork respond: {place / CHOSEN}")
-    if drawn:
-        lines.append(f"Report: {place / REPORT}")
     return "\n".join(lines)

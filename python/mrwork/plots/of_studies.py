@@ -53,6 +53,7 @@ from mrwork.plots.study_drawing import (
 from mrwork.plots.style import with_unit
 from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import BuildingFacts, StudyResults
+from mrwork.tuning.judging import TunedStudy
 from mrwork.tuning.results import Front, TuningResults
 
 SpectrumQuantity = Literal[
@@ -384,7 +385,7 @@ def _course(history: History, ax: Axes | None, *, legend: bool) -> Axes:
 
 @figure
 def fronts(
-    result: Front | TuningResults | SizeFront,
+    result: Front | TuningResults | TunedStudy | SizeFront,
     ax: Axes | None = None,
     *,
     law: str | int | None = None,
@@ -413,6 +414,8 @@ def fronts(
     """
     if isinstance(result, SizeFront):
         return _designs(result, ax)
+    if isinstance(result, TunedStudy):
+        result = result.tuned
     if isinstance(result, TuningResults):
         if not result.fronts:
             raise SettingError(

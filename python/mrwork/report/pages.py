@@ -9,11 +9,10 @@ from mrwork.base.arguments import checked
 from mrwork.report.fit.page import open_run, write_fit_page
 from mrwork.report.section import OnDrawn, ignore_progress
 from mrwork.report.study.page import study_page
-from mrwork.report.study.tuning_page import tuning_page
 from mrwork.store.run_folder import FIT_RUN, REPORT, STUDY_RUN, SUMMARY, RunFolder
 from mrwork.store.run_writer import add_to_run
 from mrwork.study.folder import read_history, read_results
-from mrwork.tuning.results import read_tuning
+from mrwork.tuning.folder import read_tuning
 
 
 @checked
@@ -56,12 +55,9 @@ def write_page(
         return write_fit_page(
             *open_run(place), every_test=every_test, summary=summary, on_progress=on_progress
         )
-    if opened.kind is STUDY_RUN:
-        results = read_results(place)
-        histories, seconds = partial(read_history, place, results), stated.get("seconds")
-        page = study_page(results, histories, command=command, seconds=seconds, summary=summary)
-    else:
-        page = tuning_page(read_tuning(place), command=command, summary=summary)
+    results = read_results(place) if opened.kind is STUDY_RUN else read_tuning(place)
+    histories, seconds = partial(read_history, place, results), stated.get("seconds")
+    page = study_page(results, histories, command=command, seconds=seconds, summary=summary)
     name = SUMMARY if summary else REPORT
     add_to_run(place, page.contents(name))
     return place / name

@@ -24,7 +24,6 @@ from mrwork.runs.load import read_run
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
-from mrwork.tuning.results import TuningResults
 from mrwork.uncertainty.bands.prediction import predict_tests
 
 Target = Literal["mat", "opensees", "csv"]
@@ -39,7 +38,7 @@ _OPTIONS: dict[Target, tuple[str, ...]] = {
 
 @checked
 def export(
-    run: str | Path | Fit | StudyResults | TuningResults,
+    run: str | Path | Fit | StudyResults,
     to: Target,
     output: str | Path,
     *,
@@ -56,12 +55,13 @@ def export(
     - ``opensees``: a Bouc-Wen damper at one command as materials of OpenSees, in Tcl, or in Python for openseespy where
       the name of the file ends with ``.py``, with the strain step and time step that keep the wanted error.
     - ``csv``: of a fit its force over velocity and command, in harmonic tests of the largest tested stroke; of a study
-      or a tuning its criteria or scores, one run a row.
+      or a tuning its criteria, one run a row.
 
     Parameters
     ----------
     run
-        Folder of a run, or what `identify`, `run_study` or `tune` returned. Tests are read for a folder only.
+        Folder of a run, or what `identify`, `run_study` or `mr.tuning.judge` returned. Tests are read for a folder
+        only.
     to
         The other program.
     output
@@ -104,7 +104,7 @@ def export(
 
 
 def exported(
-    run: str | Path | Fit | StudyResults | TuningResults,
+    run: str | Path | Fit | StudyResults,
     to: Target,
     *,
     command: str | None,
@@ -142,8 +142,6 @@ def exported(
         named = {name: f"{name} [{unit}]" for name, unit in table.attrs["units"].items()}
         text: str = table.rename(columns=named).reset_index().to_csv(index=False, lineterminator="\n")
         return text.encode()
-    if isinstance(opened, TuningResults):
-        return _matlab_of_groups(opened.title, {"scores": opened._named_arrays()})
     return _matlab_of_groups(opened.title, opened._named_groups())
 
 

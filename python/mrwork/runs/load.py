@@ -36,9 +36,9 @@ from mrwork.uncertainty.posterior.draws import Draws, draws_content, read_draws
 
 if TYPE_CHECKING:
     from mrwork.study.results import StudyResults
-    from mrwork.tuning.results import TuningResults
+    from mrwork.tuning.judging import TunedStudy
 
-RunT = TypeVar("RunT", "StoredRun", "StudyResults", "TuningResults")
+RunT = TypeVar("RunT", "StoredRun", "StudyResults", "TunedStudy")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -92,11 +92,11 @@ def load(run: str | Path, kind: type[RunT], *, trust: bool = False, changed: boo
 @overload
 def load(
     run: str | Path, kind: None = None, *, trust: bool = False, changed: bool = False
-) -> StoredRun | StudyResults | TuningResults: ...
+) -> StoredRun | StudyResults: ...
 @checked
 def load(
     run: str | Path, kind: type[Any] | None = None, *, trust: bool = False, changed: bool = False
-) -> StoredRun | StudyResults | TuningResults:
+) -> StoredRun | StudyResults:
     """Read back the run folder of any verb.
 
     Parameters
@@ -118,8 +118,8 @@ def load(
         Of `mrwork identify` and `demo`: the fit, and what `profile`, `sample`, `calibrate` and `plan` have added.
     StudyResults
         Of `mrwork respond`: what `run_study` has returned.
-    TuningResults
-        Of `mrwork tune`: what `mr.tune` has returned.
+    TunedStudy
+        Of `mrwork tune`: what `mr.tuning.judge` has returned, which is the results of a study with the tuning.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
     return place
 
 
-def read_run(place: Path) -> Fit | StudyResults | TuningResults:
+def read_run(place: Path) -> Fit | StudyResults:
     """What the verb has found that wrote the folder at `place`."""
     run = RunFolder.open(place)
     if run.kind is FIT_RUN:
@@ -201,7 +201,7 @@ def read_run(place: Path) -> Fit | StudyResults | TuningResults:
         from mrwork.study.folder import read_results
 
         return read_results(place)
-    from mrwork.tuning.results import read_tuning
+    from mrwork.tuning.folder import read_tuning
 
     return read_tuning(place)
 

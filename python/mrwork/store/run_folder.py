@@ -79,6 +79,7 @@ ENSEMBLE = "ensemble.json"
 CHOSEN = "chosen.toml"
 """The study with the chosen settings, for `mrwork respond`."""
 SCORES_TABLE = "scores.csv"
+TUNED = "tuned.json"
 
 INTERRUPTED: Final = "interrupted"
 """Status in the manifest of a run that was written before its end."""
@@ -143,7 +144,7 @@ STUDY_RUN: Final = RunKind(
 TUNING_RUN: Final = RunKind(
     verb="tune",
     kind="tuning",
-    written=frozenset({MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CHOSEN, SCORES_TABLE}) | _PAGE,
+    written=STUDY_RUN.written | {CHOSEN, SCORES_TABLE, TUNED},
 )
 
 

@@ -249,10 +249,14 @@ def read_results(folder: str | Path) -> StudyResults:
     >>> results.criteria(0, 0)["peak_drift"]  # doctest: +SKIP
     0.0123
     """
-    run = RunFolder.open(folder, STUDY_RUN)
+    return results_of_folder(RunFolder.open(folder, STUDY_RUN))
+
+
+def results_of_folder(run: RunFolder) -> StudyResults:
+    """The results of a study in the folder of a study or of a tuning."""
     document = run.read(_Document, RESULTS)
     if document is None:
-        raise RecordError(f"{folder} has no {RESULTS}; run `mrwork respond` again")
+        raise RecordError(f"{run.path} has no {RESULTS}; run `mrwork {run.kind.verb}` again")
     labels, names = [row.label for row in document.rows], [motion.name for motion in document.motions]
     runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
     halved = {key: run.step_check for key, run in runs.items() if run.step_check is not None}
@@ -304,7 +308,7 @@ def read_history(place: Path, results: StudyResults, row: int, motion: int) -> R
     """The history of a run in the folder of a study, if it is stored."""
     results.check_place(row, motion)
     # The rest of the name is that of the row before its command was chosen.
-    run, stem = RunFolder.open(place, STUDY_RUN), f"{HISTORIES}/{stem_of_history(row, motion)}-"
+    run, stem = RunFolder.open(place), f"{HISTORIES}/{stem_of_history(row, motion)}-"
     name = next((each for each in run.files if each.startswith(stem)), None)
     return None if name is None or not exists(run.file(name)) else read_stored_history(run.file(name))
 
@@ -319,20 +323,22 @@ def write_study(
     further: Mapping[str, object] | None = None,
 ) -> None:
     """Commit the folder of a study without its page, in place of an earlier one."""
+    files = study_files(results, study_file)
+    if further and "ensemble" in further:
+        files[ENSEMBLE] = json_document(further["ensemble"]).encode()
+    work.commit(files, manifest, grown=(JOURNAL, *histories.names), flush=results.complete)
+
+
+def study_files(results: StudyResults, study_file: StudyFile) -> dict[str, bytes]:
+    """The files of a study by name, but its manifest, journal, histories and page."""
     tables = {
         RESULTS: json_document(study_document(results)),
         CRITERIA_TABLE: _criteria_csv(results),
         PROFILES_TABLE: _profiles_csv(results),
     }
-    if further and "ensemble" in further:
-        tables[ENSEMBLE] = json_document(further["ensemble"])
-    work.commit(
-        {STUDY: study_file.content, **_realisations(results)}
-        | {name: text.encode() for name, text in tables.items()},
-        manifest,
-        grown=(JOURNAL, *histories.names),
-        flush=results.complete,
-    )
+    return {STUDY: study_file.content, **_realisations(results)} | {
+        name: text.encode() for name, text in tables.items()
+    }
 
 
 def study_document(results: StudyResults) -> dict[str, Any]:

@@ -38,6 +38,7 @@ from mrwork.study.run_result import (
     candidate_axes,
     criteria_of_study,
     history_of,
+    knows_least_strokes,
     numbered,
     read_recorded,
     recall_or_compute,
@@ -267,7 +268,7 @@ def runs_of(
         if motion not in simulated:
             to_end = len(study.motions) - motion
             together = _histories_together(study, arrangement, motion)
-            demanded = step_factor == 1 and _knows_least_strokes(arrangement)
+            demanded = step_factor == 1 and knows_least_strokes(arrangement)
             count = together if demanded else to_end
             stored = [
                 number for number in study.histories if step_factor == 1 and 0 <= number - motion < count
@@ -309,7 +310,7 @@ def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
         if arrangement.law is None:
             best = constant_command(arrangement.devices, _levels(arrangement)[-1])
             fixed = replace(arrangement, law=best)
-            if not _knows_least_strokes(arrangement):
+            if not knows_least_strokes(arrangement):
                 chosen = {id(ground) for ground in study.chosen_on}
                 grounds = tuple(ground for ground in grounds if id(ground) not in chosen)
 
@@ -320,7 +321,7 @@ def _parts(study: Study, threads: int, *, halves: bool) -> dict[PartKey, Part]:
             parts[row, "levels"] = Part(n_runs=LEVELS * len(study.chosen_on), trial=levels)
 
         stored = [study.grounds[number] for number in study.histories]
-        with_all = _knows_least_strokes(fixed) or (
+        with_all = knows_least_strokes(fixed) or (
             bool(stored) and len(grounds) == n_motions and _histories_together(study, fixed, 0) == n_motions
         )
         batches = [(grounds, with_all), (() if with_all else stored, True)]
@@ -403,11 +404,6 @@ def simulate_history(study: Study, arrangement: Arrangement, motion: int, thread
     return history_of(responses.histories[0], arrangement)
 
 
-def _knows_least_strokes(arrangement: Arrangement) -> bool:
-    """Whether a damper's tested range has a least stroke, which small strokes leave."""
-    return any(device.knows_least_stroke for device in arrangement.devices) and not arrangement.has_actuators
-
-
 def _histories_together(study: Study, arrangement: Arrangement, first: int) -> int:
     """Number of motions from `first` on, at least one, whose histories fit into memory together."""
     seconds = np.cumsum([motion.duration for motion in study.grounds[first:]])
@@ -476,7 +472,7 @@ def _choose_best_constant(
             if not arrangement.added:
                 raise
             return BestConstant(command=0.0, score=math.nan, scores=(math.nan,) * LEVELS, runs=0)
-        if not _knows_least_strokes(arrangement):
+        if not knows_least_strokes(arrangement):
             known.update(
                 (motion, run)
                 for motion, ground in enumerate(study.grounds)

@@ -85,8 +85,8 @@ class RunResult(Labelled):
 
     `outcome` is "finished", "failed_safe" if a sensor failed and the dampers had no command, or the reason why the run
     did not finish. `energy_error` is the imbalance of energy over the largest energy. `steps` is the number of
-    integration steps per sample. `least_stroke` is that of `OperatingRange` [m] for each damper, empty for a run whose
-    history was not simulated.
+    integration steps per sample. `least_stroke` is that of `OperatingRange` [m] for each damper, empty where no
+    damper was tested with a least stroke.
     """
 
     outcome: str
@@ -193,8 +193,15 @@ def results_of(responses: Responses, arrangement: Arrangement) -> list[RunResult
     ]
 
 
+def knows_least_strokes(arrangement: Arrangement) -> bool:
+    """Whether a damper's tested range has a least stroke, which small strokes leave."""
+    return any(device.knows_least_stroke for device in arrangement.devices) and not arrangement.has_actuators
+
+
 def _least_strokes(responses: Responses, run: int, arrangement: Arrangement) -> Floats:
-    if responses.histories is None or not np.isfinite(responses.energy_error[run]):
+    # Those of others would depend on which histories are kept.
+    needed = knows_least_strokes(arrangement) and np.isfinite(responses.energy_error[run])
+    if responses.histories is None or not needed:
         return np.empty(0)
     strokes = responses.histories[run].deformation[:, : len(arrangement.devices)]
     return np.array([least_stroke(each) for each in strokes.T])

@@ -1,5 +1,9 @@
-from .problem import with_tuned_law as with_tuned_law
+from .folder import read_tuning as read_tuning
+from .judging import Judgement as Judgement
+from .judging import TunedStudy as TunedStudy
+from .judging import judge as judge
+from .judging import with_tuned_law as with_tuned_law
 from .results import Front as Front
+from .results import TunedLaw as TunedLaw
 from .results import TuningResults as TuningResults
-from .results import read_tuning as read_tuning
 from .run import tune as tune

@@ -20,8 +20,9 @@ from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.study.run import LEVELS
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON, TuneTable
-from mrwork.tuning.problem import Bench, Benches, describe
-from mrwork.tuning.results import LawResult
+from mrwork.study.study import Kind
+from mrwork.tuning.problem import STUDY_SCORE, Bench, Benches, describe
+from mrwork.tuning.results import TunedLaw
 from mrwork.tuning.space import (
     BUDGET_SCALE,
     FreeSetting,
@@ -187,41 +188,42 @@ class _Reference:
     law: str
     candidates: tuple[LawCandidate, ...]
     origin: str
+    kind: Kind = "controller"
 
 
-def references_of(benches: Benches, objective: TuningObjective, basis: Basis) -> Iterator[LawResult]:
+def references_of(benches: Benches, objective: TuningObjective, basis: Basis) -> Iterator[TunedLaw]:
     """The references, each the best of its candidates on the training motions, in the nominal study.
 
-    They are compared to i = 0 also where the laws are to the best constant command, which is one of them.
+    Constant commands are compared by the score of a study, whatever laws minimise. All are compared to i = 0, also
+    where the laws are to the best constant command, which is one of them.
     """
-    objective = replace(objective, relative_to="passive_off")
+    objective, bench = replace(objective, relative_to="passive_off"), benches.nominal
+    taken = {row.label for row in bench.study.rows if row.kind == "controller"}
     for each in _declare_references(basis):
         began = time.perf_counter()
-        best = each.candidates[0]
-        if len(each.candidates) > 1:
-            inputs = digest_of(each.law, each.candidates)
-            scores = benches.training.recall_or_score(
-                "reference", inputs, objective, each.law, each.candidates
-            )
-            best = each.candidates[scores.best]
-        train, test = benches.judgements(each.law, best, objective, robust=False)
-        yield LawResult(
+        own = objective if each.kind == "controller" else STUDY_SCORE
+        inputs = digest_of(each.law, each.candidates)
+        scores = bench.recall_or_score("reference", inputs, own, each.law, each.candidates)
+        best = each.candidates[scores.best]
+        yield TunedLaw(
             law=each.law,
-            label=each.label,
+            label=f"{each.label}, reference" if each.label in taken else each.label,
+            kind=each.kind,
             settings=dict(describe(best)),
             origin=each.origin,
-            train=train,
-            test=test,
+            objective=own,
+            least=float(scores.objective[scores.best]),
+            violation=float(scores.violation[scores.best]),
             candidates=len(each.candidates),
             seconds=time.perf_counter() - began,
-            certificate=benches.training.certificate(each.law, best),
-            design=benches.training.design_notes(each.law, best),
+            certificate=bench.certificate(each.law, best),
+            design=bench.design_notes(each.law, best),
         )
 
 
-def best_constant(references: Sequence[LawResult]) -> LawCandidate:
+def best_constant(references: Sequence[TunedLaw]) -> LawCandidate:
     """The best constant command among references."""
-    return next(each.chosen_candidate for each in references if each.label == OPTIMAL_PASSIVE)
+    return next(each.chosen_candidate for each in references if each.kind == "best_passive")
 
 
 def _declare_references(basis: Basis) -> Iterator[_Reference]:
@@ -230,14 +232,27 @@ def _declare_references(basis: Basis) -> Iterator[_Reference]:
     def constant(share: float) -> LawCandidate:
         return LawCandidate(settings={"command": round_to(share * largest)}, largest_command=largest)
 
-    yield _Reference(label=PASSIVE_OFF, law="passive", candidates=(constant(0.0),), origin="no command")
+    yield _Reference(
+        label=PASSIVE_OFF,
+        law="passive",
+        candidates=(constant(0.0),),
+        origin="no command",
+        kind="passive_off",
+    )
     yield _Reference(
         label=OPTIMAL_PASSIVE,
         law="passive",
         candidates=tuple(constant(share) for share in np.linspace(0.0, 1.0, LEVELS)),
         origin=f"best of {LEVELS} on the training motions",
+        kind="best_passive",
     )
-    yield _Reference(label=PASSIVE_ON, law="passive", candidates=(constant(1.0),), origin="largest command")
+    yield _Reference(
+        label=PASSIVE_ON,
+        law="passive",
+        candidates=(constant(1.0),),
+        origin="largest command",
+        kind="passive",
+    )
     space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", basis.magnitudes)
     shapes: dict[str, list[LawCandidate]] = {}
     for first in first_candidates(space, basis):

@@ -33,10 +33,8 @@ from mrwork.tuning.results import (
     DesignNotes,
     Front,
     FrontPoint,
-    LawResult,
     TracePoint,
-    TuningJudgement,
-    judgement_of_objective,
+    TunedLaw,
 )
 from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
 from mrwork.tuning.space import PENALTY, LawCandidate, SettingSpace, TuningObjective
@@ -140,11 +138,11 @@ def check_settings(plan: LawPlan, bench: Bench) -> None:
         ScoreSlopes(space=plan.space, bench=bench, objective=plan.objective).check()
 
 
-def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
-    """Tune a law and judge it."""
+def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> TunedLaw:
+    """Tune a law."""
     began = time.perf_counter()
     table = plan.table
-    bench = benches.select_search_bench(robust=table.robust)
+    bench = benches.select(robust=table.robust)
     firsts = first_candidates(plan.space, basis)
     if not plan.space.continuous:
         firsts = [FirstCandidate(candidate=each, origin="all levels") for each in plan.space.every()]
@@ -157,32 +155,28 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     most = len(candidates) + (table.budget if plan.space.continuous else 0)
     report(len(candidates), most, least)
 
-    def result(
-        train: TuningJudgement,
-        test: TuningJudgement | None,
-        certificate: str = "",
-        design: DesignNotes | None = None,
-    ) -> LawResult:
-        return LawResult(
+    def result(value: float, violation: float = 0.0, *, designed: bool = True) -> TunedLaw:
+        return TunedLaw(
             law=plan.law,
             label=plan.label,
             settings=dict(describe(chosen)),
             origin=origin,
-            train=train,
-            test=test,
+            objective=plan.objective,
+            robust=table.robust,
+            least=value,
+            violation=violation,
             candidates=trace[-1].candidates,
             seconds=time.perf_counter() - began,
-            certificate=certificate,
+            certificate=bench.certificate(plan.law, chosen) if designed else "",
             limited=not control_law(plan.law).commands_force and not SETTINGS[plan.law].constant,
             refused=int(np.isinf(scores.objective).sum()),
-            objective=plan.objective.in_words(robust=table.robust),
             free=plan.space.free,
             trace=tuple(trace),
-            design=design or DesignNotes(),
+            design=bench.design_notes(plan.law, chosen) if designed else DesignNotes(),
         )
 
     def interrupted() -> Interrupted[Any]:
-        return Interrupted(result(judgement_of_objective(trace[-1].least), None), "tuning")
+        return Interrupted(result(trace[-1].least, designed=False), "tuning")
 
     if plan.space.continuous:
 
@@ -207,8 +201,9 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
             trace.append(TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, misfit)))
             if misfit < min(least, search.best_misfit):
                 chosen, origin = last, f"search, then {gradients} gradients"
-    train, test = benches.judgements(plan.law, chosen, plan.objective, robust=table.robust)
-    return result(train, test, bench.certificate(plan.law, chosen), bench.design_notes(plan.law, chosen))
+    inputs = digest_of(plan.label, chosen)
+    found = bench.recall_or_score("chosen", inputs, plan.objective, plan.law, [chosen])
+    return result(float(found.objective[0]), float(found.violation[0]))
 
 
 def _finish(plan: LawPlan, bench: Bench, chosen: LawCandidate) -> tuple[LawCandidate, float, int]:
@@ -294,9 +289,9 @@ def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimise
 
 
 def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> Front:
-    """Search the front of a law on the training motions, and evaluate its points on the test motions."""
+    """Search the front of a law on the training motions."""
     table, space = plan.table, plan.space
-    bench = benches.select_search_bench(robust=table.robust)
+    bench = benches.select(robust=table.robust)
     parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
 
     def objectives(units: Floats) -> Floats:
@@ -319,13 +314,10 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     )
     candidates = list(distinct([space.candidate(unit) for unit in result.units]))
     train = _evaluate(bench, plan, parts, candidates)
-    testing = benches.select_test_bench(robust=table.robust)
-    test = None if testing is None else _evaluate(testing, plan, parts, candidates)
     points = [
         FrontPoint(
             settings=dict(describe(candidate)),
             train=dict(zip(table.objectives, train[place].tolist(), strict=True)),
-            test=None if test is None else dict(zip(table.objectives, test[place].tolist(), strict=True)),
             certificate=bench.certificate(plan.law, candidate),
         )
         for place, candidate in enumerate(candidates)

@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
-from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
+from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.simulate import GainChanges
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
@@ -24,20 +23,16 @@ from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
-from mrwork.study.results import RealisationBand
-from mrwork.study.run import runs_of
 from mrwork.study.run_result import (
-    DeviceDemand,
     LabelledRuns,
     candidate_axes,
     criteria_of_runs,
-    demands_of,
     recall_or_compute,
     recall_or_compute_runs,
 )
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
-from mrwork.tuning.results import DesignNotes, Front, FrontPoint, LawResult, MotionScore, TuningJudgement
-from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective, ratio_to_baseline
+from mrwork.tuning.results import DesignNotes
+from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective
 
 
 @dataclass(slots=True, kw_only=True)
@@ -213,47 +208,6 @@ def check_controllable(study: Study) -> None:
         )
 
 
-@checked
-def with_tuned_law(
-    study: Study, found: LawResult | Front, point: FrontPoint | None = None, *, label: str = ""
-) -> Study:
-    """The study with a law that `tune` has found as one more row, for `run_study`.
-
-    Parameters
-    ----------
-    found
-        A law of `TuningResults.laws`, or a front of `TuningResults.fronts`.
-    point
-        A point of the front; by default that of `Front.pick()`.
-    label
-        Name of the row; by default that of the law.
-
-    Raises
-    ------
-    SettingError
-        If the study has a row of this name or no damper that follows a command, or a point goes with no front.
-
-    Examples
-    --------
-    >>> import mrwork as mr
-    >>> front = mr.tune(study).fronts[0]  # doctest: +SKIP
-    >>> picked = mr.tuning.with_tuned_law(study, front, front.pick({"peak_drift": 1.0}))  # doctest: +SKIP
-    >>> mr.run_study(picked).to_pandas().loc[front.label]  # doctest: +SKIP
-    """
-    check_controllable(study)
-    if isinstance(found, LawResult):
-        if point is not None:
-            raise SettingError(f"`point` is of a front, and `found` is the law {found.label}; leave it out")
-        candidate = found.chosen_candidate
-    else:
-        candidate = (found.pick() if point is None else point).candidate
-    name = label or found.label
-    if name in (row.label for row in study.rows):
-        raise SettingError(f"the study has a row called {name!r} already; give another `label`")
-    arrangement = arrange_law(study, found.law, candidate, name)
-    return replace(study, table=None, arrangements=(*study.arrangements, arrangement))
-
-
 @array_dataclass(repr=False)
 class Scores(Summarised):
     """Objective of candidates, by how much they exceed their limits, and both together, shape (n,) each."""
@@ -320,96 +274,41 @@ STUDY_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Benches(Summarised):
-    """Benches with the training and the test motions; the varied ones have the realisations of the study, if any."""
+    """Benches with the training motions: of the nominal study, and with its realisations where a table is robust."""
 
-    training: Bench
-    testing: Bench | None
-    training_varied: Bench | None
-    testing_varied: Bench | None
+    nominal: Bench
+    varied: Bench | None
 
-    def select_search_bench(self, *, robust: bool) -> Bench:
+    def select(self, *, robust: bool) -> Bench:
         """The bench on which candidates are scored."""
-        return self.training_varied if robust and self.training_varied is not None else self.training
-
-    def select_test_bench(self, *, robust: bool) -> Bench | None:
-        """The bench with the test motions on which points of a front are judged."""
-        return self.testing_varied if robust and self.testing_varied is not None else self.testing
+        return self.varied if robust and self.varied is not None else self.nominal
 
     def with_constant(self, constant: LawCandidate) -> Benches:
         """Benches with the criteria under the best constant command, a baseline of objectives."""
-        benches = {each.name: getattr(self, each.name) for each in fields(self)}
-        return replace(
-            self,
-            **{
-                name: replace(
-                    bench,
-                    constant=bench.recall_or_run(
-                        "baseline", digest_of(name, constant), "passive", [constant]
-                    ),
-                )
-                for name, bench in benches.items()
-                if bench is not None
-            },
+
+        def with_own(bench: Bench) -> Bench:
+            inputs = digest_of(len(bench.realisations), constant)
+            return replace(bench, constant=bench.recall_or_run("baseline", inputs, "passive", [constant]))
+
+        return Benches(
+            nominal=with_own(self.nominal), varied=None if self.varied is None else with_own(self.varied)
         )
-
-    def judgements(
-        self, law: str, candidate: LawCandidate, objective: TuningObjective, *, robust: bool
-    ) -> tuple[TuningJudgement, TuningJudgement | None]:
-        """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
-
-        def criteria_on(bench: Bench) -> _Judged:
-            names = [motion.name for motion in bench.motions]
-            inputs = digest_of(law, candidate, names, len(bench.realisations))
-            return _Judged(bench=bench, runs=bench.recall_or_run("judgement", inputs, law, [candidate]))
-
-        def on(bench: Bench, wide: Bench | None) -> TuningJudgement:
-            return _judge(
-                criteria_on(bench), objective, None if wide is None else criteria_on(wide), robust=robust
-            )
-
-        train = on(self.training, self.training_varied if robust or self.testing is None else None)
-        return train, None if self.testing is None else on(self.testing, self.testing_varied)
-
-    def demands(
-        self, law: str, candidate: LawCandidate, label: str
-    ) -> dict[tuple[str, str], tuple[DeviceDemand, ...]]:
-        """Demand of a law on each damper under every motion of the study, by label and motion; none without a law."""
-        bench = self.training
-        try:
-            arrangement = arrange_law(bench.study, law, candidate, label)
-        except SettingError:
-            return {}
-        runs = runs_of(bench.study, arrangement, bench.journal, bench.threads)
-        motions = bench.study.motions
-        return {
-            (label, motions[number].name): demands_of(
-                run, arrangement.devices, motions[number].ground.duration
-            )
-            for number, run in runs
-        }
 
 
 def benches_of(
     study: Study, *, journal: Journal | None, threads: int, clock: Clock, robust: bool = True
 ) -> Benches:
-    """The benches of a study; the dampers at i = 0 are simulated on each.
-
-    Unless a table is `robust`, training motions have no realisations where there are test motions.
-    """
+    """The benches of a study; the dampers at i = 0 are simulated on each."""
     check_controllable(study)
-    problem = study.problem
+    problem, motions, law = study.problem, study.chosen_on, study.at_zero.law
     assert problem is not None
-    training = study.chosen_on
-    testing = tuple(each.ground for each in study.motions if each.use == "test")
-    separate = any(each.use == "training" for each in study.motions)
-    one = nominal(study.devices)
+    assert law is not None
 
-    def bench(motions: Sequence[GroundMotion], realisations: Realisations) -> Bench:
+    def bench(realisations: Realisations) -> Bench:
         def passive() -> LabelledRuns:
-            assert study.at_zero.law is not None
             criteria = simulate_criteria(
                 study.at_zero,
-                study.at_zero.law,
+                law,
                 motions,
                 study.hardware,
                 realisations,
@@ -423,7 +322,7 @@ def benches_of(
         return Bench(
             study=study,
             problem=problem,
-            motions=tuple(motions),
+            motions=motions,
             realisations=realisations,
             passive=recall_or_compute_runs(
                 journal, "passive", inputs, candidate_axes(1, motions, realisations), passive
@@ -435,66 +334,5 @@ def benches_of(
 
     wide = study.realisations
     return Benches(
-        training=bench(training, one),
-        testing=bench(testing, one) if separate else None,
-        training_varied=None if wide is None or (separate and not robust) else bench(training, wide),
-        testing_varied=bench(testing, wide) if separate and wide is not None else None,
+        nominal=bench(nominal(study.devices)), varied=bench(wide) if robust and wide is not None else None
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Judged:
-    """The criteria of a candidate on a bench."""
-
-    bench: Bench
-    runs: LabelledRuns
-
-
-def _judge(
-    own: _Judged, objective: TuningObjective, varied: _Judged | None, *, robust: bool
-) -> TuningJudgement:
-    """The judgement of a candidate from its criteria on the bench of the nominal study, and with realisations, if any.
-
-    With `robust` the objective takes the realisations.
-    """
-    runs, bench = own.runs, own.bench
-    per_motion = {name: values[0, :, 0] for name, values in _ratios(runs, bench.passive).items()}
-    valued = varied if varied is not None and robust else own
-    scores = objective.run_scores(valued.runs, valued.bench.baseline(objective))
-    violation = float(objective.violation(valued.runs)[0])
-    numbers = {name: float(values.mean()) for name, values in per_motion.items()}
-    return TuningJudgement(
-        score=numbers.pop("score"),
-        objective=float(objective.value(scores)[0]),
-        violation=violation if math.isfinite(violation) else math.inf,
-        criteria=numbers,
-        largest={
-            entry.name: largest
-            for entry in criteria()
-            if not (entry.ratio or math.isnan(largest := float(runs.numbers[entry.name][0].max())))
-        },
-        spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
-        motions=tuple(
-            MotionScore(
-                motion=motion.name,
-                score=float(per_motion["score"][number]),
-                criteria={each: float(v[number]) for each, v in per_motion.items() if each != "score"},
-            )
-            for number, motion in enumerate(bench.motions)
-        ),
-        energy_error=float(runs.energy_error.max()),
-        bands={
-            name: RealisationBand.of(values[0].mean(axis=0))
-            for name, values in (_ratios(varied.runs, varied.bench.passive) if varied else {}).items()
-        },
-    )
-
-
-def _ratios(runs: LabelledRuns, passive: LabelledRuns) -> dict[str, Floats]:
-    """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
-    ratios = {"score": STUDY_SCORE.run_scores(runs, passive)}
-    return ratios | {
-        entry.name: ratio_to_baseline(runs.numbers[entry.name], passive.numbers[entry.name])
-        for entry in criteria()
-        if entry.ratio
-    }

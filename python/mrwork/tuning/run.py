@@ -19,15 +19,13 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.search.registry import ALL_OPTIMISERS, library
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import check_law, refuse_within, takes_signals
-from mrwork.study.comparison import BOTH
-from mrwork.study.run_result import DeviceDemand, damper_warnings
-from mrwork.study.schema import OPTIMAL_PASSIVE, Risk, TuneTable
+from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
 from mrwork.tuning.law_tuning import LawPlan, TuningProgress, check_finish, check_settings, front_of, tune_law
 from mrwork.tuning.placing import PlacingProgress, compare_places
 from mrwork.tuning.problem import STUDY_SCORE, Benches, Clock, benches_of, check_controllable, magnitudes_of
-from mrwork.tuning.results import Better, Front, LawResult, Placement, TuningResults
+from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
 from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, space_of
 from mrwork.workers.engine import Workers, by_whom, on_executor
 
@@ -49,11 +47,12 @@ def tune(
     on_progress: OnTuning = lambda progress: None,
     executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> TuningResults:
-    """Tune the settings of control laws on the training motions of a study and judge them on its test motions.
+    """Tune the settings of control laws on the training motions of a study; `mr.tuning.judge` judges them.
 
     Where the study has a table of places, the placements of its dampers are compared first, and laws tuned at the best.
     First candidates (equal and published weights, the energy) and a search on the free settings are scored by the
-    objective of the table; the best is chosen and judged, beside references that no search has touched.
+    objective of the table, and the best is chosen, beside references that no search has touched. What they are worth on
+    other motions the study says, with them as rows: `mr.tuning.judge`.
 
     Parameters
     ----------
@@ -88,8 +87,8 @@ def tune(
     >>> import mrwork as mr
     >>> study = mr.read_study("study.toml")  # doctest: +SKIP
     >>> tuned = mr.tune(study, laws=["clipped_optimal"], rng=1)  # doctest: +SKIP
-    >>> tuned.laws[0].test.score  # doctest: +SKIP
-    0.655
+    >>> tuned.laws[0].settings["largest_command"]  # doctest: +SKIP
+    1.316
     """
     check_controllable(study)
     placing = None if study.table is None else study.table.places
@@ -98,34 +97,25 @@ def tune(
     clock = Clock()
     if journal is not None:
         journal.agree("tuning", _fingerprint(study, tables, rng))
-    tuned: list[LawResult] = []
+    tuned: list[TunedLaw] = []
     fronts: list[Front] = []
     places: list[Placement] = []
-    references: list[LawResult] = []
-    demands: dict[tuple[str, str], tuple[DeviceDemand, ...]] = {}
+    references: list[TunedLaw] = []
 
     def results(status: Literal["finished", "interrupted"]) -> TuningResults:
-        constant = next((each for each in references if each.label == OPTIMAL_PASSIVE), None)
         seconds = time.perf_counter() - clock.began
-        separate = any(each.use == "training" for each in study.motions)
         return TuningResults(
             title=study.title,
             status=status,
-            laws=tuple(_count_better(each, constant) for each in tuned),
-            references=tuple(_count_better(each, constant) for each in references),
+            laws=tuple(tuned),
+            references=tuple(references),
             training=tuple(motion.name for motion in study.chosen_on),
-            testing=tuple(each.name for each in study.motions if separate and each.use == "test"),
             command_unit=study.command_unit,
-            realisations=0 if study.realisations is None else len(study.realisations),
             seconds=seconds,
             candidates_per_second=clock.candidates / seconds,
             seconds_outside=clock.seconds_outside,
-            facts=study.facts,
             fronts=tuple(fronts),
             places=tuple(places),
-            study_warnings=study.warnings,
-            design_levels=study.design_levels,
-            damper_warnings=damper_warnings(demands),
         )
 
     try:
@@ -136,11 +126,11 @@ def tune(
         robust = any(table.robust for table in tables)
         benches = benches_of(study, journal=journal, threads=threads, clock=clock, robust=robust)
         basis = basis_of(
-            benches.training, magnitudes_of(benches.training, [law for table in tables for law in table.laws])
+            benches.nominal, magnitudes_of(benches.nominal, [law for table in tables for law in table.laws])
         )
         plans = _plans(study, tables, objectives, basis.magnitudes)
         for plan in plans:
-            check_settings(plan, benches.training)
+            check_settings(plan, benches.nominal)
         # The first three are constant commands, which is all where no law is tuned.
         found = references_of(benches, [*objectives, STUDY_SCORE][0], basis)
         references.extend(islice(found, None if plans else 3))
@@ -166,7 +156,6 @@ def tune(
                 )
 
             tuned.append(tune_law(plan, benches, basis, rng=rng, report=report))
-            demands |= benches.demands(plan.law, tuned[-1].chosen_candidate, plan.label)
             if plan.table.objectives:
                 fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
     except Interrupted as interrupt:
@@ -182,29 +171,13 @@ def plan_of(study: Study, table: TuneTable, threads: int) -> tuple[LawPlan, Benc
     check_controllable(study)
     objective = _check_table(table, study)
     benches = benches_of(study, journal=None, threads=threads, clock=Clock(), robust=table.robust)
-    basis = basis_of(benches.training, magnitudes_of(benches.training, table.laws))
+    basis = basis_of(benches.nominal, magnitudes_of(benches.nominal, table.laws))
     if objective.relative_to == "best_passive":
         benches = benches.with_constant(
             best_constant(list(islice(references_of(benches, objective, basis), 3)))
         )
     (plan,) = _plans(study, [table], [objective], basis.magnitudes)
     return plan, benches
-
-
-def _count_better(law: LawResult, constant: LawResult | None) -> LawResult:
-    """The result with the number of motions under which its law is better than the best constant command."""
-    if constant is None or law is constant:
-        return law
-    one, other = (law.train, constant.train) if law.test is None else (law.test, constant.test)
-    if other is None or not one.motions:
-        return law
-    pairs = list(zip(one.motions, other.motions, strict=True))
-    drift, acceleration = (
-        [own.criteria[name] < constants.criteria[name] for own, constants in pairs] for name in BOTH
-    )
-    both = sum(map(min, drift, acceleration))
-    better = Better(peak_drift=sum(drift), peak_acceleration=sum(acceleration), both=both, motions=len(pairs))
-    return replace(law, better=better)
 
 
 def _plans(

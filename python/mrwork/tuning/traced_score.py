@@ -192,9 +192,7 @@ def study_score(
     space = replace(plan.space, free=tuple(each for each in plan.space.free if each.name != LARGEST))
     if not space.free:
         raise SettingError(f"{plan.law} has no free setting but the largest command; free one that it has")
-    slopes = ScoreSlopes(
-        space=space, bench=benches.select_search_bench(robust=given.robust), objective=plan.objective
-    )
+    slopes = ScoreSlopes(space=space, bench=benches.select(robust=given.robust), objective=plan.objective)
     slopes.check()
     free = space.free
     box = Box(

@@ -37,6 +37,7 @@ from mrwork.study.comparison import (
 from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import OFF_BALANCE, BuildingFacts, StudyResults, ratio_band
 from mrwork.study.tables import MOST_DRAWN
+from mrwork.tuning.judging import TunedStudy
 
 # Laws with colours and rows in the table; cautions; modes and motions that are named.
 _LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 2
@@ -53,11 +54,13 @@ def study_lead(comparison: StudyComparison, found: Fragilities | None = None) ->
     off_balance = [] if results.balanced else [OFF_BALANCE]
     few = little_said(len(results.judged_motions), "motion")
     return Lead(
-        eyebrow="Response of a building with MR dampers",
+        eyebrow="Control laws tuned, and the response of the building with them"
+        if isinstance(results, TunedStudy)
+        else "Response of a building with MR dampers",
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
-        verdict=f"{_verdict(comparison)}{'' if found is None else _medians(comparison, found)}",
+        verdict=f"{_verdict(comparison)}{'' if found is None else _medians(comparison, found)}{_placed(results)}",
         banner=""
         if results.complete
         else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
@@ -113,6 +116,16 @@ def _medians(comparison: StudyComparison, found: Fragilities) -> str:
     shown = [label for label in labels if label in found.rows] or [*found.rows][:1]
     medians = ", ".join(f"{found[label].brief} with {label}" for label in shown)
     return f" Median {found[shown[0]].measure} at which {found.limit_in_words}: {medians}."
+
+
+def _placed(results: StudyResults) -> str:
+    """Where the dampers stand, if a tuning has compared their places."""
+    places = results.tuned.places if isinstance(results, TunedStudy) else ()
+    return (
+        f" Best of {counted(len(places), 'placement')} of the dampers: {places[0].in_words}."
+        if places
+        else ""
+    )
 
 
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
@@ -315,6 +328,10 @@ def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
 def _advice(comparison: StudyComparison) -> tuple[str, ...]:
     results = comparison.results
     said = (
+        (
+            isinstance(results, TunedStudy),
+            "`mrwork respond chosen.toml`, in this folder: the study with these settings.",
+        ),
         (results.checked is None, "`--check-step`: whether half the step changes a number."),
         (
             len(results.judged_motions) < 5,

@@ -24,10 +24,12 @@ from mrwork.report.study.figures import (
 from mrwork.report.study.fragility_section import fragilities_of_page, fragility_section
 from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.report.study.storey_section import storey_section
+from mrwork.report.study.tuning_section import tuning_sections
 from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
 from mrwork.study.run_result import RunResult
 from mrwork.study.tables import ShownRows, bands_of_study, change_table, shown_rows, step_table, value_table
+from mrwork.tuning.judging import TunedStudy
 
 
 def energy_section(results: StudyResults, shown: ShownRows) -> Section | None:
@@ -166,6 +168,7 @@ def study_page(
         warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
+        *(tuning_sections(results) if isinstance(results, TunedStudy) else ()),
         None if found is None else fragility_section(results, found),
         _criteria_section(results, shown),
         history_section(results, histories, shown.with_histories, of_row),

@@ -1,0 +1,179 @@
+"""Sections of a study's page on the tuning of its laws: placements, settings, searches, and Pareto fronts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from mrwork.base.numbers import NOTHING, format_fixed, shortest, significant
+from mrwork.base.table import Table
+from mrwork.closed_loop.evaluation import criterion
+from mrwork.plots import style
+from mrwork.plots.canvas import column_axes, name_lines
+from mrwork.plots.study_drawing import add_front, short
+from mrwork.report.section import Group, Section, panel
+from mrwork.tuning.judging import TunedStudy
+from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults, places_table, speed_in_words
+
+# Letters of a label in a figure.
+_LONGEST = 30
+
+
+def tuning_sections(results: TunedStudy) -> Iterator[Section | None]:
+    """How the settings of the laws were found, and what each is worth on the motions that it was tuned on."""
+    yield _places_section(results.tuned)
+    yield _settings_section(results)
+    yield from (_front_section(number, front) for number, front in enumerate(results.tuned.fronts))
+    yield _search_section(results.tuned) if results.tuned.laws else None
+
+
+@style.drawn_in_style()
+def course_figure(laws: Sequence[TunedLaw]) -> Figure:
+    """The least penalised objective after each generation of every search."""
+    figure, axes = column_axes(top=0.2 if len(laws) <= len(style.HUES) else 0.9)
+    for number, each in enumerate(laws):
+        axes.step(
+            [point.candidates for point in each.trace],
+            [point.least for point in each.trace],
+            where="post",
+            color=style.hue(number),
+            linewidth=1.4 if number < len(style.HUES) else 0.6,
+            label=short(each.label, _LONGEST),
+        )
+    axes.set_xlabel("Candidates")
+    axes.set_ylabel("Least objective on the training motions")
+    axes.set_xlim(left=0.0)
+    name_lines(axes)
+    return figure
+
+
+@style.drawn_in_style()
+def front_figure(front: Front) -> Figure:
+    """The first two objectives of a Pareto front, on the training and on the test motions."""
+    figure, axes = column_axes()
+    add_front(axes, front)
+    axes.legend(loc="upper right")
+    return figure
+
+
+def _objective_table(results: TunedStudy) -> Table:
+    """Objective and score of each law and reference on the training and the test motions."""
+
+    def cells(law: TunedLaw) -> Iterator[str]:
+        for use in ("training", "test"):
+            judged = results.judgement(law, use)
+            for number in (None, None) if judged is None else (judged.objective, judged.score):
+                yield NOTHING if number is None else format_fixed(number, 3)
+
+    return Table(
+        label="Objective and score",
+        columns=("", "Objective", "Score", "Objective", "Score"),
+        rows=tuple((each.label, *cells(each)) for each in (*results.tuned.laws, *results.tuned.references)),
+        over=(("", 1), ("Training motions", 2), ("Test motions", 2)),
+        note="The objective is what a law was tuned for; the score is that of the study. A gap between training and "
+        "test motions is the price of tuning on few motions.",
+    )
+
+
+def _places_section(results: TuningResults) -> Section | None:
+    table = places_table(results)
+    if table is None:
+        return None
+    return Section(
+        anchor="places",
+        title="Places",
+        summary=f"The lowest score on the training motions: {results.places[0].in_words}.",
+        groups=(Group(table=table),),
+    )
+
+
+def _settings_section(results: TunedStudy) -> Section | None:
+    tuned = results.tuned
+    if not tuned.laws:
+        return None
+    groups = [Group(table=_objective_table(results))]
+    for each in tuned.laws:
+        ranges = {free.name: f"{shortest(free.lower)} to {shortest(free.upper)}" for free in each.free}
+        refused = f", of which {each.refused} of the first could not be simulated" if each.refused else ""
+        prose = (
+            f"Minimised: {each.objective.in_words(robust=each.robust)}.",
+            f"Settings from: {each.origin}; {each.candidates} candidates in {each.seconds:.3g} s{refused}.",
+            f"Certificate: {each.certificate or 'none'}.",
+            *each.design.loop,
+        )
+        table = Table(
+            label=f"Settings of {each.label}",
+            columns=("Setting", "Value", "Searched"),
+            rows=tuple(
+                (name, _format_value(own), ranges.get(name, "held")) for name, own in each.settings.items()
+            ),
+            words=(2,),
+        )
+        groups.append(Group(title=each.label, prose=prose, table=table))
+    groups += [
+        Group(title=f"Weights of {', '.join(labels)}", prose=sentences) for labels, sentences in tuned.designs
+    ]
+    return Section(anchor="tuning", title="How the settings were found", groups=tuple(groups))
+
+
+def _format_value(value: Any) -> str:
+    if isinstance(value, int | float):
+        return significant(float(value), 4)
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Mapping):
+        return f"({_in_line(value)})"
+    return f"{len(value)} numbers"
+
+
+def _front_section(number: int, front: Front) -> Section:
+    title, names = f"Pareto front of {front.label}", front.objectives
+    uses = ("Training", "Test") if any(each.test is not None for each in front.points) else ("Training",)
+    heads = [criterion(name).title for name in names] * len(uses)
+
+    def numbers(point: FrontPoint) -> Iterator[str]:
+        for values in (point.train, point.test or {})[: len(uses)]:
+            yield from (format_fixed(values.get(name), 3) for name in names)
+
+    table = Table(
+        label=title,
+        columns=("Point", *heads, "Settings", "Certificate"),
+        rows=tuple(
+            (str(place), *numbers(each), _in_line(each.settings), each.certificate)
+            for place, each in enumerate(front.points, start=1)
+        ),
+        over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
+        words=(1 + len(heads), 2 + len(heads)),
+        note="Points of which no other is lower in every objective on the training motions.",
+    )
+    figure = panel(f"front-{number}", "Front", front_figure(front), title)
+    return Section(
+        anchor=f"front-{number}",
+        title=title,
+        summary=f"{len(front.points)} points of {front.candidates} candidates.",
+        groups=(Group(panels=(figure,)), Group(table=table)),
+    )
+
+
+def _in_line(settings: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {_format_value(value)}" for name, value in settings.items())
+
+
+def _search_section(results: TuningResults) -> Section:
+    laws = [each for each in results.laws if len(each.trace) > 1]
+    count = format_fixed(sum(each.candidates for each in results.laws), 0)
+    figure = panel(
+        "searches",
+        "Course of the searches",
+        course_figure(laws),
+        "Least objective of each law over the number of candidates",
+        "First candidates, then generations of the search. One that exceeds a limit has a higher objective.",
+    )
+    return Section(
+        anchor="searches",
+        title="Searches",
+        summary=f"{count} candidates; {speed_in_words(results)}.",
+        groups=(Group(panels=(figure,) if laws else ()),),
+    )

@@ -1,0 +1,134 @@
+"""The run folder of a tuning: that of the study which judges it, what the search found, the chosen study as a file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from mrwork.base.arguments import checked
+from mrwork.base.keys import toml_text, toml_value
+from mrwork.base.table import csv_text
+from mrwork.closed_loop.evaluation import criteria
+from mrwork.errors import RecordError
+from mrwork.store.codec import json_document
+from mrwork.store.parse import toml_table
+from mrwork.store.run_folder import CHOSEN, JOURNAL, SCORES_TABLE, TUNED, TUNING_RUN, RunFolder
+from mrwork.store.run_writer import RunAtWork
+from mrwork.study.folder import results_of_folder, study_document, study_files
+from mrwork.study.placements import placed_document
+from mrwork.study.run_result import Histories
+from mrwork.study.study import StudyFile
+from mrwork.tuning.judging import TunedStudy, with_tuning
+from mrwork.tuning.results import TunedLaw, TuningResults, part_settings
+from mrwork.tuning.space import LARGEST
+
+
+def write_tuning(
+    work: RunAtWork,
+    results: TunedStudy,
+    *,
+    study_file: StudyFile,
+    manifest: Mapping[str, object],
+    histories: Histories,
+) -> None:
+    """Commit the folder of a tuning without its page, in place of an earlier one."""
+    own = {
+        TUNED: json_document(asdict(results.tuned)),
+        SCORES_TABLE: _scores_csv(results),
+        CHOSEN: chosen_study(results.tuned, study_file),
+    }
+    work.commit(
+        study_files(results, study_file) | {name: text.encode() for name, text in own.items()},
+        manifest,
+        grown=(JOURNAL, *histories.names),
+        flush=results.tuned.status == "finished",
+    )
+
+
+@checked
+def read_tuning(folder: str | Path) -> TunedStudy:
+    """Read the results of a tuning back from its folder, as `mr.load` does.
+
+    Raises
+    ------
+    RecordError
+        If it is not the folder of a tuning, or the file is damaged.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> mr.tuning.read_tuning("out/study").tuned.laws[0].settings  # doctest: +SKIP
+    {'drifts': 1.0, 'control_weight': 1.2e-13, 'largest_command': 1.316}
+    """
+    run = RunFolder.open(folder, TUNING_RUN)
+    tuned = run.read(TuningResults, TUNED)
+    if tuned is None:
+        raise RecordError(f"{folder} has no {TUNED}; run `mrwork tune` again")
+    return with_tuning(results_of_folder(run), tuned)
+
+
+def tuning_document(results: TunedStudy) -> dict[str, Any]:
+    """The results as a JSON object: that of the study, and each law and reference with its judgements."""
+
+    def judged(law: TunedLaw) -> dict[str, Any]:
+        uses = {"train": results.judgement(law, "training"), "test": results.judgement(law, "test")}
+        return {**asdict(law), **{use: None if each is None else asdict(each) for use, each in uses.items()}}
+
+    tuned = results.tuned
+    return {
+        **study_document(results),
+        **asdict(tuned),
+        "laws": [judged(law) for law in tuned.laws],
+        "references": [judged(law) for law in tuned.references],
+        "warnings": results.warnings(),
+    }
+
+
+def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
+    """The study file with the chosen settings of each law as further controllers.
+
+    The text of the study stays; names of files in it are relative to its own folder.
+    """
+    text = study_file.text
+    if results.places:
+        text = toml_text(placed_document(toml_table(text), results.places[0].storeys))
+    blocks = [_controller(law) for law in results.laws]
+    folder = study_file.path.parent / toml_table(text).get("folder", "")
+    head = (
+        f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
+        f"folder = {toml_value(str(folder))} # of the files that the study names\n\n"
+    )
+    return head + _without_folder(text).rstrip() + "\n\n# Chosen by mrwork tune.\n\n" + "\n".join(blocks)
+
+
+def _without_folder(text: str) -> str:
+    """Text of the study without its key `folder`, which stands before the first table."""
+    first = re.search(r"^\s*\[", text, flags=re.MULTILINE)
+    end = len(text) if first is None else first.start()
+    return re.sub(r"^[ \t]*folder[ \t]*=.*\n?", "", text[:end], flags=re.MULTILINE) + text[end:]
+
+
+def _controller(law: TunedLaw) -> str:
+    settings, of_command = part_settings(law.settings)
+    if not law.limited:
+        of_command.pop(LARGEST, None)
+    own = {"law": law.law, "label": law.label, **({"settings": settings} if settings else {})}
+    return toml_text({"controller": [own | of_command]})
+
+
+def _scores_csv(results: TunedStudy) -> str:
+    """Score and ratios of every law and reference under each motion, as a table."""
+    names = [entry.name for entry in criteria() if entry.ratio]
+    lines = [["law", "use", "motion", "score", *names]]
+    for law in (*results.tuned.laws, *results.tuned.references):
+        row = results.row_of_law(law)
+        if row is None:
+            continue
+        for motion, facts in enumerate(results.motions):
+            ratios = results.ratios(row, motion, "passive_off")
+            numbers = (results.score_under(row, (motion,)), *(ratios[name] for name in names))
+            lines.append([law.label, facts.use, facts.name, *(f"{number:.9g}" for number in numbers)])
+    return csv_text(lines)

@@ -1,0 +1,334 @@
+"""The study judges what a tuning has found: its laws and references as rows, on training and test motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
+from typing import ClassVar
+
+import numpy as np
+
+from mrwork.base.arguments import Threads, checked
+from mrwork.base.numbers import apart, percent, with_decimals
+from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
+from mrwork.errors import Interrupted, SettingError
+from mrwork.store.journal import Journal
+from mrwork.study.course import StudyProgress
+from mrwork.study.results import RealisationBand, StudyResults, ratio_band, score_band
+from mrwork.study.run import run_study
+from mrwork.study.run_result import LabelledRuns, RunHistory
+from mrwork.study.schema import Use
+from mrwork.study.study import Arrangement, Study
+from mrwork.tuning.problem import arrange_law, check_controllable
+from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults
+from mrwork.workers.engine import Workers, on_executor
+
+TRAINING_ONLY = (
+    "No motion of the study is for testing only: every score is of the motions that the settings were tuned on, and "
+    'says nothing about others. Give some motions use = "training" and others use = "test".'
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """What a law is worth under some motions, of the nominal study.
+
+    `score` is that of a study, whatever was minimised, `criteria` are the mean ratios of the criteria over those at
+    i = 0, `spread` is that of the score and of the ratios under single motions. `objective` and `violation` are those
+    of the tuning, with its risk, and over the realisations where it is robust. `bands` are those of the score and of
+    its ratios over the realisations of the study, on the judged motions.
+    """
+
+    score: float
+    criteria: dict[str, float]
+    spread: dict[str, Spread]
+    objective: float
+    violation: float
+    bands: dict[str, RealisationBand]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class TunedStudy(StudyResults):
+    """Results of a study with the laws and references that a tuning has found as rows; `tuned` is the tuning."""
+
+    _made_by: ClassVar[str] = "mr.tuning.judge(study, mr.tune(study)) or mr.load(folder)"
+
+    tuned: TuningResults
+
+    @checked
+    def motions_of(self, use: Use) -> tuple[int, ...]:
+        """Indices of the motions on which laws were tuned, or of the judged ones; the same where none was held out."""
+        training = tuple(
+            number for number, each in enumerate(self.motions) if each.name in self.tuned.training
+        )
+        return training if use == "training" else tuple(self.judged_motions)
+
+    @property
+    def held_out(self) -> bool:
+        """Whether laws are judged on motions that they were not tuned on."""
+        return not set(self.motions_of("training")) & set(self.judged_motions)
+
+    @checked
+    def judgement(self, law: TunedLaw, use: Use) -> Judgement | None:
+        """What a law or a reference is worth on the training or the test motions; `None` where it has not run there."""
+        row, motions = self.row_of_law(law), self.motions_of(use)
+        if row is None or not motions or (use == "test" and not self.held_out):
+            return None
+        if any((row, motion) not in self.runs for motion in motions):
+            return None
+        ratios = [self.ratios(row, motion, "passive_off") for motion in motions]
+        named = {entry.name: [each[entry.name] for each in ratios] for entry in criteria() if entry.ratio}
+        objective, violation = self._objective(law, row, motions)
+        return Judgement(
+            score=self.score_under(row, motions),
+            criteria={name: float(np.mean(values)) for name, values in named.items()},
+            spread={
+                "score": self.spread(row, motions),
+                **{name: Spread.of(values) for name, values in named.items()},
+            },
+            objective=objective,
+            violation=violation,
+            bands=self._bands(row) if motions == tuple(self.judged_motions) else {},
+        )
+
+    def _bands(self, row: int) -> dict[str, RealisationBand]:
+        off = self.row_of("passive_off")
+        bands = {
+            "score": score_band(self, row),
+            **{name: ratio_band(self, row, off, name) for name in SCORE},
+        }
+        return {name: band for name, band in bands.items() if band is not None}
+
+    @checked
+    def row_of_law(self, law: TunedLaw) -> int | None:
+        """Index of the row of a law or a reference; `None` where it is no row."""
+        if law.kind in ("passive_off", "best_passive"):
+            return self.row_of(law.kind)
+        return next((number for number, row in enumerate(self.rows) if row.label == law.label), None)
+
+    def _objective(self, law: TunedLaw, row: int, motions: Sequence[int]) -> tuple[float, float]:
+        """Value of the objective of a law, and the excess of its limits, under some motions."""
+        against = self.row_of(law.objective.relative_to)
+        count = self.n_realisations if law.robust else 0
+        own = _part_of(self.labelled, row, motions, count)
+        if against is None:
+            return float("nan"), float("nan")
+        scores = law.objective.run_scores(own, _part_of(self.labelled, against, motions, count))
+        return float(law.objective.value(scores)[0]), float(law.objective.violation(own)[0])
+
+    def warnings(self) -> list[str]:
+        """Warnings of the study and of the tuning, and on what scores cannot say or that a law does not reach."""
+        sentences = [*StudyResults.warnings(self), *(() if self.held_out else (TRAINING_ONLY,))]
+        sentences += self.tuned.warnings
+        for law in self.tuned.laws:
+            test = self.judgement(law, "test")
+            if test is not None and test.violation > 0.0 and not law.violation:
+                sentences.append(
+                    f"{law.label} keeps its limits on the training motions and exceeds them by "
+                    f"{percent(test.violation, 0)} % of the limits in all on the test motions."
+                )
+            sentences += self._reference_ahead_of(law)
+        return sentences
+
+    def _reference_ahead_of(self, law: TunedLaw) -> list[str]:
+        scores = {each.label: self._score(each) for each in (law, *self.tuned.references)}
+        known = {label: score for label, score in scores.items() if np.isfinite(score)}
+        best = min(known, key=lambda label: known[label], default=law.label)
+        if law.label not in known or known[best] >= known[law.label]:
+            return []
+        on = "test" if self.held_out else "training"
+        both = " against ".join(apart(with_decimals, known[law.label], known[best], 3))
+        return [f"{law.label} does not reach the score of {best} on the {on} motions ({both})."]
+
+    def _score(self, law: TunedLaw) -> float:
+        row = self.row_of_law(law)
+        return float("nan") if row is None else self.score(row)
+
+
+def _part_of(runs: LabelledRuns, row: int, motions: Sequence[int], count: int) -> LabelledRuns:
+    """Criteria of a row under some motions: nominal ones, or of the last `count` realisations."""
+    chosen = slice(-count, None) if count else slice(1)
+    row_axis, motion, realisation = [*runs.axes.items()][:3]
+    axes = {
+        row_axis[0]: (row_axis[1][row],),
+        motion[0]: tuple(motion[1][each] for each in motions),
+        realisation[0]: realisation[1][chosen],
+    }
+    numbers = {name: array[[row]][:, list(motions)][:, :, chosen] for name, array in runs.numbers.items()}
+    return replace(runs, axes=axes, numbers=numbers)
+
+
+@checked
+@on_executor
+def judge(
+    study: Study,
+    tuned: TuningResults,
+    *,
+    journal: Journal | None = None,
+    kept: Callable[[int, int], bool] = lambda row, motion: True,
+    keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None,
+    on_progress: Callable[[StudyProgress], None] | None = None,
+    threads: Threads = 0,
+    executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
+) -> TunedStudy:
+    """Run a study with the laws and references of its tuning as rows, and every point of their fronts.
+
+    The study is that of the best placement, where placements were compared. All other arguments are those of
+    `run_study`.
+
+    Returns
+    -------
+    TunedStudy
+        The results of the study, with the tuning, whose fronts have the objectives on the test motions.
+
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, with the `TunedStudy` so far.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> study = mr.read_study("study.toml")  # doctest: +SKIP
+    >>> results = mr.tuning.judge(study, mr.tune(study))  # doctest: +SKIP
+    >>> results.judgement(results.tuned.laws[0], "test").score  # doctest: +SKIP
+    0.655
+    """
+    wider = with_tuned_rows(study, tuned)
+    try:
+        results = run_study(
+            wider, journal=journal, kept=kept, keep=keep, on_progress=on_progress, threads=threads
+        )
+    except Interrupted as interrupt:
+        raise Interrupted(with_tuning(interrupt.result, tuned), "study") from None
+    made = with_tuning(results, tuned)
+    if not made.held_out:
+        return made
+    try:
+        fronts = [
+            _judge_front(front, wider, tuned, made.judged_motions, journal, threads) for front in tuned.fronts
+        ]
+    except Interrupted:
+        raise Interrupted(made, "fronts") from None
+    return replace(made, tuned=replace(tuned, fronts=tuple(fronts)))
+
+
+def with_tuning(results: StudyResults, tuned: TuningResults) -> TunedStudy:
+    """The results of a study with the tuning that its rows are from."""
+    return TunedStudy(
+        **{each.name: getattr(results, each.name) for each in fields(StudyResults)}, tuned=tuned
+    )
+
+
+def unjudged(study: Study, tuned: TuningResults) -> TunedStudy:
+    """What an interrupted tuning has found, before any run of the study."""
+
+    def stop(_: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        return with_tuning(run_study(with_tuned_rows(study, tuned), on_progress=stop), tuned)
+    except Interrupted as interrupt:
+        return with_tuning(interrupt.result, tuned)
+
+
+def _judge_front(
+    front: Front,
+    study: Study,
+    tuned: TuningResults,
+    motions: Sequence[int],
+    journal: Journal | None,
+    threads: int,
+) -> Front:
+    """A front whose points have their objectives on the test motions, from a study with the points as rows."""
+    law = next(each for each in tuned.laws if each.label == front.label)
+    constant = next(each for each in tuned.references if each.kind == "best_passive")
+    rows = [
+        study.at_zero,
+        _arrange(study, constant),
+        *(
+            arrange_law(study, front.law, point.candidate, f"{front.label}, point {number}")
+            for number, point in enumerate(front.points, start=1)
+        ),
+    ]
+    realisations = study.realisations if law.robust else None
+    results = run_study(
+        replace(study, arrangements=tuple(rows), histories=(), realisations=realisations),
+        journal=journal,
+        threads=threads,
+    )
+    of_rows = [_part_of(results.labelled, row, motions, results.n_realisations) for row in range(len(rows))]
+    baseline = of_rows[0 if law.objective.relative_to == "passive_off" else 1]
+
+    def ratio_of(runs: LabelledRuns, name: str) -> float:
+        objective = replace(law.objective, weights={name: 1.0})
+        return float(objective.value(objective.run_scores(runs, baseline))[0])
+
+    points = (
+        replace(point, test={name: ratio_of(runs, name) for name in front.objectives})
+        for point, runs in zip(front.points, of_rows[2:], strict=True)
+    )
+    return replace(front, points=tuple(points))
+
+
+def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
+    """The study, with its dampers at the best placement, with the references and laws of a tuning as further rows."""
+    if tuned.places and study.placed is not None:
+        study = study.placed(tuned.places[0].storeys)
+    kinds, labels = {row.kind for row in study.rows}, {row.label for row in study.rows}
+    rows: list[Arrangement] = []
+    for each in (*tuned.references, *tuned.laws):
+        if each.label in labels or (each.kind in ("passive_off", "best_passive") and each.kind in kinds):
+            continue
+        # Settings that make no law have no row, which the tuning warns of.
+        with suppress(SettingError):
+            rows.append(_arrange(study, each))
+    return replace(study, table=None, arrangements=(*study.arrangements, *rows))
+
+
+def _arrange(study: Study, law: TunedLaw) -> Arrangement:
+    made = arrange_law(study, law.law, law.chosen_candidate, law.label)
+    return replace(made, row=replace(made.row, kind=law.kind, description=law.origin))
+
+
+@checked
+def with_tuned_law(
+    study: Study, found: TunedLaw | Front, point: FrontPoint | None = None, *, label: str = ""
+) -> Study:
+    """The study with a law that `tune` has found as one more row, for `run_study`.
+
+    Parameters
+    ----------
+    found
+        A law of `TuningResults.laws`, or a front of `TuningResults.fronts`.
+    point
+        A point of the front; by default that of `Front.pick()`.
+    label
+        Name of the row; by default that of the law.
+
+    Raises
+    ------
+    SettingError
+        If the study has a row of this name or no damper that follows a command, or a point goes with no front.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> front = mr.tune(study).fronts[0]  # doctest: +SKIP
+    >>> picked = mr.tuning.with_tuned_law(study, front, front.pick({"peak_drift": 1.0}))  # doctest: +SKIP
+    >>> mr.run_study(picked).to_pandas().loc[front.label]  # doctest: +SKIP
+    """
+    check_controllable(study)
+    if isinstance(found, TunedLaw):
+        if point is not None:
+            raise SettingError(f"`point` is of a front, and `found` is the law {found.label}; leave it out")
+        candidate = found.chosen_candidate
+    else:
+        candidate = (found.pick() if point is None else point).candidate
+    name = label or found.label
+    if name in (row.label for row in study.rows):
+        raise SettingError(f"the study has a row called {name!r} already; give another `label`")
+    arrangement = arrange_law(study, found.law, candidate, name)
+    return replace(study, table=None, arrangements=(*study.arrangements, arrangement))
