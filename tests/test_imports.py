@@ -208,6 +208,6 @@ def test_only_the_figures_of_results_are_loaded_by_name() -> None:
     }
     assert by_name == {
         ("base.plotted", "mrwork.plots"),
-        ("base.plotted", "mrwork.plots.of_studies"),
+        ("base.plotted", "mrwork.plots.of_buildings"),
         ("cli.door", "mrwork.cli."),
     }

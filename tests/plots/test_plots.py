@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import plotted_results
 import pytest
+import study_samples
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -25,7 +26,7 @@ import mrwork as mr
 from mrwork.dampers.design import SizeFront
 from mrwork.dampers.spec import law_values
 from mrwork.identification.fit_file import reopen
-from mrwork.plots.study_drawing import energy_parts
+from mrwork.plots.of_studies import energy_parts
 from mrwork.plots.style import symbol_text
 from mrwork.uncertainty.bands.prediction import predictions_of
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
@@ -59,6 +60,8 @@ class Drawn:
     def result(self) -> Any:
         if (self.figure, self.kind) == ("laws", "StoredRun"):
             return plotted_results.run_with_laws()
+        if (self.figure, self.kind) == ("building", "StudyResults"):
+            return study_samples.incremental()
         return RESULTS[self.kind]()
 
 
@@ -109,7 +112,7 @@ DRAWN = [
         pairs=(("band of velocity", "band of model_force"),),
     ),
     *(Drawn(figure="spectra", kind=kind, pairs=SPECTRUM) for kind in ("GroundMotion", "ResponseSpectrum")),
-    Drawn(figure="building", kind="Building"),
+    *(Drawn(figure="building", kind=kind) for kind in ("Building", "StudyResults")),
     Drawn(figure="pushover", kind="Pushover", pairs=(("roof", "base_shear"),)),
     Drawn(figure="suite_spectra", kind="SuiteCheck", pairs=(("period", "mean"), ("period", "target"))),
     *(Drawn(figure="storey_profiles", kind=kind) for kind in RUNS),
@@ -362,13 +365,27 @@ def test_bars_and_profiles_have_the_numbers_of_their_runs() -> None:
     unit = factor(bars["abscissa"][0])
     assert np.allclose(unit * widths, [energy_parts(run.numbers) for run in runs])
     for quantity, unit in (("peak_drift", 1e-3), ("peak_acceleration", 1.0)):
-        axes = study.plot.storey_profiles(Figure().subplots(), quantity=quantity)
+        axes = study.plot.storey_profiles(Figure().subplots(), quantity=quantity, motion=0)
         drawn = unit * mr.plots.drawn_data(axes)["x"].to_numpy()
         assert np.allclose(drawn, np.concatenate([run.numbers[quantity] for run in runs]))
     front = RESULTS["Front"]()
     axes, table = front.plot.fronts(Figure().subplots()), front.to_pandas()
     for line, use in zip(axes.get_lines(), ("train", "test"), strict=True):
         assert np.array_equal(np.asarray(line.get_xydata()), table[use].to_numpy())
+
+
+def test_profiles_of_a_study_are_means_over_the_judged_motions_in_ratios_where_heights_are_known() -> None:
+    study = study_samples.incremental()
+    assert study.building is not None
+    axes = study.plot.storey_profiles(Figure().subplots(), quantity="peak_drift_ratio", rows=[0], behind=[1])
+    front, behind = axes.get_lines()[:2]
+    peaks = np.array([study.runs[0, motion].numbers["peak_drift"] for motion in study.judged_motions])
+    ratios = 100.0 * peaks / study.building.heights
+    assert np.allclose(front.get_xdata(), ratios.mean(axis=0))
+    assert front.get_zorder() > behind.get_zorder()
+    (shaded,) = axes.collections
+    assert np.isclose(shaded.get_paths()[0].vertices[:, 0].max(), ratios.max())
+    refusal(RESULTS["StudyResults"]().plot.storey_profiles, quantity="peak_drift_ratio", match="peak_drift")
 
 
 def test_a_posterior_counts_nearly_every_draw() -> None:

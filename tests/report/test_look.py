@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from mrwork.plots import style
 from mrwork.plots.canvas import coinciding, column_axes, grid_of_axes, inline_svg, svg_bytes
 from mrwork.plots.drawn import drawn_csv
-from mrwork.plots.study_drawing import Stroke, add_height_line, name_heights, strokes
+from mrwork.plots.of_studies import storey_profiles, strokes
 from mrwork.report.study.figures import command_figure, energy_figure
 from mrwork.report.study.page import study_page
 
@@ -118,11 +118,8 @@ def read(figure: Figure) -> list[dict[str, str]]:
 @pytest.mark.contract
 def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
     results = study_samples.results()
-    with style.drawn_in_style():
-        profile, axes = column_axes()
-        add_height_line(axes, 1e3 * results.runs[3, 0].peak_drift, Stroke(style.MODEL), "Clipped-optimal")
-        name_heights(axes, results.storey_names)
-        axes.set_xlabel("Peak drift (mm)")
+    profile, axes = column_axes()
+    storey_profiles(results, axes, motion=0, rows=[3])
     drift = read(profile)
     expected = 1e3 * results.runs[3, 0].peak_drift
     assert [row["x"] for row in drift] == [f"{value:.6g}" for value in expected]

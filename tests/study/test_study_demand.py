@@ -12,7 +12,7 @@ from study_samples import ranges
 
 import mrwork as mr
 from mrwork.dampers.tested_range import FittedDamper, OperatingRange, beyond_rating
-from mrwork.plots.study_drawing import energy_parts
+from mrwork.plots.of_studies import energy_parts
 from mrwork.store.codec import plain
 from mrwork.study import StudyResults, read_study, run_study
 from mrwork.study.folder import study_document

@@ -18,7 +18,7 @@ from sentences import Refused
 import mrwork as mr
 from mrwork import Journal
 from mrwork.errors import Interrupted
-from mrwork.plots.study_drawing import energy_parts
+from mrwork.plots.of_studies import energy_parts
 from mrwork.store.codec import plain
 from mrwork.study import Study, StudyResults, read_study, run_study
 from mrwork.study.comparison import findings

@@ -47,4 +47,4 @@ def _takes(function: Any, result: object) -> bool:
 
 def building_html(building: object) -> str:
     """The drawing of a building, for a notebook."""
-    return str(import_module("mrwork.plots.of_studies").building_html(building))
+    return str(import_module("mrwork.plots.of_buildings").building_html(building))

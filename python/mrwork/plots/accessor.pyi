@@ -2,7 +2,7 @@
 
 from typing import Generic, TypeVar
 
-from . import of_fits, of_studies, of_tests
+from . import of_buildings, of_fits, of_studies, of_tests
 
 ResultT_co = TypeVar("ResultT_co", covariant=True)
 
@@ -15,15 +15,15 @@ class Plots(Generic[ResultT_co]):
     laws = of_fits.laws
     posterior = of_fits.posterior
     profiles = of_fits.profiles
-    building = of_studies.building
+    building = of_buildings.building
     energies = of_studies.energies
     fragility = of_studies.fragility
     fronts = of_studies.fronts
     ida = of_studies.ida
-    pushover = of_studies.pushover
-    spectra = of_studies.spectra
+    pushover = of_buildings.pushover
+    spectra = of_buildings.spectra
     storey_profiles = of_studies.storey_profiles
-    suite_spectra = of_studies.suite_spectra
+    suite_spectra = of_buildings.suite_spectra
     commands = of_tests.commands
     histories = of_tests.histories
     loops = of_tests.loops

@@ -1,30 +1,25 @@
-"""Figures of motions, buildings, runs and tunings."""
+"""Figures of studies and tunings: profiles over the height, energies, fragilities and fronts."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
-from numpy.typing import ArrayLike
 
 from mrwork.base.keys import check_known
+from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Building
-from mrwork.buildings.yielding import Pushover
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
 from mrwork.errors import SettingError
-from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.spectrum import ResponseSpectrum, response_spectrum
-from mrwork.motions.targets import LEAST_RATIO, RANGE, SuiteCheck
 from mrwork.plots import style
-from mrwork.plots.canvas import draw_points, small_axes, vertical_grid
+from mrwork.plots.canvas import draw_points, vertical_grid
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
@@ -35,189 +30,56 @@ from mrwork.plots.sheet import (
     panels_for,
     shown_unit_of,
 )
-from mrwork.plots.study_drawing import (
-    MARKERS,
-    Stroke,
-    add_building,
-    add_energies,
-    add_energy_bars,
-    add_fragility,
-    add_front,
-    add_height_line,
-    add_ida,
-    energy_parts,
-    name_heights,
-    response_unit,
-    strokes,
-)
-from mrwork.plots.style import with_unit
-from mrwork.study.fragilities import Fragilities
-from mrwork.study.results import BuildingFacts, StudyResults
+from mrwork.plots.style import DisplayUnit, with_unit
+from mrwork.study.fragilities import Fragilities, Fragility
+from mrwork.study.results import StudyResults
 from mrwork.tuning.judging import TunedStudy
 from mrwork.tuning.results import Front, TuningResults
 
-SpectrumQuantity = Literal[
-    "pseudo_acceleration", "pseudo_velocity", "acceleration", "velocity", "displacement"
-]
-
-_UNITS: dict[SpectrumQuantity, str] = {
-    "pseudo_acceleration": "m/s^2", "pseudo_velocity": "m/s", "acceleration": "m/s^2", "velocity": "m/s",
-    "displacement": "m",
-}  # fmt: skip
-# Periods of most buildings [s].
-_PERIODS = (0.05, 4.0, 120)
+_NONE_FINISHED = "none of these runs finished, and there is nothing to draw; see `outcome`"
+RATIO = "peak_drift_ratio"
+MARKERS = ("o", "s", "^", "D", "v", "P")
+_DOTTED, _DASHED = (0, (1.2, 1.6)), (0, (5, 2))
 
 
-@figure
-def spectra(
-    result: GroundMotion | ResponseSpectrum,
-    ax: Axes | None = None,
-    *,
-    quantity: SpectrumQuantity = "pseudo_acceleration",
-    periods: ArrayLike | None = None,
-    damping: float | None = None,
-    legend: bool = True,
-) -> Axes:
-    """Response spectrum over the period; several motions are drawn one after the other into the same axes.
+@dataclass(frozen=True, slots=True)
+class Stroke:
+    """Colour, pattern, width [pt] and marker of the lines of a row."""
 
-    Parameters
-    ----------
-    result
-        A motion, or a spectrum of one.
-    ax, legend
-        As in `histories`.
-    quantity
-        Ordinate.
-    periods, damping
-        Of the spectrum of a motion [s, 1]; by default from 0.05 to 4 s at 5 % damping.
+    colour: str
+    pattern: str | tuple[int, tuple[float, ...]] = "-"
+    width: float = 1.4
+    marker: str = "o"
 
-    Raises
-    ------
-    SettingError
-        As `mr.response_spectrum`; also if periods or damping are given for a spectrum, which has its own.
 
-    Examples
-    --------
-    >>> import mrwork as mr
-    >>> axes = mr.synthetic_motion(duration=5.0).plot.spectra(quantity="displacement")
-    >>> axes.get_ylabel()
-    'Displacement (mm)'
+def strokes(
+    results: StudyResults | Fragilities, coloured: Collection[int] | None = None
+) -> tuple[Stroke, ...]:
+    """The stroke of each row: dark tones and grey for references, a hue for each of six others, thin grey for more.
+
+    Of the others those in `coloured` have hues, in its order; by default the first.
     """
-    if isinstance(result, GroundMotion):
-        label = result.name
-        shares = np.geomspace(*_PERIODS) if periods is None else periods
-        spectrum = response_spectrum(result, shares, damping=0.05 if damping is None else damping)
-    elif periods is None and damping is None:
-        label, spectrum = f"{100.0 * result.damping:g} % damping", result
-    else:
-        raise SettingError("a spectrum has its own periods and damping; leave both out, or give the motion")
-    axes, values = axes_for(ax), getattr(spectrum, quantity)
-    unit = shown_unit_of(_UNITS[quantity], float(values.max()))
-    colour = style.hue(len(axes.get_lines()))
-    axes.plot(spectrum.periods, values * unit.factor, color=colour, linewidth=1.4, label=label)
-    axes.set_ylim(bottom=0.0)
-    ordinate = with_unit(quantity.replace("_", "-").capitalize(), unit.symbol)
-    return finished(axes, "Period (s)", ordinate, legend=legend)
+    references = {
+        "uncontrolled": Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7),
+        "passive_off": Stroke(colour=style.FAINT_INK, pattern=_DASHED, width=1.3),
+        "best_passive": Stroke(colour=style.INK, width=1.6),
+    }
+    kinds = [
+        each.kind for each in (results.rows if isinstance(results, StudyResults) else results.rows.values())
+    ]
+    rows = range(len(kinds)) if coloured is None else coloured
+    others = [row for row in rows if kinds[row] not in references]
+    named = (Stroke(hue, marker=marker) for hue, marker in zip(style.HUES, MARKERS, strict=True))
+    own = dict(zip(others, named, strict=False))
+    return tuple(references.get(kind) or own.get(number, _OTHER) for number, kind in enumerate(kinds))
 
 
-@figure
-def suite_spectra(result: SuiteCheck, ax: Axes | None = None, *, legend: bool = True) -> Axes:
-    """Pseudo-acceleration of the motions of a suite with their mean, its target, and 90 % of the target.
-
-    The range of periods within which the mean counts is shaded.
-
-    Parameters
-    ----------
-    result
-        The suite beside its target, of `mr.motions.check_suite`.
-    ax, legend
-        As in `histories`.
-
-    Examples
-    --------
-    >>> import mrwork as mr
-    >>> target = mr.motions.en_1998_spectrum(2.0, "B")
-    >>> check = mr.motions.check_suite(mr.motions.suite("firm", 3, rng=0), target, period=0.8)
-    >>> drawn = mr.plots.drawn_data(check.plot.suite_spectra())
-    >>> mean = drawn[drawn["curve"] == "Mean"]
-    """
-    target = result.target.acceleration(result.periods)
-    axes = axes_for(ax)
-    axes.axvspan(*(end * result.period for end in RANGE), color=style.WINDOW, zorder=0)
-    for number, (name, spectrum) in enumerate(zip(result.names, result.spectra, strict=True)):
-        label = None if number else "Motions"
-        axes.plot(result.periods, spectrum, color=style.DATA, linewidth=0.6, label=label, gid=name)
-    for values, colour, pattern, width, label in (
-        (result.mean, style.MODEL, "-", 1.6, "Mean"),
-        (target, style.INK, "-", 1.4, result.target.name),
-        (LEAST_RATIO * target, style.INK, style.DASHED, 1.0, f"{100.0 * LEAST_RATIO:g} % of it"),
-    ):
-        axes.plot(result.periods, values, color=colour, linestyle=pattern, linewidth=width, label=label)
-    axes.set_ylim(bottom=0.0)
-    return finished(axes, "Period (s)", with_unit("Pseudo-acceleration", "m/s^2"), legend=legend)
+_OTHER = Stroke(colour=style.DATA, width=0.6, marker="")
 
 
-@figure
-def building(result: Building, ax: Axes | None = None) -> Axes:
-    """Floors of a frame with their masses, and storeys with their stiffnesses.
-
-    Parameters
-    ----------
-    result
-        The building: a chain of floors, each on the spring of its storey.
-    ax
-        As in `histories`.
-
-    Raises
-    ------
-    SettingError
-        If the building is no such chain.
-
-    Examples
-    --------
-    >>> import mrwork as mr
-    >>> axes = mr.building("uts").plot.building()
-    """
-    facts = BuildingFacts.of(result)
-    if len(facts.stiffnesses) != len(facts.masses):
-        raise SettingError(
-            f"{result.name} is no chain of floors, each on the spring of its storey; its modes are in its `repr`"
-        )
-    axes = axes_for(ax)
-    add_building(axes, facts)
-    return axes
-
-
-@figure
-def pushover(result: Pushover, ax: Axes | None = None, *, legend: bool = True) -> Axes:
-    """Base shear over the displacement of the roof of a frame that is pushed.
-
-    Parameters
-    ----------
-    result
-        The frame that was pushed, of `mr.buildings.pushover`.
-    ax, legend
-        As in `histories`.
-
-    Examples
-    --------
-    >>> import mrwork as mr
-    >>> frame = mr.buildings.with_storeys_that_yield(mr.building("uts"), yield_drift=0.005)
-    >>> axes = mr.buildings.pushover(frame, steps=10).plot.pushover()
-    >>> axes.get_ylabel()
-    'Base shear (kN)'
-    """
-    axes, unit = axes_for(ax), shown_unit_of("N", float(result.base_shear.max()))
-    axes.plot(1e3 * result.roof, unit.factor * result.base_shear, color=style.MODEL, label=result.pattern)
-    axes.set_xlim(left=0.0)
-    axes.set_ylim(bottom=0.0)
-    return finished(
-        axes, "Displacement of the roof (mm)", with_unit("Base shear", unit.symbol), legend=legend
-    )
-
-
-# Bars that fit into a figure.
-_MOST_BARS = 60
+def short(text: str, most: int) -> str:
+    """A label of at most `most` characters."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 @figure
@@ -228,6 +90,7 @@ def storey_profiles(
     quantity: str = "peak_drift",
     motion: str | int | None = None,
     rows: Sequence[str | int] = (),
+    behind: Sequence[str | int] = (),
     legend: bool = True,
 ) -> Axes:
     """A quantity of storeys or floors over the height, a line for each row or candidate that finished.
@@ -239,12 +102,16 @@ def storey_profiles(
     ax, legend
         As in `histories`.
     quantity
-        Quantity of a run that storeys or floors have, such as "peak_drift" or "peak_acceleration".
+        Quantity of a run that storeys or floors have, such as "peak_drift" or "peak_acceleration"; of a study whose
+        building has heights also "peak_drift_ratio", with its limit dashed.
     motion
-        Name or number of the ground motion, by default the first.
+        Name or number of the ground motion; by default the first of a batch, and of a study the mean over the motions
+        on which it is judged, with the range of the first row shaded.
     rows
-        Labels or numbers of rows of a study, or numbers of candidates; by default all. More than eight are drawn in
-        tones from light to dark.
+        Labels or numbers of rows of a study, or numbers of candidates, the first in front; by default all. More than
+        eight are drawn in tones from light to dark.
+    behind
+        Rows of a study that are drawn behind, in thin grey.
 
     Raises
     ------
@@ -260,25 +127,109 @@ def storey_profiles(
     >>> axes = responses.plot.storey_profiles(rows=[0, 5])  # doctest: +SKIP
     """
     known = [each.name for each in run_quantities() if each.axis in ("storey", "floor")]
+    facts = result.building if isinstance(result, StudyResults) else None
+    if facts is not None and facts.has_ratios:
+        known.append(RATIO)
     check_known(quantity, known, f"storeys and floors have no quantity {quantity!r}", otherwise="they have")
-    runs = _runs(result, motion, rows)
-    values = np.array([each.numbers[quantity] for each in runs])
-    (axis,), si_unit = own_axis(quantity), unit_of(quantity)
+    base = "peak_drift" if quantity == RATIO else quantity
+    (axis,) = own_axis(base)
     if isinstance(result, StudyResults):
         names = result.floor_names if axis == "floor" else result.storey_names
+        lines = _lines_of_study(result, base, motion, rows, behind)
     else:
-        names = tuple(f"{axis} {number}" for number in range(1, 1 + values.shape[1]))
-    axes, unit = axes_for(ax), shown_unit_of(si_unit, float(values.max()))
-    for each, line in zip(runs, values, strict=True):
-        add_height_line(axes, line * unit.factor, each.stroke, each.label)
+        runs = _runs(result, motion, rows)
+        lines = [
+            _Line(label=label, values=numbers[base][None], stroke=_stroke(number, len(runs)))
+            for number, (label, numbers) in enumerate(runs.items())
+        ]
+        names = tuple(f"{axis} {number}" for number in range(1, 1 + lines[0].values.shape[1]))
+    factor: Floats | float
+    if quantity == RATIO and facts is not None:
+        factor, symbol = 100.0 / np.array(facts.heights), "%"
+    else:
+        unit = shown_unit_of(unit_of(quantity), max(float(line.values.max()) for line in lines))
+        factor, symbol = unit.factor, unit.symbol
+    axes, heights = axes_for(ax), np.arange(1, len(names) + 1)
+    for number, line in enumerate(lines):
+        axes.plot(
+            factor * line.values.mean(axis=0),
+            heights,
+            color=line.stroke.colour,
+            linestyle=line.stroke.pattern,
+            linewidth=line.stroke.width,
+            marker=line.stroke.marker,
+            markersize=3.2,
+            label=line.label,
+            zorder=3.0 - number / len(lines),
+        )
+    first = factor * lines[0].values
+    if len(first) > 1:
+        ends = first.min(axis=0), first.max(axis=0)
+        axes.fill_betweenx(heights, *ends, color=style.BAND, linewidth=0.0, zorder=0.5)
+    if quantity == RATIO and facts is not None and facts.drift_limit:
+        axes.axvline(100.0 * facts.drift_limit, color=style.INK, linestyle=style.DASHED, linewidth=0.9)
     axes.set_xlim(left=0.0)
     name_heights(axes, names)
     return finished(
         axes,
-        with_unit(quantity.replace("_", " ").capitalize(), unit.symbol),
+        with_unit(quantity.replace("_", " ").capitalize(), symbol),
         "",
-        legend=legend and len(runs) <= len(style.HUES),
+        legend=legend and len(lines) <= len(style.HUES),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Line:
+    """A row over the height: its values under each motion, shape (n_motions, n_heights)."""
+
+    label: str
+    values: Floats
+    stroke: Stroke
+
+
+def _lines_of_study(
+    results: StudyResults,
+    quantity: str,
+    motion: str | int | None,
+    rows: Sequence[str | int],
+    behind: Sequence[str | int],
+) -> list[_Line]:
+    """The rows of a study that finished under a motion, or else under all on which it is judged."""
+    labels = [each.label for each in results.rows]
+    names = [each.name for each in results.motions]
+    motions = results.judged_motions if motion is None else (chosen(motion, names, "motion"),)
+    first, others = ([chosen(row, labels, "row") for row in each] for each in (rows, behind))
+    first = first or [row for row in range(len(labels)) if row not in others]
+    of_row = strokes(results, first)
+    finished = set(range(len(labels))).intersection(*(results.finished_rows(each) for each in motions))
+    lines = [
+        _Line(
+            label=labels[row],
+            values=np.array([results.runs[row, each].numbers[quantity] for each in motions]),
+            stroke=of_row[row],
+        )
+        for row in (*first, *others)
+        if row in finished
+    ]
+    if not lines:
+        raise SettingError(_NONE_FINISHED)
+    return lines
+
+
+def name_heights(axes: Axes, names: Sequence[str], *, numbers: bool = False) -> None:
+    """Names of storeys or floors at their numbers on the ordinate, or these numbers alone."""
+    # Of many floors only every second, fifth or tenth is labelled.
+    room = 8 if numbers else 14
+    step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= room * step or step == 20)
+    places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
+    axes.set_yticks(places, [str(n) if numbers else short(names[n - 1], 13) for n in places])
+    axes.set_ylim(0.6, len(names) + 0.4)
+
+
+ENERGY_PARTS = {"Dampers": style.MODEL, "Structure": style.BAND_EDGE, "Still moving": style.DATA}
+"""Where the input energy is at the end of a motion, with the tones."""
+# Bars that fit into a figure, and samples of a course.
+_MOST_BARS, _COURSE_SAMPLES = 60, 350
 
 
 @figure
@@ -313,31 +264,61 @@ def energies(
     if isinstance(result, History):
         return _course(result, ax, legend=legend)
     runs = _runs(result, motion, rows)
-    parts = np.array([energy_parts(each.numbers) for each in runs])
+    parts = np.array([energy_parts(each) for each in runs.values()])
     if len(runs) > _MOST_BARS:
         raise SettingError(
             f"there are {len(runs)} runs, and {_MOST_BARS} bars can be read; choose some by `rows`"
         )
     axes = axes_for(ax, rows=len(runs))
-    add_energy_bars(axes, [each.label for each in runs], parts)
-    if ax is None:
-        vertical_grid(axes)
-    return finished(axes, axes.get_xlabel(), axes.get_ylabel(), legend=legend)
+    rising = parts[::-1]
+    unit = style.energy_unit(float(np.abs(rising).sum(axis=1).max(initial=0.0)))
+    ends, places = np.zeros(len(runs)), range(len(runs))
+    for amounts, (label, tone) in zip(unit.factor * rising.T, ENERGY_PARTS.items(), strict=True):
+        axes.barh(places, amounts, left=ends, height=0.62, color=tone, label=label)
+        ends = ends + amounts
+    axes.set_yticks(places, [*reversed(runs)])
+    axes.set_xlim(0.0, 1.02 * float(ends.max(initial=0.0)) or 1.0)
+    vertical_grid(axes)
+    return finished(axes, f"Energy ({unit.symbol})", "", legend=legend)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Run:
-    """A run that finished: its label, its quantities and the stroke of its line."""
+def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
+    """The energy of each of `ENERGY_PARTS` at the end of a run, of which these are the quantities [J].
 
-    label: str
-    numbers: Mapping[str, Any]
-    stroke: Stroke
+    What is not in the devices and does not move is in the structure: its damping, and its storeys that yield.
+    """
+    devices = np.sum(numbers["device_energy"])
+    if "element_energy" in numbers:
+        # The elements of `Responses` are the passive devices and the storeys that yield.
+        devices += np.sum(numbers["element_energy"]) - np.nansum(numbers["storey_energy"])
+    moving = numbers["kinetic_energy"] + numbers["strain_energy"]
+    return float(devices), float(numbers["input_energy"] - devices - moving), float(moving)
+
+
+def _course(history: History, ax: Axes | None, *, legend: bool) -> Axes:
+    """The energy that was given, cumulative over time, above its `ENERGY_PARTS`."""
+    numbers: Mapping[str, Floats] = history.numbers
+    given, damping = numbers["input_energy"], numbers["damping_energy"]
+    devices = numbers["device_energy"].sum(axis=1) + numbers["element_energy"].sum(axis=1)
+    unit = style.energy_unit(float(np.abs(given).max(initial=0.0)))
+    every = slice(None, None, max(1, len(given) // _COURSE_SAMPLES))
+    time, given, devices, damping = (
+        history.time[every],
+        *(unit.factor * each[every] for each in (given, devices, damping)),
+    )
+    parts, axes = (devices, damping, given - devices - damping), axes_for(ax)
+    axes.stackplot(time, *parts, colors=[*ENERGY_PARTS.values()], labels=[*ENERGY_PARTS], linewidth=0.0)
+    axes.plot(time, given, color=style.INK, linewidth=0.9, label="Input")
+    # An actuator may supply energy; the energy that it takes up is then negative.
+    axes.set_ylim(0.0, 1.05 * max(float(given.max()), float((devices + damping).max()), 1e-9))
+    axes.margins(x=0.0)
+    return finished(axes, "Time (s)", f"Energy ({unit.symbol})", legend=legend)
 
 
 def _runs(
     result: Responses | StudyResults, motion: str | int | None, rows: Sequence[str | int]
-) -> list[_Run]:
-    """The runs of these rows or candidates under a motion that finished."""
+) -> dict[str, Mapping[str, Any]]:
+    """Quantities of the runs of these rows or candidates under a motion that finished, by their labels."""
     if isinstance(result, StudyResults):
         place = chosen(motion, [each.name for each in result.motions], "motion")
         labels = [each.label for each in result.rows]
@@ -354,16 +335,10 @@ def _runs(
             if np.isfinite(result.energy_error[run])
         }
     asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
-    if isinstance(result, StudyResults):
-        of_row = dict(enumerate(strokes(result, asked)))
-    else:
-        of_row = {row: _stroke(number, len(asked)) for number, row in enumerate(asked)}
-    finished = [
-        _Run(label=labels[row], numbers=numbers[row], stroke=of_row[row]) for row in asked if row in numbers
-    ]
-    if not finished:
-        raise SettingError("none of these runs finished, and there is nothing to draw; see `outcome`")
-    return finished
+    found = {labels[row]: numbers[row] for row in asked if row in numbers}
+    if not found:
+        raise SettingError(_NONE_FINISHED)
+    return found
 
 
 def _stroke(number: int, count: int) -> Stroke:
@@ -371,16 +346,6 @@ def _stroke(number: int, count: int) -> Stroke:
     if count <= len(style.HUES):
         return Stroke(style.hue(number), marker=MARKERS[number])
     return Stroke(to_hex(style.TONES(number / (count - 1))), width=0.6)
-
-
-def _course(history: History, ax: Axes | None, *, legend: bool) -> Axes:
-    numbers: Mapping[str, Floats] = history.numbers
-    devices = numbers["device_energy"].sum(axis=1) + numbers["element_energy"].sum(axis=1)
-    damping, given = numbers["damping_energy"], numbers["input_energy"]
-    moving = given - devices - damping
-    axes = axes_for(ax)
-    ordinate = add_energies(axes, history.time, given, devices, moving)
-    return finished(axes, "Time (s)", ordinate, legend=legend)
 
 
 @figure
@@ -422,9 +387,16 @@ def fronts(
                 f"the tuning {result.title!r} has no front; give two `objectives` or more in its table [[tune]]"
             )
         result = result.fronts[chosen(law, [each.label for each in result.fronts], "law")]
-    axes = axes_for(ax)
-    add_front(axes, result)
-    return finished(axes, axes.get_xlabel(), axes.get_ylabel(), legend=legend)
+    axes, (first, second) = axes_for(ax), result.objectives[:2]
+    for label, colour, marker, points in (
+        ("training", style.FAINT_INK, "o-", [each.train for each in result.points]),
+        ("test", style.MODEL, "o", [each.test for each in result.points if each.test is not None]),
+    ):
+        if points:
+            drawn = np.array(sorted(((each[first], each[second]) for each in points), key=itemgetter(0))).T
+            axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
+    names = (f"{criterion(each).title} over i = 0" for each in (first, second))
+    return finished(axes, *names, legend=legend)
 
 
 def _designs(front: SizeFront, ax: Axes | None) -> Axes:
@@ -437,6 +409,9 @@ def _designs(front: SizeFront, ax: Axes | None) -> Axes:
 
 # Panels of incremental dynamic analyses that can be read.
 _MOST_PANELS = 6
+# Shares of the records in an incremental dynamic analysis, and how far beyond the limit responses are drawn.
+_SHARES, _BEYOND = (0.16, 0.5, 0.84), 3.0
+_CURVE_POINTS = 120
 
 
 @figure
@@ -468,17 +443,42 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
     >>> found = mr.fragility(results, limit={"peak_drift_ratio": "1 %"})  # doctest: +SKIP
     >>> panels = found.plot.ida(rows=["uncontrolled", "Passive-on"])  # doctest: +SKIP
     """
-    unit, of_row, labels = response_unit(result), strokes(result), [*result.rows]
+    of_row, labels = strokes(result), [*result.rows]
+    # Per cent of a drift ratio.
+    unit = DisplayUnit(
+        symbol="%" if result.in_percent else result.unit.removesuffix("1").replace("2", "²"),
+        factor=100.0 if result.in_percent else 1.0,
+    )
     drawn = [chosen(row, labels, "arrangement") for row in rows] or [*range(len(labels))][:_MOST_PANELS]
     panels = panels_for(ax, len(drawn), "ida")
     for axes, row in zip(panels, drawn, strict=True):
         one = result[labels[row]]
-        add_ida(axes, result, one, of_row[row])
-        axes.set(
-            xlabel=with_unit(criterion(result.criterion).title, unit.symbol), ylabel=f"{one.measure} (g)"
-        )
-        axes.set_title(one.label, loc="left", fontsize="small")
+        _draw_ida(axes, result, one, of_row[row], unit)
+        finished(axes, with_unit(criterion(result.criterion).title, unit.symbol), f"{one.measure} (g)")
+        axes.set_title(short(one.label, 26), loc="left", fontsize="small")
     return panels
+
+
+def _draw_ida(axes: Axes, found: Fragilities, one: Fragility, stroke: Stroke, unit: DisplayUnit) -> None:
+    """Intensity [g] over the response, a line for each record, with 16, 50 and 84 % of the records and the limit."""
+    levels = np.concatenate([[0.0], one.levels]) / STANDARD_GRAVITY
+    limit = unit.factor * found.limit
+    responses = unit.factor * np.pad(one.responses, ((0, 0), (1, 0)))
+    axes.axvline(limit, color=style.RESIDUAL, linestyle=style.DASHED, linewidth=1.0, label="limit")
+    for number, line in enumerate(responses):
+        known = np.isfinite(line)
+        label = "a record" if number == 0 else f"_{one.crossings[number].record}"
+        axes.plot(line[known], levels[known], color=style.DATA, linewidth=0.6, label=label)
+    whole = ~np.isnan(responses).any(axis=0)
+    for share, width in zip(_SHARES, (1.1, 1.9, 1.1), strict=True):
+        at = np.quantile(responses[:, whole], share, axis=0, method="inverted_cdf")
+        known = np.isfinite(at)
+        label = "16, 50, 84 % of them" if share == _SHARES[0] else f"_{100.0 * share:.0f} %"
+        axes.plot(at[known], levels[whole][known], color=stroke.colour, linewidth=width, label=label)
+    every = np.concatenate([each.responses for each in found.rows.values()])
+    largest = unit.factor * float(every[np.isfinite(every)].max(initial=0.0))
+    axes.set_xlim(0.0, min(max(largest, 1.1 * limit), _BEYOND * limit))
+    axes.set_ylim(0.0, 1.02 * float(levels[-1]))
 
 
 @figure
@@ -514,16 +514,28 @@ def fragility(
     """
     axes, labels, of_row = axes_for(ax), [*result.rows], strokes(result)
     for row in [chosen(each, labels, "arrangement") for each in rows] or range(len(labels)):
-        add_fragility(axes, result[labels[row]], of_row[row])
+        _draw_fragility(axes, result[labels[row]], of_row[row])
     ordinate = f"Probability ({result.title} ≥ {result.limit_value})"
     return finished(axes, f"{result[labels[0]].measure} (g)", ordinate, legend=legend)
 
 
-@style.drawn_in_style()
-def building_html(building: Building) -> str:
-    """The drawing of a chain of floors, for a notebook."""
-    figure, axes = small_axes()
-    add_building(axes, BuildingFacts.of(building))
-    written = io.StringIO()
-    figure.savefig(written, format="svg")
-    return written.getvalue().partition("<!DOCTYPE")[2].partition(">")[2]
+def _draw_fragility(axes: Axes, one: Fragility, stroke: Stroke) -> None:
+    """Probability that the limit is reached over intensity [g]: curve, shares at the levels, band of the median."""
+    levels = one.levels / STANDARD_GRAVITY
+    over = np.linspace(0.0, 1.02 * float(levels[-1]), _CURVE_POINTS)[1:]
+    axes.plot(
+        over,
+        [one.probability(STANDARD_GRAVITY * float(each)) for each in over],
+        color=stroke.colour,
+        linestyle=stroke.pattern,
+        linewidth=stroke.width,
+        label=one.label,
+    )
+    axes.plot(
+        levels, one.crossed, linestyle="none", marker=stroke.marker, markersize=3.6, color=stroke.colour
+    )
+    if not one.bound:
+        ends = np.minimum(np.array(one.band) / STANDARD_GRAVITY, over[-1])
+        axes.plot(ends, [0.5, 0.5], color=stroke.colour, linewidth=4.0, alpha=0.35, solid_capstyle="butt")
+    axes.set_xlim(0.0, float(over[-1]))
+    axes.set_ylim(-0.02, 1.02)

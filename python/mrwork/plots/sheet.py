@@ -57,8 +57,9 @@ def figure(function: Callable[Concatenate[ResultT, P], DrawnT]) -> FigureFunctio
 
 def shown_unit_of(unit: str, peak: float) -> DisplayUnit:
     """The unit in which numbers with this SI unit are drawn, of which the largest is `peak`."""
-    if unit == "N":
-        return style.force_unit(peak)
+    if unit in ("N", "N m"):
+        force = style.force_unit(peak)
+        return DisplayUnit(symbol=unit.replace("N", force.symbol), factor=force.factor)
     return _SHOWN.get(unit, DisplayUnit(symbol=unit, factor=1.0))
 
 

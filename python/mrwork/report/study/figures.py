@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from operator import attrgetter
+from typing import get_args
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,22 +17,21 @@ from mrwork.base.numbers import counted, format_fixed, significant
 from mrwork.base.table import TableColumn, page_table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
+from mrwork.closed_loop.responses import History
 from mrwork.plots import style
 from mrwork.plots.canvas import (
     column_axes,
     finish,
-    legend,
     name_above,
     name_rows,
     plain_ticks,
     room_for,
     small_axes,
     symmetric,
-    vertical_grid,
 )
+from mrwork.plots.of_studies import Stroke, energies, short
+from mrwork.plots.of_tests import Motion, commands, loops
 from mrwork.plots.samples import envelope, strong_part
-from mrwork.plots.study_drawing import Stroke, add_energies, add_energy_bars, energy_parts, short
-from mrwork.plots.style import DisplayUnit
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import StudyComparison, judged_in_words, motion_groups
 from mrwork.study.results import MotionFacts, StudyResults
@@ -46,10 +46,9 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     shown = [row for row in results.finished_rows(motion) if row in rows]
     names = [short(results.rows[row].label, 29) for row in shown]
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + 0.30 * len(shown))
-    add_energy_bars(axes, names, [energy_parts(results.runs[row, motion].numbers) for row in shown])
-    vertical_grid(axes)
+    energies(results, axes, motion=motion, rows=shown)
+    axes.set_yticks(range(len(names)), names[::-1])
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2)
     return figure
 
 
@@ -69,17 +68,29 @@ def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figu
     return figure
 
 
+def _signals(history: RunHistory, part: slice) -> History:
+    """A part of a stored history, as `mr.plots` draws one: what the energies have as one array by their names."""
+    numbers = {name: values[part] for name, values in history.numbers.items()}
+    given, kinetic, strain, _, devices = numbers.pop("energy").T
+    # What storeys that yield take up counts as damping.
+    numbers |= {
+        "input_energy": given,
+        "device_energy": devices[:, None],
+        "element_energy": np.empty((len(given), 0)),
+        "damping_energy": given - devices - kinetic - strain,
+    }
+    return History(time=history.time[part], numbers=numbers)
+
+
 @style.drawn_in_style()
-def loop_figure(
-    history: RunHistory, across: Floats, abscissa: str, unit: DisplayUnit, stroke: Stroke
-) -> Figure:
-    """Force of the first damper over `across`, shape (n_time,), in the strong part of a motion."""
+def loop_figure(history: RunHistory, over: Motion, unit: str, stroke: Stroke) -> Figure:
+    """Force of the first damper over its motion, in the strong part of a ground motion."""
     figure, axes = small_axes(labelled=True)
     part = strong_part(history.time, history.force[:, 0], _LOOP_SECONDS)
     drawn = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
-    force = history.force[drawn, 0] * unit.factor
-    axes.plot(across[drawn] * 1e3, force, color=stroke.colour, linewidth=0.7)
-    name_above(axes, f"Force ({unit.symbol})", abscissa)
+    loops(_signals(history, drawn), axes, over=over, unit=unit)
+    axes.get_lines()[-1].set_color(stroke.colour)
+    name_above(axes)
     return figure
 
 
@@ -90,17 +101,13 @@ def command_figure(history: RunHistory, unit: str, largest: float, stroke: Strok
     A strip up to `largest`.
     """
     figure, axes = column_axes(height=2.0)
-    part = strip_of(history)
-    time, signals = history.time[part], (history.command[part, 0], history.current[part, 0])
-    axes.step(time, signals[0], where="post", color=style.DATA, linewidth=2.2, label="sent")
-    axes.plot(time, signals[1], color=stroke.colour, linewidth=1.0, label="in the coil")
-    ordinate = "Current" if unit == "A" else "Voltage"
-    finish(axes, f"{ordinate} ({unit})", "Time (s)")
+    commands(_signals(history, strip_of(history)), axes)
+    axes.get_lines()[1].set_color(stroke.colour)
+    finish(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})")
     axes.margins(x=0.0)
     axes.set_ylim(-0.06 * largest, 1.08 * largest)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
     plain_ticks(axes, 3, "y")
-    legend(axes)
     return figure
 
 
@@ -116,8 +123,8 @@ def strip_of(history: RunHistory) -> slice:
 def energy_history_figure(history: RunHistory) -> Figure:
     """Input energy and its distribution, cumulative from the start and stacked."""
     figure, axes = small_axes(labelled=True)
-    given, kinetic, strain, _, devices = history.energy.T
-    name_above(axes, add_energies(axes, history.time, given, devices, kinetic + strain), "Time (s)")
+    energies(_signals(history, slice(None)), axes, legend=False)
+    name_above(axes)
     return figure
 
 
@@ -171,23 +178,20 @@ def device_section(
     ]
     if not shown:
         return None
-    unit = style.force_unit(max(float(np.abs(history.force[:, 0]).max()) for _, history in shown))
+    unit = style.force_unit(max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)).symbol
     largest = max(float(each[:, 0].max()) for _, run in shown for each in (run.current, run.command)) or 1.0
     device, what = results.device_names[0], "current" if results.command_unit == "A" else "voltage"
-    groups, energies = [], []
+    groups, balances = [], []
     for row, history in shown:
         label, stroke = results.rows[row].label, of_row[row]
         panels = [
             panel(
-                f"loop-{abscissa}-{row}",
+                f"loop-{over}-{row}",
                 "",
-                loop_figure(history, across[:, 0], f"{words} ({length})", unit, stroke),
-                f"Force of {device} against {abscissa} under {name}: {label}",
+                loop_figure(history, over, unit, stroke),
+                f"Force of {device} against {over} under {name}: {label}",
             )
-            for abscissa, across, words, length in (
-                ("displacement", history.deformation, "Damper displacement", "mm"),
-                ("velocity", history.rate, "Velocity", "mm/s"),
-            )
+            for over in get_args(Motion)
         ]
         if max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
             part = strip_of(history)
@@ -197,7 +201,7 @@ def device_section(
             panels.append(panel(f"command-{row}", "", figure, words, f"{first} to {last} s of {end} s"))
         groups.append(Group(title=label, panels=tuple(panels), layout="small"))
         words = f"Energies under {name}: {label}"
-        energies.append(panel(f"energy-{row}", label, energy_history_figure(history), words))
+        balances.append(panel(f"energy-{row}", label, energy_history_figure(history), words))
     about = (
         f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, and "
         f"{what} from the controller and in the coil over a shorter time, where it varies."
@@ -206,7 +210,7 @@ def device_section(
         "Cumulative: dissipated by the dampers (blue) and by the structure and what of it yields (light blue), "
         "kinetic and strain energy (grey), input (line)."
     )
-    last_group = Group(title="Energies", prose=(parts,), panels=tuple(energies), layout="small")
+    last_group = Group(title="Energies", prose=(parts,), panels=tuple(balances), layout="small")
     return Section(
         anchor="devices",
         title=f"Damper under {name}",

@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from mrwork.base.numbers import counted
 from mrwork.base.table import Table
 from mrwork.plots import style
-from mrwork.plots.canvas import column_axes, finish, grid_of_axes, legend
-from mrwork.plots.study_drawing import add_fragility, add_ida, response_unit, short, strokes
-from mrwork.plots.style import with_unit
+from mrwork.plots.canvas import column_axes, grid_of_axes
+from mrwork.plots.of_studies import fragility as draw_fragility
+from mrwork.plots.of_studies import ida
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.fragilities import Fragilities, fragility
 from mrwork.study.results import StudyResults
@@ -22,26 +22,19 @@ _PANEL, _COLUMNS = (2.5, 2.3), 3
 @style.drawn_in_style()
 def ida_figure(found: Fragilities) -> Figure:
     """Intensity over the response, a panel for each arrangement."""
-    of_row, unit, rows = strokes(found), response_unit(found), [*found.rows.values()][:_DRAWN]
-    figure, panels = grid_of_axes(len(rows), _COLUMNS, _PANEL)
-    for number, (axes, one) in enumerate(zip(panels, rows, strict=True)):
-        add_ida(axes, found, one, of_row[number])
-        axes.set_title(short(one.label, 26), loc="left")
-        axes.set_xlabel(with_unit(f"{found.title[:1].upper()}{found.title[1:]}", unit.symbol))
-        axes.set_ylabel(f"{one.measure} (g)")
+    count = min(len(found.rows), _DRAWN)
+    figure, panels = grid_of_axes(count, _COLUMNS, _PANEL)
+    ida(found, panels, rows=range(count))
     return figure
 
 
 @style.drawn_in_style()
 def fragility_figure(found: Fragilities) -> Figure:
     """Probability that the limit is reached over intensity, a curve for each arrangement."""
-    rows = [*found.rows.values()][:_DRAWN]
-    figure, axes = column_axes(left=0.75, top=0.34 + 0.18 * ((len(rows) - 1) // _COLUMNS))
-    for one, stroke in zip(rows, strokes(found), strict=False):
-        add_fragility(axes, one, stroke)
-    finish(axes, "", f"{rows[0].measure} (g)")
+    count = min(len(found.rows), _DRAWN)
+    figure, axes = column_axes(left=0.75, top=0.34 + 0.18 * ((count - 1) // _COLUMNS))
+    draw_fragility(found, axes, rows=range(count))
     axes.set_ylabel("Probability")
-    legend(axes, columns=_COLUMNS)
     return figure
 
 

@@ -14,10 +14,10 @@ from mrwork.base.summary import list_names
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
-from mrwork.closed_loop.responses import axis_of
 from mrwork.plots import style
 from mrwork.plots.canvas import coinciding, small_axes
-from mrwork.plots.study_drawing import Stroke, add_building, short, strokes
+from mrwork.plots.of_buildings import building
+from mrwork.plots.of_studies import RATIO, Stroke, short, strokes
 from mrwork.report.section import Lead, Panel, first_sentences, panel
 from mrwork.report.study.storey_section import profile_figure
 from mrwork.study.comparison import (
@@ -35,7 +35,7 @@ from mrwork.study.comparison import (
     verdict,
 )
 from mrwork.study.fragilities import Fragilities
-from mrwork.study.results import OFF_BALANCE, BuildingFacts, StudyResults, ratio_band
+from mrwork.study.results import OFF_BALANCE, StudyResults, ratio_band
 from mrwork.study.tables import MOST_DRAWN
 from mrwork.tuning.judging import TunedStudy
 
@@ -245,58 +245,28 @@ def _line(stroke: Stroke) -> Markup:
 
 def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Panel]:
     """Peaks over the height, means over the judged motions; the range over these of the first row is shaded."""
-    for quantity in BOTH:
-        in_ratios = quantity == BOTH[0] and results.building is not None and results.building.has_ratios
-        title = criterion("peak_drift_ratio" if in_ratios else quantity).title
-        rows = [*dict.fromkeys([*drawn, *range(len(results.rows))])][:MOST_DRAWN]
-        values = {row: each for row in rows if (each := _peaks(results, row, quantity)) is not None}
-        if not values:
-            continue
-        named = [row for row in drawn if row in values]
-        lines = {results.rows[row].label: values[row].mean(axis=0) for row in named}
-        shaded = named[:1] if len(results.judged_motions) > 1 else []
-        note = [
-            f"Means; shaded, the range of {results.rows[row].label}." for row in shaded if quantity == BOTH[0]
-        ]
+    judged = results.judged_motions
+    rows = [*dict.fromkeys([*drawn, *range(len(results.rows))])][:MOST_DRAWN]
+    finished = set(rows).intersection(*(results.finished_rows(motion) for motion in judged))
+    named = [row for row in drawn if row in finished]
+    if not named:
+        return
+    shaded = f"Means; shaded, the range of {results.rows[named[0]].label}." if len(judged) > 1 else ""
+    in_ratios = results.building is not None and results.building.has_ratios
+    for name in BOTH:
+        quantity = RATIO if in_ratios and name == BOTH[0] else name
+        title = criterion(quantity).title
+        figure = profile_figure(results, quantity, named, [row for row in rows if row not in drawn])
+        curves = figure.axes[0].get_lines()[: len(named)]
+        lines = {str(line.get_label()): np.asarray(line.get_xdata()) for line in curves}
         yield panel(
-            f"front-{quantity.replace('_', '-')}",
+            f"front-{name.replace('_', '-')}",
             title,
-            _profile_figure(results, quantity, values, drawn, shaded),
-            f"{title} of each storey or floor, {len(values)} arrangements, mean over {judged_in_words(results)}",
-            " ".join([*note, coinciding(lines)]).strip(),
+            figure,
+            f"{title} of each storey or floor, {len(finished)} arrangements, mean over {judged_in_words(results)}",
+            " ".join([shaded, coinciding(lines)]).strip(),
         )
-
-
-def _peaks(results: StudyResults, row: int, quantity: str) -> Floats | None:
-    """Peaks under each judged motion, shape (n_motions, n_heights); `None` unless all runs finished."""
-    runs = [results.runs.get((row, motion)) for motion in results.judged_motions]
-    finished = all(run is not None and run.finished for run in runs)
-    return np.array([getattr(run, quantity) for run in runs]) if finished else None
-
-
-def _profile_figure(
-    results: StudyResults,
-    quantity: str,
-    values: dict[int, Floats],
-    drawn: Sequence[int],
-    shaded: Sequence[int],
-) -> Figure:
-    """A line for each row with values, the first of the `drawn` ones in front, and the range of the `shaded` ones."""
-    drift, facts, limit = axis_of(quantity) == "storey", results.building, 0.0
-    factor: Floats | float = 1e3 if drift else 1.0
-    abscissa = "Drift (mm)" if drift else "Acceleration (m/s²)"
-    if drift and facts is not None and facts.has_ratios:
-        factor, abscissa = 100.0 / np.array(facts.heights), "Drift ratio (%)"
-        limit = 100.0 * facts.drift_limit
-    of_row = strokes(results, drawn)
-    order = [*sorted(set(values) - set(drawn)), *(row for row in reversed(drawn) if row in values)]
-    return profile_figure(
-        {results.rows[row].label: (factor * values[row].mean(axis=0), of_row[row]) for row in order},
-        results.storey_names if drift else results.floor_names,
-        ("Storey" if drift else "Floor", abscissa),
-        [factor * values[row] for row in shaded],
-        limit,
-    )
+        shaded = ""
 
 
 def _building_panel(results: StudyResults) -> Iterator[Panel]:
@@ -309,7 +279,7 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     yield panel(
         "front-building",
         "Building",
-        _building_figure(results, facts),
+        _building_figure(results),
         f"{facts.name}: {len(facts.masses)} floors with masses and stiffnesses of the storeys; dampers: "
         f"{', '.join(dampers) or 'none'}",
         f"Dampers: {list_names(dampers, 4)}" if dampers else "No dampers",
@@ -317,11 +287,11 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
 
 
 @style.drawn_in_style()
-def _building_figure(results: StudyResults, facts: BuildingFacts) -> Figure:
+def _building_figure(results: StudyResults) -> Figure:
     """The building with its dampers."""
     figure, axes = small_axes(labelled=True)
     axes.set_position((0.02, 0.02, 0.96, 0.94))
-    add_building(axes, facts, [*(damper.storey for damper in results.dampers), *facts.passive_storeys])
+    building(results, axes)
     return figure
 
 

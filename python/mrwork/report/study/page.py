@@ -10,7 +10,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, percent, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
-from mrwork.plots.study_drawing import strokes
+from mrwork.plots.of_studies import strokes
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Section, panel, warning_section
 from mrwork.report.study.figures import (
@@ -172,7 +172,7 @@ def study_page(
         None if found is None else fragility_section(results, found),
         _criteria_section(results, shown),
         history_section(results, histories, shown.with_histories, of_row),
-        storey_section(results, [*first, *bare], drawn_rows(comparison), of_row),
+        storey_section(results, [*first, *bare], drawn_rows(comparison)),
         device_section(results, histories, first, of_row),
         energy_section(results, shown),
         band_section(bands_of_study(results, shown.listed), results.n_realisations),

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.base.values import Floats
 from mrwork.plots import style
 from mrwork.plots.canvas import name_above, small_axes
-from mrwork.plots.study_drawing import Stroke, add_height_line, name_heights
+from mrwork.plots.of_studies import name_heights, storey_profiles
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import judged_in_words
 from mrwork.study.results import StudyResults
@@ -20,53 +18,35 @@ from mrwork.study.storeys import OVERTURNING, SHEAR, limits_in_words, storey_tab
 
 @style.drawn_in_style()
 def profile_figure(
-    lines: Mapping[str, tuple[Floats, Stroke]],
-    names: Sequence[str],
-    axes_names: tuple[str, str],
-    shaded: Sequence[Floats] = (),
-    limit: float = 0.0,
+    results: StudyResults, quantity: str, rows: Sequence[int], behind: Sequence[int] = ()
 ) -> Figure:
-    """Values over the height, those that come last in front, over the range of the rows that are shaded.
-
-    `axes_names` are those of the height and of the values; at a `limit` above 0 is a dashed line.
-    """
+    """A quantity over the height, mean over the judged motions, with numbers of storeys or floors at the ordinate."""
     figure, axes = small_axes(labelled=True)
-    for label, (values, stroke) in lines.items():
-        add_height_line(axes, values, stroke, label)
-    for values in shaded:
-        heights = np.arange(1, len(names) + 1)
-        low, high = values.min(axis=0), values.max(axis=0)
-        axes.fill_betweenx(heights, low, high, color=style.BAND, linewidth=0.0, zorder=0.5)
-    if limit:
-        axes.axvline(limit, color=style.INK, linestyle=style.DASHED, linewidth=0.9)
+    storey_profiles(results, axes, quantity=quantity, rows=rows, behind=behind, legend=False)
+    of_floors = quantity == "peak_acceleration"
+    names = results.floor_names if of_floors else results.storey_names
     name_heights(axes, names, numbers=True)
-    axes.set_xlim(left=0.0)
+    name_above(axes, "Floor" if of_floors else "Storey")
     wide = axes.get_xlim()[1] >= 1e4
     axes.xaxis.set_major_locator(MaxNLocator(nbins=2 if wide else 4, steps=[1, 2, 5, 10]))
-    name_above(axes, *axes_names)
     return figure
 
 
-def storey_section(
-    results: StudyResults, first: Sequence[int], drawn: Sequence[int], of_row: Sequence[Stroke]
-) -> Section | None:
+def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[int]) -> Section | None:
     """Peaks of storeys of the `first` rows, and profiles of shear and overturning of the `drawn` ones."""
     table = storey_table(results, first)
     if table is None:
         return None
     panels = []
     for quantity in (SHEAR, OVERTURNING):
-        values = {row: each for row in drawn if (each := quantity.of_runs(results, row)) is not None}
-        if values:
-            lines = {
-                results.rows[row].label: (each.mean(axis=0), of_row[row]) for row, each in values.items()
-            }
+        known = [row for row in drawn if quantity.of_runs(results, row) is not None]
+        if known:
             panels.append(
                 panel(
                     quantity.name.replace("_", "-"),
                     f"{quantity.title} of storeys",
-                    profile_figure(lines, results.storey_names, ("Storey", quantity.heading)),
-                    f"{quantity.title} of each storey, {len(lines)} arrangements, mean over {judged_in_words(results)}",
+                    profile_figure(results, quantity.name, known),
+                    f"{quantity.title} of each storey, {len(known)} arrangements, mean over {judged_in_words(results)}",
                 )
             )
     return Section(

@@ -12,7 +12,7 @@ from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, name_lines
-from mrwork.plots.study_drawing import add_front, short
+from mrwork.plots.of_studies import fronts, short
 from mrwork.report.section import Group, Section, panel
 from mrwork.tuning.judging import TunedStudy
 from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults, places_table, speed_in_words
@@ -53,7 +53,7 @@ def course_figure(laws: Sequence[TunedLaw]) -> Figure:
 def front_figure(front: Front) -> Figure:
     """The first two objectives of a Pareto front, on the training and on the test motions."""
     figure, axes = column_axes()
-    add_front(axes, front)
+    fronts(front, axes, legend=False)
     axes.legend(loc="upper right")
     return figure
 
