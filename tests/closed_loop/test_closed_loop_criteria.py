@@ -83,8 +83,9 @@ def test_a_building_without_devices_has_no_device_force() -> None:
 def test_the_score_of_i_zero_is_one_and_halves_with_its_criteria() -> None:
     passive = [values(responses(1), Scales(weight=1.0)), values(responses(1), Scales(weight=1.0))]
     halved = [{name: value / 2.0 for name, value in each.items()} for each in passive]
-    assert score(passive, passive) == pytest.approx(1.0, rel=1e-15)
-    assert score(halved, passive) == pytest.approx(0.5, rel=1e-15)
+    for of_run, at_zero, expected in ((passive, passive, 1.0), (halved, passive, 0.5)):
+        ratios = {name: ratio(of_run[0][name], at_zero[0][name]) for name in SCORE}
+        assert score(ratios) == pytest.approx(expected, rel=1e-15)
 
 
 def test_names_are_unique_and_labels_name_their_paper() -> None:

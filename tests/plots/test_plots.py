@@ -359,15 +359,15 @@ def test_single_parameters_are_drawn_into_single_axes() -> None:
 
 def test_bars_and_profiles_have_the_numbers_of_their_runs() -> None:
     study = RESULTS["StudyResults"]()
-    runs = [study.runs[row, 0] for row in study.finished_rows(0)]
+    runs = [study.quantities.at(row, 0) for row in study.finished_rows(0)]
     bars = mr.plots.drawn_data(study.plot.energies(Figure().subplots()))
     widths = bars.groupby(["curve", "y"], sort=False)["x"].agg(np.ptp).to_numpy().reshape(3, -1)[:, ::-1].T
     unit = factor(bars["abscissa"][0])
-    assert np.allclose(unit * widths, [energy_parts(run.numbers) for run in runs])
+    assert np.allclose(unit * widths, [energy_parts(run) for run in runs])
     for quantity, unit in (("peak_drift", 1e-3), ("peak_acceleration", 1.0)):
         axes = study.plot.storey_profiles(Figure().subplots(), quantity=quantity, motion=0)
         drawn = unit * mr.plots.drawn_data(axes)["x"].to_numpy()
-        assert np.allclose(drawn, np.concatenate([run.numbers[quantity] for run in runs]))
+        assert np.allclose(drawn, np.concatenate([run[quantity] for run in runs]))
     front = RESULTS["Front"]()
     axes, table = front.plot.fronts(Figure().subplots()), front.to_pandas()
     for line, use in zip(axes.get_lines(), ("train", "test"), strict=True):
@@ -379,7 +379,7 @@ def test_profiles_of_a_study_are_means_over_the_judged_motions_in_ratios_where_h
     assert study.building is not None
     axes = study.plot.storey_profiles(Figure().subplots(), quantity="peak_drift_ratio", rows=[0], behind=[1])
     front, behind = axes.get_lines()[:2]
-    peaks = np.array([study.runs[0, motion].numbers["peak_drift"] for motion in study.judged_motions])
+    peaks = study.quantities.peak_drift[0, list(study.judged_motions), 0]
     ratios = 100.0 * peaks / study.building.heights
     assert np.allclose(front.get_xdata(), ratios.mean(axis=0))
     assert front.get_zorder() > behind.get_zorder()

@@ -121,7 +121,7 @@ def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
     profile, axes = column_axes()
     storey_profiles(results, axes, motion=0, rows=[3])
     drift = read(profile)
-    expected = 1e3 * results.runs[3, 0].peak_drift
+    expected = 1e3 * results.quantities.peak_drift[3, 0, 0]
     assert [row["x"] for row in drift] == [f"{value:.6g}" for value in expected]
     assert [row["y"] for row in drift] == list(results.storey_names)
     assert (drift[0]["abscissa"], drift[0]["curve"]) == ("Peak drift (mm)", "Clipped-optimal")
@@ -130,7 +130,7 @@ def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
     assert [row["curve"] for row in bars] == [
         part for part in ("Dampers", "Structure", "Still moving") for _ in "ab"
     ]
-    assert bars[1]["x"] == bars[2]["x"] == f"{np.sum(results.runs[4, 0].numbers['device_energy']):.6g}"
+    assert bars[1]["x"] == bars[2]["x"] == f"{np.sum(results.quantities.device_energy[4, 0, 0]):.6g}"
 
     with style.drawn_in_style():
         figure, (axes, _) = grid_of_axes(2, 2, (3.0, 3.0))

@@ -48,14 +48,14 @@ def test_every_row_motion_and_warning_stands_on_the_page(page: str) -> None:
         assert motion.name in page
     assert "3.0e-04 of the largest energy" in page
     assert "halve the step" in page.lower()
-    whole = study_samples.results().runs
+    whole = study_samples.runs_by_place(study_samples.results())
     calm = {key: run for key, run in whole.items() if key != (3, 1)}
     assert "halve the step" not in text_of(runs=calm).lower()
     assert "<1 A>" not in page
     assert not re.search(r'(src|href)="(https?:)?//', page)
     names = re.findall(r'\bid="([^"]+)"', page)
     assert len(names) == len(set(names))
-    still = {key: run.with_numbers(input_energy=0.0) if key[0] == 2 else run for key, run in whole.items()}
+    still = {key: {**run, "input_energy": 0.0} if key[0] == 2 else run for key, run in whole.items()}
     assert "nan" not in text_of(runs=still).split("Balance of energy")[1].split("</table>")[0].lower()
 
 
@@ -82,14 +82,14 @@ def test_a_building_without_dampers_shows_no_force() -> None:
 @pytest.mark.contract
 def test_a_check_of_the_step_has_its_table_and_counts_no_switchings() -> None:
     results = study_samples.results()
-    run = results.runs[4, 1]
+    runs = study_samples.runs_by_place(results)
     assert 'id="step"' not in text_of()
     for number, told in (
         ("rms_current", "0.25 of its value, that of Lyapunov"),
         ("switching_rate", "0 of its"),
     ):
-        moved = run.with_numbers(**{number: 1.25 * run.numbers[number]})
-        checked = text_of(halved={**results.runs, (4, 1): moved})
+        moved = {**runs[4, 1], number: 1.25 * runs[4, 1][number]}
+        checked = text_of(halved={**runs, (4, 1): moved})
         assert f"no criterion by more than {told}" in checked
 
 
@@ -140,10 +140,8 @@ def many_laws(count: int) -> StudyResults:
     laws = tuple(Row(label=f"law {number}", kind="controller") for number in range(count))
     rows = (*study_samples.ROWS[:3], *laws)
     few = study_samples.results()
-    runs = {
-        (row, 0): few.runs[row, 0] if row < 3 else study_samples.run(0.04 - 0.02 * (row - 3) / count, 2)
-        for row in range(len(rows))
-    }
+    runs = {(row, 0): study_samples.runs_by_place(few)[row, 0] for row in range(3)}
+    runs |= {(row, 0): study_samples.run(0.04 - 0.02 * (row - 3) / count, 2) for row in range(3, len(rows))}
     return study_samples.with_runs(few, runs, rows=rows, motions=few.motions[:1])
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import study_samples
 import xarray
 from command_line import mrwork
 from matplotlib.figure import Figure
@@ -14,7 +16,9 @@ from refusals import command_refusal, refusal
 from verb_folders import verbs_with
 
 import mrwork as mr
-from mrwork.store.run_folder import FIT, JOURNAL, MANIFEST, MODELS, RESULTS, RUN_KINDS
+from mrwork.store.run_folder import FIT, JOURNAL, MANIFEST, MODELS, RESULTS, RUN_KINDS, RUNS
+from mrwork.study.folder import runs_content
+from mrwork.study.runs import NOT_RUN
 
 TYPES: dict[str, type] = {"identify": mr.StoredRun, "respond": mr.StudyResults, "tune": mr.tuning.TunedStudy}
 SLOW = ("synthetic:spencer1997_slow", "synthetic:spencer1997_fast", "--every", 40)
@@ -91,11 +95,13 @@ def test_a_study_is_read_back_with_the_numbers_and_figures_that_it_had(runs: Pat
     fields = "building dampers facts choices damper_warnings detailed with_histories rows"
     for name in fields.split():
         assert getattr(found, name) == getattr(results, name), name
-    assert all(found.demands(*key) == results.demands(*key) for key in results.runs)
+    assert all(found.demands(*key) == results.demands(*key) for key in results.demanded)
 
 
 @pytest.mark.parametrize(
-    ("copied", "name"), [("identify", FIT), ("respond", RESULTS), ("tune", RESULTS)], indirect=["copied"]
+    ("copied", "name"),
+    [("identify", FIT), ("respond", RESULTS), ("respond", RUNS), ("tune", RESULTS)],
+    indirect=["copied"],
 )
 @pytest.mark.parametrize("content", [b"[]", None])
 def test_a_damaged_file_is_refused_with_the_verb_that_writes_it(
@@ -146,8 +152,10 @@ def test_an_unfinished_run_is_to_be_resumed(tmp_path: Path) -> None:
 def test_an_interrupted_run_is_read_back_as_one(copied: Path) -> None:
     name = FIT if (copied / FIT).exists() else RESULTS
     document, stated = (json.loads((copied / each).read_text()) for each in (name, MANIFEST))
-    if "complete" in document:
-        document["complete"], document["results"] = False, document["results"][:-1]
+    if (copied / RUNS).exists():
+        results = mr.load(copied, mr.StudyResults)
+        runs = study_samples.with_numbers(results.quantities, 0, 0, outcome=NOT_RUN)
+        (copied / RUNS).write_bytes(runs_content(replace(results, quantities=runs)))
     else:
         document["status"] = "interrupted"
     stated["status"] = "interrupted"

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.closed_loop.evaluation import Scales
+from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
+from mrwork.study.histories import RunHistory
 from mrwork.study.results import BuildingFacts, DamperFacts, MotionFacts
-from mrwork.study.run_result import (
-    HALF_STEP,
-    NOMINAL,
-    LabelledRuns,
-    RunHistory,
-    RunResult,
-    criteria_of_study,
-)
+from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, study_quantities
 from mrwork.study.study import Row
+
+Run = dict[str, Any]
+"""Numbers of a run by name, and its outcome."""
+
+RunsByPlace = Mapping[tuple[int, int], Run]
 
 SHAPE = np.array([0.4, 0.75, 1.0])
 ROWS = (
@@ -71,8 +73,8 @@ def history(amplitude: float, n_devices: int) -> RunHistory:
     return RunHistory(time=time, numbers=signals)
 
 
-def run(amplitude: float, n_devices: int) -> RunResult:
-    """Peaks and RMS values of that swing."""
+def run(amplitude: float, n_devices: int) -> Run:
+    """Peaks and RMS values of that swing, as the numbers of a run by name."""
     found = history(amplitude, n_devices)
 
     def peak(signal: np.ndarray) -> np.ndarray:
@@ -107,7 +109,7 @@ def run(amplitude: float, n_devices: int) -> RunResult:
     }
     energies = ("input_energy", "kinetic_energy", "strain_energy", "damping_energy")
     numbers |= dict(zip(energies, found.energy[-1].tolist(), strict=False))
-    return RunResult(outcome="finished", steps=2, numbers=numbers)
+    return {**numbers, "outcome": Outcome.FINISHED, "steps": 2.0}
 
 
 def amplitude(row: int, motion: int) -> float:
@@ -127,13 +129,14 @@ def results() -> StudyResults:
         for row in range(len(ROWS))
         for motion in range(len(MOTIONS))
     }
-    runs[3, 1] = runs[3, 1].with_numbers(energy_error=3e-4)
+    runs[3, 1]["energy_error"] = 3e-4
+    quantities = runs_of(ROWS, MOTIONS, runs)
     return StudyResults(
         title="Three storeys & a law",
         rows=ROWS,
         motions=MOTIONS,
-        runs=runs,
-        labelled=labelled_criteria(ROWS, MOTIONS, runs),
+        quantities=quantities,
+        labelled=criteria_of(quantities),
         floor_names=("floor 1", "floor 2", "roof"),
         storey_names=("storey 1", "storey 2", "storey 3"),
         dampers=tuple(map(damper_facts, ("damper 1", "damper 1, opposed"))),
@@ -149,39 +152,92 @@ def damper_facts(name: str, count: float = 1.0, storey: int = 0) -> DamperFacts:
     return DamperFacts(name=name, model="dahl", count=count, largest_command=2.0, storey=storey, tested=None)
 
 
-Runs = Mapping[tuple[int, int], RunResult]
-
-
-def labelled_criteria(
-    rows: Sequence[Row], motions: Sequence[MotionFacts], runs: Runs, halved: Runs | None = None
-) -> LabelledRuns:
-    """Criteria of runs by row and motion."""
+def runs_of(
+    rows: Sequence[Row], motions: Sequence[MotionFacts], runs: RunsByPlace, halved: RunsByPlace | None = None
+) -> Runs:
+    """Runs by row and motion as one array."""
+    steps = [runs] if halved is None else [runs, halved]
     axes = {
         "row": tuple(row.label for row in rows),
         "motion": tuple(motion.name for motion in motions),
-        "realisation": (NOMINAL,) if halved is None else (NOMINAL, HALF_STEP),
+        "realisation": (NOMINAL, HALF_STEP)[: len(steps)],
+        "floor": ("floor 1", "floor 2", "roof"),
+        "storey": ("storey 1", "storey 2", "storey 3"),
+        "device": numbered(max((len(each.get("peak_force", ())) for each in runs.values()), default=0)),
     }
-    every = {
-        (*key, number): run for number, each in enumerate((runs, halved or {})) for key, run in each.items()
-    }
-    scales = Scales(weight=3e3 * STANDARD_GRAVITY, heights=np.array([4.0, 3.0, 3.0]))
-    return criteria_of_study(every, {}, axes, "A", [scales] * len(rows))
+    made = Runs.empty(axes, study_quantities("A"))
+    for number, each in enumerate(steps):
+        for key, one in each.items():
+            put(made, (*key, number), one)
+    return made
+
+
+def put(runs: Runs, place: tuple[int, int, int], one: Run) -> None:
+    """Fill in the numbers of a run."""
+    runs.outcome[place] = one["outcome"]
+    for name, value in one.items():
+        if name != "outcome":
+            runs.numbers[name][place + (slice(np.size(value)),) * np.ndim(value)] = value
+
+
+def criteria_of(runs: Runs) -> Runs:
+    """Criteria of runs of a building of three storeys."""
+    return runs.criteria(Scales(weight=3e3 * STANDARD_GRAVITY, heights=np.array([4.0, 3.0, 3.0])), "A")
+
+
+def changed(results: StudyResults, row: int, motion: int, **numbers: Any) -> StudyResults:
+    """A study with other numbers of one run; `outcome` is one of them, and a run without an end has no numbers."""
+    return replace(
+        results,
+        quantities=(runs := with_numbers(results.quantities, row, motion, **numbers)),
+        labelled=criteria_of(runs),
+    )
+
+
+def with_numbers(runs: Runs, row: int, motion: int, **numbers: Any) -> Runs:
+    """The same with other numbers of a nominal run."""
+    made = copy.deepcopy(runs)
+    for array in (made.outcome, *made.numbers.values()):
+        array.setflags(write=True)
+    outcome = numbers.pop("outcome", made.outcome[row, motion, 0])
+    if outcome not in (Outcome.FINISHED, Outcome.FAILED_SAFE):
+        numbers = dict.fromkeys(made.numbers, np.nan)
+    put(made, (row, motion, 0), {**numbers, "outcome": outcome})
+    return made
+
+
+def diverged(results: StudyResults, row: int, motion: int) -> StudyResults:
+    """A study of which one run has diverged."""
+    quantities, labelled = (
+        with_numbers(runs, row, motion, outcome=Outcome.DIVERGED)
+        for runs in (results.quantities, results.labelled)
+    )
+    return replace(results, quantities=quantities, labelled=labelled)
 
 
 def with_runs(
     results: StudyResults,
-    runs: Runs | None = None,
+    runs: RunsByPlace | None = None,
     *,
-    halved: Runs | None = None,
+    halved: RunsByPlace | None = None,
     rows: tuple[Row, ...] | None = None,
     motions: tuple[MotionFacts, ...] | None = None,
 ) -> StudyResults:
     """A study with other runs, and with those of half the step; the last motion and every row have histories."""
     rows, motions = rows or results.rows, motions or results.motions
-    runs = results.runs if runs is None else runs
-    labelled = labelled_criteria(rows, motions, runs, halved)
+    quantities = runs_of(rows, motions, runs_by_place(results) if runs is None else runs, halved)
     shown = {"detailed": len(motions) - 1, "with_histories": tuple(range(len(rows)))}
-    return replace(results, rows=rows, motions=motions, runs=runs, halved=halved, labelled=labelled, **shown)
+    labelled = criteria_of(quantities)
+    return replace(results, rows=rows, motions=motions, quantities=quantities, labelled=labelled, **shown)
+
+
+def runs_by_place(results: StudyResults) -> dict[tuple[int, int], Run]:
+    """The nominal runs of a study by row and motion."""
+    runs = results.quantities
+    return {
+        (row, motion): {**runs.at(row, motion), "outcome": runs.outcome[row, motion, 0]}
+        for row, motion in np.argwhere(runs.done[:, :, 0]).tolist()
+    }
 
 
 def histories(row: int, motion: int) -> RunHistory:

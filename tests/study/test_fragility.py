@@ -14,9 +14,11 @@ from scipy.optimize import minimize
 from scipy.stats import norm
 
 import mrwork as mr
+from mrwork.dampers.simulation import Outcome
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
 from mrwork.study.fragilities import Fragilities, drawn_weights, fragility_of, lognormal_of
+from mrwork.study.runs import NOT_RUN
 
 G = 9.80665
 LEVELS = (0.1, 0.14, 0.2, 0.25, 0.3, 0.36, 0.43, 0.51, 0.6)
@@ -224,7 +226,7 @@ def test_a_linear_frame_reaches_its_limit_where_its_drifts_say(results: StudyRes
     # Without dampers drifts are proportional to the intensity.
     scales = []
     for number, crossing in enumerate(bare.crossings):
-        peak = float(results.runs[0, len(LEVELS) * number].peak_drift.max()) / 3.0
+        peak = float(results.quantities.peak_drift[0, len(LEVELS) * number, 0].max()) / 3.0
         reached = 0.1 * G * 0.004 / peak
         assert crossing.record == f"record {number}"
         assert crossing.above < reached <= crossing.below
@@ -254,13 +256,14 @@ def test_a_median_beyond_the_levels_is_a_bound(results: StudyResults) -> None:
 def test_a_run_that_diverged_has_reached_the_limit_and_one_unresolved_lies_above(
     results: StudyResults,
 ) -> None:
-    def with_end(outcome: str) -> mr.study.Fragility:
-        runs = {
-            key: replace(run, outcome=outcome) if key == (0, 2) else run for key, run in results.runs.items()
+    def with_end(outcome: Outcome) -> mr.study.Fragility:
+        parts = {
+            name: study_samples.with_numbers(getattr(results, name), 0, 2, outcome=outcome)
+            for name in ("quantities", "labelled")
         }
-        return mr.fragility(replace(results, runs=runs), {"peak_drift_ratio": 0.1})["uncontrolled"]
+        return mr.fragility(replace(results, **parts), {"peak_drift_ratio": 0.1})["uncontrolled"]
 
-    diverged, unresolved = with_end("diverged"), with_end("unresolved")
+    diverged, unresolved = with_end(Outcome.DIVERGED), with_end(Outcome.UNRESOLVED)
     first, last = diverged.crossings[0], unresolved.crossings[0]
     assert (first.above, first.below) == pytest.approx((0.14 * G, 0.2 * G))
     assert (last.above, last.below, last.unresolved) == (pytest.approx(0.14 * G), math.inf, True)
@@ -304,12 +307,12 @@ def test_what_has_no_fragility_is_refused(results: StudyResults) -> None:
     alone = replace(results, motions=tuple(replace(each, record="one") for each in results.motions))
     spectral = Intensity(measure="sa", value=1.0, period=0.8, damping_ratio=0.05)
     mixed = (replace(results.motions[0], intensity=spectral), *results.motions[1:])
-    some = {key: run for key, run in results.runs.items() if key != (1, 3)}
+    some = study_samples.with_numbers(results.quantities, 1, 3, outcome=NOT_RUN)
     for without, word in (
         (bare, "height"),
         (alone, "1 record"),
         (replace(results, motions=mixed), "several measures"),
-        (replace(results, runs=some), "--resume"),
+        (replace(results, quantities=some), "--resume"),
     ):
         refusal(mr.fragility, without, limit, match=word)
     refusal(mr.fragility(results, limit).__getitem__, "passive", match="arrangement")

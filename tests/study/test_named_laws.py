@@ -67,7 +67,7 @@ def test_every_law_named_alone_runs_and_what_it_lacked_is_told(law: str, tmp_pat
         assert again.taken_settings == ()
         assert fingerprint_of(again) == fingerprint_of(study)
     results = mr.run_study(study, threads=1)
-    assert all(run.finished for run in results.runs.values())
+    assert results.quantities.finished.all()
     assert np.isfinite(results.score(len(results.rows) - 1))
 
 
@@ -108,7 +108,7 @@ def test_only_what_is_missing_is_taken(tmp_path: Path) -> None:
 
 def test_an_active_law_takes_no_more_force_than_the_dampers(tmp_path: Path) -> None:
     results = ran(tmp_path, named("passive_on") + named("active"))
-    on, active = (results.runs[row, 0].peak_force[0] for row in (3, 4))
+    on, active = (results.quantities.peak_force[row, 0, 0][0] for row in (3, 4))
     assert 0.0 < active <= on
 
 
@@ -130,8 +130,8 @@ def test_the_best_constant_command_is_in_every_study(tmp_path: Path) -> None:
     assert kinds[2] == ["uncontrolled", "passive_off"]
     # Of the rows that were there before, not a bit changes.
     for row in (0, 1):
-        for name, value in none.runs[row, 0].numbers.items():
-            np.testing.assert_array_equal(value, alone.runs[row, 0].numbers[name])
+        for name, value in none.quantities.at(row, 0).items():
+            np.testing.assert_array_equal(value, alone.quantities.at(row, 0)[name])
     assert alone.rows[2].label == listed.rows[2].label
     (choice,) = alone.choices
     assert "from Passive-off, 0 A, 1.000, to Passive-on, 1.88 A, " in choice
@@ -153,15 +153,15 @@ def test_a_passive_damper_has_no_command_to_choose(tmp_path: Path) -> None:
 def test_the_share_of_the_base_shear_is_told_and_the_count_for_a_tenth(count: int, tmp_path: Path) -> None:
     results = ran(tmp_path, count=count)
     (share,) = [each for each in findings(results) if "of the peak base shear" in each]
-    force = max(float(results.runs[row, 0].peak_force.sum()) for row in (1, 2))
-    shear = float(results.runs[0, 0].peak_base_shear)
+    force = max(float(results.quantities.peak_force[row, 0, 0].sum()) for row in (1, 2))
+    shear = float(results.quantities.peak_base_shear[0, 0, 0])
     assert f"{100 * force / shear:.2g} % of the peak base shear" in share
     weak = [each for each in results.warnings() if "hardly change the response" in each]
     assert bool(weak) == (force / shear < 0.02)
     if weak:
         advised = int(weak[0].partition("count = ")[2].split()[0])
         again = ran(tmp_path, count=advised)
-        reached = max(float(again.runs[row, 0].peak_force.sum()) for row in (1, 2)) / shear
+        reached = max(float(again.quantities.peak_force[row, 0, 0].sum()) for row in (1, 2)) / shear
         assert reached == pytest.approx(0.1, rel=0.2)
 
 
@@ -171,7 +171,7 @@ def test_a_damper_that_locks_its_storey_is_told_with_a_smaller_count(tmp_path: P
     locked = ran(tmp_path, count=1_000_000, damper=pair)
     (warning,) = [each for each in locked.warnings() if "locks its storey" in each]
     assert "already at i = 0" in warning
-    assert locked.runs[1, 0].peak_drift[0] < 0.05 * locked.runs[0, 0].peak_drift[0]
+    assert locked.quantities.peak_drift[1, 0, 0][0] < 0.05 * locked.quantities.peak_drift[0, 0, 0][0]
     advised = int(warning.partition("count = ")[2].split()[0])
     freed = ran(tmp_path, count=advised, damper=pair)
     assert not any("locks its storey" in each or "hardly" in each for each in freed.warnings())

@@ -23,14 +23,12 @@ WORSE = 1.68
 def shaken(rows: tuple[Row, ...] = study_samples.ROWS, **changes: object) -> StudyResults:
     """The samples, with the peak acceleration of the last law under the second motion far above that of i = 0."""
     whole = study_samples.results()
-    runs = dict(whole.runs)
+    runs = study_samples.runs_by_place(whole)
     for motion in range(2):
-        isolated = runs[2, motion]
-        names = ("peak_drift", "rms_drift", "peak_acceleration", "rms_acceleration")
-        runs[2, motion] = isolated.with_numbers(**{name: 0.1 * getattr(isolated, name) for name in names})
-        runs[3, motion] = runs[3, motion].with_numbers(rms_drift=2.0 * runs[3, motion].rms_drift)
-    peak = WORSE * runs[0, 1].peak_acceleration
-    runs[SHAKEN, 1] = runs[SHAKEN, 1].with_numbers(peak_acceleration=peak)
+        for name in ("peak_drift", "rms_drift", "peak_acceleration", "rms_acceleration"):
+            runs[2, motion][name] = 0.1 * runs[2, motion][name]
+        runs[3, motion]["rms_drift"] = 2.0 * runs[3, motion]["rms_drift"]
+    runs[SHAKEN, 1]["peak_acceleration"] = WORSE * runs[0, 1]["peak_acceleration"]
     return replace(study_samples.with_runs(whole, runs, rows=rows), **changes)  # type: ignore[arg-type] # any field
 
 
@@ -110,9 +108,7 @@ def test_the_results_file_has_every_change() -> None:
 
 def test_a_run_that_failed_leaves_no_change() -> None:
     results = shaken()
-    runs = dict(results.runs)
-    runs[SHAKEN, 0] = replace(runs[SHAKEN, 0], outcome="diverged")
-    failed = study_samples.with_runs(results, runs)
+    failed = study_samples.diverged(results, SHAKEN, 0)
     assert compared(failed).leading == 3
     assert compared(failed).in_words(SHAKEN) == []
     assert math.isnan(study_document(failed)["changes"][1]["against_uncontrolled"]["peak_drift"]["mean"])
@@ -126,8 +122,7 @@ def test_many_laws_are_counted_where_they_are_worse() -> None:
 
 def test_a_verdict_names_what_did_not_finish() -> None:
     results = with_constant()
-    runs = results.runs | {(SHAKEN, 0): replace(results.runs[SHAKEN, 0], outcome="diverged")}
-    failed = compared(study_samples.with_runs(results, runs, rows=results.rows))
+    failed = compared(study_samples.diverged(results, SHAKEN, 0))
     assert verdict(failed, SHAKEN) == "did not finish under El Centro"
 
 
@@ -138,9 +133,7 @@ def test_a_verdict_names_what_did_not_finish() -> None:
 )
 def test_a_constant_command_is_called_what_it_is(mean: float, expected: str) -> None:
     results = with_constant()
-    runs = dict(results.runs)
+    sent = np.full(2, mean)
     for motion in range(2):
-        size = np.shape(runs[SHAKEN, motion].mean_current)
-        sent = {"mean_current": np.full(size, mean), "rms_current": np.full(size, mean)}
-        runs[SHAKEN, motion] = runs[SHAKEN, motion].with_numbers(**sent)
-    assert expected in verdict(compared(study_samples.with_runs(results, runs, rows=results.rows)), SHAKEN)
+        results = study_samples.changed(results, SHAKEN, motion, mean_current=sent, rms_current=sent)
+    assert expected in verdict(compared(results), SHAKEN)

@@ -129,12 +129,14 @@ def test_a_diagonal_damper_resists_by_the_square_of_its_cosine(brace: dict[str, 
     diagonal = frame(parameters={"c0": 2e3, **upright}, angle=angle, **brace)
     softer = {"brace": {"stiffness": 3e6 * share**2}} if brace else {}
     level = frame(parameters={"c0": 2e3 * share**2, **upright}, **softer)
-    along, across = (mr.run_study(each).runs[1, 0] for each in (diagonal, level))
-    np.testing.assert_allclose(along.peak_drift, across.peak_drift, rtol=2e-5)
-    np.testing.assert_allclose(along.peak_stroke, share * across.peak_stroke, rtol=2e-5)
-    np.testing.assert_allclose(share * along.peak_force, across.peak_force, rtol=2e-5)
+    along, across = (mr.run_study(each).quantities.at(1, 0) for each in (diagonal, level))
+    np.testing.assert_allclose(along["peak_drift"], across["peak_drift"], rtol=2e-5)
+    np.testing.assert_allclose(along["peak_stroke"], share * across["peak_stroke"], rtol=2e-5)
+    np.testing.assert_allclose(share * along["peak_force"], across["peak_force"], rtol=2e-5)
     row = frame(parameters={"c0": 2e3, **upright}, row=[-share, share, 0.0], **brace)
-    np.testing.assert_allclose(mr.run_study(row).runs[1, 0].peak_force, along.peak_force, rtol=1e-9)
+    np.testing.assert_allclose(
+        mr.run_study(row).quantities.peak_force[1, 0, 0], along["peak_force"], rtol=1e-9
+    )
     (facts,) = mr.run_study(diagonal).dampers
     assert facts.share == pytest.approx(share)
 
@@ -176,17 +178,16 @@ def grouped(*dampers: Mapping[str, object], **controller: object) -> mr.Study:
 def test_groups_of_one_model_have_parameters_laws_and_largest_commands_of_their_own() -> None:
     one, other = GROUPS
     raised = {**other, "parameters": {**OTHER, "f_c": [20.0, 300.0, 0.0], "c0": [150.0, 0.0]}}
-    runs, written = (mr.run_study(grouped(one, each)).runs for each in (other, raised))
-    for key, run in runs.items():
-        np.testing.assert_array_equal(run.peak_drift, written[key].peak_drift)
-        np.testing.assert_array_equal(run.peak_force, written[key].peak_force)
+    runs, written = (mr.run_study(grouped(one, each)).quantities for each in (other, raised))
+    np.testing.assert_array_equal(runs.peak_drift, written.peak_drift)
+    np.testing.assert_array_equal(runs.peak_force, written.peak_force)
     settings = {"drifts": 1, "control_weight": 1e-12}
     results = mr.run_study(grouped(one, other, law="inverse_direct", settings=settings))
     for kind in ("passive_on", "clipped_optimal"):
         (row,) = (number for number, each in enumerate(results.rows) if each.description == kind)
-        np.testing.assert_allclose(results.runs[row, 0].peak_current, [1.5, 0.8])
+        np.testing.assert_allclose(results.quantities.peak_current[row, 0, 0], [1.5, 0.8])
     # The best constant command is tried up to the larger driver, of which the smaller one gives what it can.
-    best = results.runs[results.row_of("best_passive"), 0].peak_current
+    best = results.quantities.peak_current[results.row_of("best_passive"), 0, 0]
     assert best[1] == min(best[0], 0.8)
     assert "takes it for that of damper in storey 2" in " ".join(text for _, text in results.facts)
 

@@ -13,11 +13,10 @@ from study_samples import ranges
 import mrwork as mr
 from mrwork.dampers.tested_range import FittedDamper, OperatingRange, beyond_rating
 from mrwork.plots.of_studies import energy_parts
-from mrwork.store.codec import plain
 from mrwork.study import StudyResults, read_study, run_study
+from mrwork.study.damper_size import shares_in_words
+from mrwork.study.demand import demands_of
 from mrwork.study.folder import study_document
-from mrwork.study.results import shares_in_words
-from mrwork.study.run_result import demands_of
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")
 STUDY = """\
@@ -65,21 +64,21 @@ def test_within_the_tested_ranges_nothing_is_said(tmp_path: Path) -> None:
 
 def test_demand_is_that_on_one_damper(tmp_path: Path) -> None:
     results = studied(tmp_path, ranges())
-    off, on = results.runs[1, 0], results.runs[2, 0]
+    off, on = results.quantities.of_row(1), results.quantities.of_row(2)
     (demand,) = (each.demand for each in results.demands(2, 0))
-    assert demand.force == pytest.approx(0.5 * on.peak_force[0])
-    assert demand.power == pytest.approx(0.5 * on.device_energy[0] / results.motions[0].duration)
-    assert (demand.stroke, demand.velocity) == (on.peak_stroke[0], on.peak_rate[0])
+    assert demand.force == pytest.approx(0.5 * on.peak_force[0, 0, 0, 0])
+    assert demand.power == pytest.approx(0.5 * on.device_energy[0, 0, 0, 0] / results.motions[0].duration)
+    assert (demand.stroke, demand.velocity) == (on.peak_stroke[0, 0, 0, 0], on.peak_rate[0, 0, 0, 0])
     # The largest command is that of the tests; kwok2006 itself goes to 1.88 A.
     assert demand.command == (pytest.approx(1.5), pytest.approx(1.5))
     assert results.demands(1, 0)[0].demand.command == (0.0, 0.0)
-    assert off.peak_current[0] == 0.0
+    assert off.peak_current[0, 0, 0, 0] == 0.0
     # The building without dampers, and ideal actuators in their place.
     assert results.demands(0, 0) == results.demands(3, 0) == ()
 
 
 def test_a_sentence_for_each_quantity_names_the_worst_run(tmp_path: Path) -> None:
-    velocity = studied(tmp_path, ranges()).runs[1, 0].peak_rate[0]
+    velocity = studied(tmp_path, ranges()).quantities.peak_rate[1, 0, 0][0]
     results = studied(tmp_path, ranges(velocity=0.25 * velocity, command=(0.5, 1.5)))
     first, second = results.warnings()
     assert first.startswith(
@@ -108,20 +107,18 @@ def test_strokes_below_the_tested_ones_are_named_for_every_run_with_dampers(tmp_
     assert " make 20 % of the travel or more, tested from 100 mm, so " in warning
     assert warning.endswith("outside the tested range in 2 of 2 runs with dampers.")
     # The uncontrolled building and that with actuators demand nothing.
-    assert [run.least_stroke.size for run in results.runs.values()] == [0, 1, 1, 0]
+    assert np.isnan(results.quantities.least_stroke[:, 0, 0, 0]).tolist() == [True, False, False, True]
     found = results.demands(2, 0)[0].demand.least_stroke
     assert found is not None
-    assert 0.0 < found < results.runs[2, 0].peak_stroke[0]
+    assert 0.0 < found < results.quantities.peak_stroke[2, 0, 0][0]
     # A damper that was tested at strokes as small is within its range.
     assert studied(tmp_path, ranges(least_stroke=0.9 * found)).warnings() == []
 
 
 def test_histories_for_the_least_stroke_change_no_bit_of_the_other_results(tmp_path: Path) -> None:
-    without, found = studied(tmp_path, ranges()), studied(tmp_path, ranges(least_stroke=1e-9))
-    assert without.runs.keys() == found.runs.keys()
-    for key, run in found.runs.items():
-        other = replace(run, least_stroke=np.empty(0))
-        assert plain(other) == plain(replace(without.runs[key], least_stroke=np.empty(0)))
+    runs = [studied(tmp_path, each).quantities for each in (ranges(), ranges(least_stroke=1e-9))]
+    without, found = (each.with_numbers(least_stroke=np.zeros(1)) for each in runs)
+    assert without == found
 
 
 def test_a_law_that_turns_negative_at_a_demanded_command_is_a_warning(tmp_path: Path) -> None:
@@ -163,9 +160,10 @@ def test_the_simulation_in_python_knows_small_strokes_from_its_histories() -> No
 
 
 def test_a_run_that_did_not_finish_demands_nothing() -> None:
-    run = replace(study_samples.run(0.1, 1), outcome="diverged").with_numbers(peak_stroke=np.array([np.inf]))
-    assert demands_of(run, (device_with(),), 8.0) == ()
-    assert len(demands_of(study_samples.run(0.1, 1), (device_with(),), 8.0)) == 1
+    results = study_samples.results()
+    assert len(demands_of(results.quantities, 3, 0, (device_with(),), 8.0)) == 1
+    ended = study_samples.diverged(results, 3, 0)
+    assert demands_of(ended.quantities, 3, 0, (device_with(),), 8.0) == ()
 
 
 # Ratings and forces by storey
@@ -223,7 +221,10 @@ def test_forces_are_said_by_storey_and_the_base_has_those_of_the_first(results: 
     (said,) = shares_in_words(results)
     row = results.row_of("passive_off")
     assert row is not None
-    forces, bare = results.runs[row, 0].peak_force / 1e3, results.runs[0, 0].peak_base_shear / 1e3
+    forces, bare = (
+        results.quantities.peak_force[row, 0, 0] / 1e3,
+        results.quantities.peak_base_shear[0, 0, 0] / 1e3,
+    )
     assert f"{forces[0]:.3g} kN in storey 1" in said
     assert f"{forces[1]:.3g} kN in storey 2; on the base {forces[0]:.3g} kN, " in said
     assert f"{100.0 * forces[0] / bare:.2g} % of the peak base shear" in said
@@ -235,7 +236,7 @@ def test_dampers_that_stand_in_one_storey_add_there(results: StudyResults) -> No
     beside = replace(results, dampers=(first, replace(second, storey=0)))
     row = results.row_of("passive_off")
     assert row is not None
-    together = float(np.sum(results.runs[row, 0].peak_force[:2])) / 1e3
+    together = float(np.sum(results.quantities.peak_force[row, 0, 0][:2])) / 1e3
     assert f"reach {together:.3g} kN in storey 1, " in shares_in_words(beside)[0]
 
 
@@ -245,8 +246,10 @@ def test_viscous_dampers_of_the_building_are_listed_with_the_other_devices(resul
     assert facts.passive == ("viscous damper in storey 2",)
     assert facts.passive_storeys == (1,)
     # Forces and strokes of passive devices stand behind those of the dampers.
-    assert len(results.runs[0, 0].peak_force) == 1
-    assert results.runs[0, 0].peak_force[0] > 0.0
+    assert results.quantities.axes["device"][-1] == "viscous damper in storey 2"
+    *dampers, viscous = results.quantities.peak_force[0, 0, 0]
+    assert np.isnan(dampers).all()
+    assert viscous > 0.0
 
 
 def test_energy_of_viscous_dampers_is_that_of_the_dampers(results: StudyResults) -> None:
@@ -255,16 +258,18 @@ def test_energy_of_viscous_dampers_is_that_of_the_dampers(results: StudyResults)
     motion = mr.synthetic_motion(rng=0, duration=4.0, peak=2.0)
     study = mr.study_of(building=uts, motions=[motion])
     kept = {}
-    run = mr.run_study(study, keep=lambda row, motion, history: kept.update({row: history})).runs[0, 0]
+    run = mr.run_study(study, keep=lambda row, motion, history: kept.update({row: history})).quantities.at(
+        0, 0
+    )
     history = kept[0]
     # Trapezoids over the samples of the hardware, 1 ms of a first period of 0.35 s.
     rate = np.gradient(history.drift[:, 0], history.time)
     expected = np.trapezoid(1e4 * rate**2, history.time)
-    dampers, structure, moving = energy_parts(run.numbers)
+    dampers, structure, moving = energy_parts(run)
     assert dampers == pytest.approx(float(expected), rel=2e-3)
     assert history.energy[-1, 4] == pytest.approx(dampers, rel=1e-3)
-    assert structure == pytest.approx(float(run.damping_energy), rel=1e-3)
-    assert dampers + structure + moving == pytest.approx(float(run.input_energy), rel=1e-9)
+    assert structure == pytest.approx(float(run["damping_energy"]), rel=1e-3)
+    assert dampers + structure + moving == pytest.approx(float(run["input_energy"]), rel=1e-9)
 
 
 def test_a_linear_damper_leaves_a_linear_building() -> None:

@@ -81,9 +81,9 @@ def test_the_row_is_the_law_in_python(tmp_path: Path) -> None:
     alone = mr.simulate_loop(
         row.building, row.devices, law, [study.motions[0].ground], study.hardware, threads=1
     )
-    run = results.runs[len(study.arrangements) - 1, 0]
-    np.testing.assert_array_equal(run.peak_drift, alone.peak_drift[0])
-    assert run.mean_current[0] > 0.0
+    run = results.quantities.at(len(study.arrangements) - 1, 0)
+    np.testing.assert_array_equal(run["peak_drift"], alone.peak_drift[0])
+    assert run["mean_current"][0] > 0.0
 
 
 def test_realisations_and_a_part_of_the_command_go_with_it(tmp_path: Path) -> None:
@@ -93,7 +93,7 @@ def test_realisations_and_a_part_of_the_command_go_with_it(tmp_path: Path) -> No
     row = len(study.arrangements) - 1
     assert results.n_realisations == 3
     assert np.unique(results.labelled.peak_drift[row, :, 1:]).size == 3
-    assert results.runs[row, 0].peak_current[0] == pytest.approx(0.1)
+    assert results.quantities.peak_current[row, 0, 0][0] == pytest.approx(0.1)
 
 
 def test_an_edited_law_is_not_resumed(tmp_path: Path) -> None:

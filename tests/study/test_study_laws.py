@@ -252,7 +252,9 @@ def test_dead_zone_and_slope_of_a_controller_quiet_its_command(tmp_path: Path) -
         + LAW.format('label = "shaped"\ndead_zone = "5 mm/s"\ncommand_slope = "20 A/s"'),
     )
     plain, shaped = (
-        found.runs[row, 0] for row, each in enumerate(found.rows) if each.label in ("plain", "shaped")
+        found.quantities.of_row(row)
+        for row, each in enumerate(found.rows)
+        if each.label in ("plain", "shaped")
     )
     assert shaped.command_travel.max() <= 20.0
     assert plain.command_travel.max() > 20.0
@@ -273,11 +275,11 @@ def test_laws_of_accelerations_take_no_settings_and_have_noise(law: str, tmp_pat
     controller = f'\n[[controller]]\nlaw = "{law}"\n'
     noise = 'acceleration_noise = "0.05 m/s2"\n'
     quiet, noisy = ran(tmp_path, controller), ran(tmp_path, noise + controller)
-    assert quiet.runs[3, 0].finished
-    assert quiet.runs[3, 0].switching_rate.max() > 0.0
-    assert np.any(noisy.runs[3, 0].rms_drift != quiet.runs[3, 0].rms_drift)
+    assert quiet.quantities.finished[3, 0, 0]
+    assert quiet.quantities.switching_rate[3, 0, 0].max() > 0.0
+    assert np.any(noisy.quantities.rms_drift[3, 0, 0] != quiet.quantities.rms_drift[3, 0, 0])
     # The others read no accelerations.
-    np.testing.assert_array_equal(noisy.runs[1, 0].rms_drift, quiet.runs[1, 0].rms_drift)
+    np.testing.assert_array_equal(noisy.quantities.rms_drift[1, 0, 0], quiet.quantities.rms_drift[1, 0, 0])
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrwork.dampers.simulation import Outcome
 from mrwork.study import StudyResults, read_study, run_study
 
 N = 40
@@ -58,19 +59,19 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
 
 def test_every_run_of_forty_storeys_ends_and_its_energies_add_up(results: StudyResults) -> None:
     assert results.complete
-    for run in results.runs.values():
-        assert run.outcome == "finished"
-        assert run.peak_drift.shape == run.peak_acceleration.shape == (N,)
-        assert run.energy_error < 1e-6
+    runs = results.quantities
+    assert (runs.outcome == Outcome.FINISHED).all()
+    assert runs.peak_drift.shape == runs.peak_acceleration.shape == (*runs.shape, N)
+    assert (runs.energy_error < 1e-6).all()
     assert results.warnings() == []
 
 
 def test_two_dampers_behind_an_observer_take_up_energy_and_lower_the_drift(results: StudyResults) -> None:
-    off, controlled = results.runs[1, 0], results.runs[2, 0]
-    assert controlled.device_energy.shape == (2,)
+    bare, off, controlled = (results.quantities.of_row(row) for row in range(3))
+    assert controlled.device_energy.shape[-1] == 2
     assert (controlled.device_energy > off.device_energy).all()
     assert (controlled.rms_current > 0.0).all()
-    assert controlled.rms_drift.max() < off.rms_drift.max() < results.runs[0, 0].rms_drift.max()
+    assert controlled.rms_drift.max() < off.rms_drift.max() < bare.rms_drift.max()
 
 
 def test_half_the_step_hardly_moves_it(results: StudyResults) -> None:

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import study_samples
 
@@ -13,14 +14,14 @@ from mrwork.closed_loop import criteria
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions.spectrum import Intensity
-from mrwork.store.codec import json_document
-from mrwork.store.run_folder import RESULTS, STUDY_RUN
+from mrwork.store.run_folder import STUDY_RUN
 from mrwork.store.run_writer import Destination, RunAtWork
 from mrwork.study import StudyResults, compared, read_results
 from mrwork.study.comparison import judged_in_words, motion_groups, times_better
-from mrwork.study.folder import study_document
+from mrwork.study.folder import study_document, write_study
 from mrwork.study.results import largest_step_changes
-from mrwork.study.run_result import HALF_STEP, NOMINAL
+from mrwork.study.runs import HALF_STEP, NOMINAL
+from mrwork.study.study import StudyFile
 
 
 def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:
@@ -53,7 +54,11 @@ def test_scores_and_changes_stand_on_test_motions_only() -> None:
     alone = study_samples.with_runs(
         results,
         motions=(second,),
-        runs={(row, 0): run for (row, motion), run in results.runs.items() if motion == 1},
+        runs={
+            (row, 0): run
+            for (row, motion), run in study_samples.runs_by_place(results).items()
+            if motion == 1
+        },
     )
     assert split.judged_motions == (1,)
     for row in range(len(results.rows)):
@@ -79,9 +84,7 @@ def test_the_spread_of_a_score_has_the_quartiles_of_single_motions() -> None:
 
 def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
     results = study_samples.results()
-    runs = dict(results.runs)
-    runs[4, 0] = replace(runs[4, 0], outcome="diverged").with_numbers(energy_error=math.nan)
-    results = study_samples.with_runs(results, runs)
+    results = study_samples.diverged(results, 4, 0)
     assert results.criteria(4, 0) is None
     assert math.isnan(results.score(4))
     assert all(math.isnan(value) for value in results.ratios(4, 0, "passive_off").values())
@@ -91,9 +94,9 @@ def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
 
 def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
     results = study_samples.results()
-    whole = results.runs[3, 1]
-    halved = {key: run for key, run in results.runs.items() if key[0] == 3}
-    halved[3, 1] = whole.with_numbers(peak_drift=1.01 * whole.peak_drift, rms_drift=0.98 * whole.rms_drift)
+    halved = {key: run for key, run in study_samples.runs_by_place(results).items() if key[0] == 3}
+    whole = halved[3, 1]
+    halved[3, 1] = {**whole, "peak_drift": 1.01 * whole["peak_drift"], "rms_drift": 0.98 * whole["rms_drift"]}
     checked = study_samples.with_runs(results, halved=halved)
     assert checked.step_changes(2, 0) is None
     known = results.criteria(3, 0) or {}
@@ -106,7 +109,7 @@ def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
 
 def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
     results = study_samples.results()
-    diverged = replace(results.runs[3, 1], outcome="diverged")
+    diverged = {"outcome": Outcome.DIVERGED}
     (change,) = largest_step_changes(study_samples.with_runs(results, halved={(3, 1): diverged}))
     assert change.criterion == ""
     assert change.in_words(results) == "not compared: filtered noise"
@@ -115,9 +118,9 @@ def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
 def test_a_study_is_complete_when_its_check_is() -> None:
     results = study_samples.results()
     assert results.complete
-    begun = study_samples.with_runs(results, halved={(0, 0): results.runs[0, 0]})
+    begun = study_samples.with_runs(results, halved={(0, 0): study_samples.run(0.1, 0)})
     assert (begun.done, begun.total, begun.complete) == (11, 20, False)
-    assert study_samples.with_runs(results, halved=results.runs).complete
+    assert study_samples.with_runs(results, halved=study_samples.runs_by_place(results)).complete
 
 
 def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> None:
@@ -128,8 +131,8 @@ def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> Non
 
 def test_a_balance_that_is_no_number_does_not_hold() -> None:
     results = study_samples.results()
-    runs = {**results.runs, (2, 0): results.runs[2, 0].with_numbers(energy_error=math.nan)}
-    assert any(text.startswith("Isolation") for text in study_samples.with_runs(results, runs).warnings())
+    unbalanced = study_samples.changed(results, 2, 0, energy_error=math.nan)
+    assert any(text.startswith("Isolation") for text in unbalanced.warnings())
 
 
 def test_groups_hold_some_of_the_test_motions_and_training_motions_stand_apart() -> None:
@@ -152,26 +155,14 @@ def test_a_law_is_better_where_drift_and_acceleration_are_both_lower() -> None:
     # Row 2: 0.7 (1 + 0.04 m) / (0.85 (1 + 0.02 m)) exceeds 1 from m = 14 on, which none has; row 0 is above row 1 until
     # 0.85 (1 + 0.02 m) exceeds 1, from m = 9 on.
     assert times_better(results, 1, 0) == 9
-    runs = dict(results.runs)
-    runs[4, 3] = replace(runs[4, 3], outcome="diverged")
-    assert times_better(study_samples.with_runs(results, runs), 4, 1) is None
-
-
-def test_runs_are_those_that_were_labelled_whatever_their_number_of_devices() -> None:
-    results = study_samples.results()
-    runs = dict(results.runs)
-    del runs[2, 1]
-    runs[4, 0] = study_samples.run(0.03, 3)
-    again = study_samples.with_runs(results, runs)
-    assert again.quantities.axes["device"] == ("1", "2", "3")
-    assert again.runs == runs
+    assert times_better(study_samples.diverged(results, 4, 3), 4, 1) is None
 
 
 def test_xarray_has_every_criterion_and_quantity_by_the_labels_of_its_axes() -> None:
     results = study_samples.results()
-    results = study_samples.with_runs(results, halved=results.runs)
+    results = study_samples.with_runs(results, halved=study_samples.runs_by_place(results))
     tree = results.to_xarray()
-    for row, motion in results.runs:
+    for row, motion in np.argwhere(results.quantities.finished[:, :, 0]).tolist():
         places = {
             "row": results.rows[row].label,
             "motion": results.motions[motion].name,
@@ -180,28 +171,39 @@ def test_xarray_has_every_criterion_and_quantity_by_the_labels_of_its_axes() -> 
         for name, value in (results.criteria(row, motion) or {}).items():
             assert tree[f"criteria/{name}"].sel(places) == value
         drift = tree["quantities/peak_drift"].sel(places)
-        assert drift.sel(storey="storey 2") == results.runs[row, motion].peak_drift[1]
+        assert drift.sel(storey="storey 2") == results.quantities.peak_drift[row, motion, 0][1]
     assert tree["criteria/mean_current"].attrs["units"] == "A"
     assert tree["quantities/peak_acceleration"].dims == ("row", "motion", "realisation", "floor")
     assert list(tree["quantities"].coords["realisation"].values) == [NOMINAL, HALF_STEP]
     assert tree["quantities/peak_force"].sel(row="Isolation").isnull().all()
 
 
+class NoHistories:
+    names = ()
+
+
 def read_back(results: StudyResults, folder: Path) -> StudyResults:
     with RunAtWork(Destination(path=folder / "run", kind=STUDY_RUN)) as work:
-        work.commit({RESULTS: json_document(study_document(results)).encode()}, {})
+        write_study(
+            work,
+            results,
+            study_file=StudyFile(path=folder, content=b""),
+            manifest={},
+            histories=NoHistories(),
+        )
     return read_results(folder / "run")
 
 
 def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> None:
     results = study_samples.results()
-    failed = replace(results.runs[4, 0], outcome="diverged").with_numbers(energy_error=math.nan)
-    halved = {key: run.with_numbers(peak_drift=1.01 * run.peak_drift) for key, run in results.runs.items()}
-    results = study_samples.with_runs(results, {**results.runs, (4, 0): failed}, halved=halved)
+    runs = study_samples.runs_by_place(results)
+    halved = {key: {**run, "peak_drift": 1.01 * run["peak_drift"]} for key, run in runs.items()}
+    results = study_samples.with_runs(results, {**runs, (4, 0): {"outcome": Outcome.DIVERGED}}, halved=halved)
     stored = read_back(results, tmp_path)
     assert [(row.label, row.kind) for row in stored.rows] == [(row.label, row.kind) for row in results.rows]
     assert [motion.peak for motion in stored.motions] == [motion.peak for motion in results.motions]
-    for row, motion in results.runs:
+    assert (stored.quantities, stored.labelled) == (results.quantities, results.labelled)
+    for row, motion in runs:
         assert stored.criteria(row, motion) == results.criteria(row, motion)
         for against in ("uncontrolled", "passive_off"):
             assert repr(stored.ratios(row, motion, against)) == repr(results.ratios(row, motion, against))
@@ -240,7 +242,8 @@ def test_the_file_says_which_motions_scores_stand_on_and_their_spread(tmp_path: 
 
 def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) -> None:
     results = study_samples.results()
-    begun = study_samples.with_runs(results, {key: run for key, run in results.runs.items() if key[0] < 3})
+    runs = study_samples.runs_by_place(results)
+    begun = study_samples.with_runs(results, {key: run for key, run in runs.items() if key[0] < 3})
     stored = read_back(begun, tmp_path)
     assert [row.label for row in stored.rows] == [row.label for row in results.rows]
     assert (stored.done, stored.total, stored.complete) == (6, 10, False)

@@ -79,7 +79,7 @@ def test_scores_are_those_of_a_study_with_the_dampers_there(results: TuningResul
 
     def score(motions: list[int]) -> float:
         ratios = [
-            np.max(getattr(runs.runs[row, each], name)) / np.max(getattr(runs.runs[0, each], name))
+            np.max(runs.quantities.numbers[name][row, each]) / np.max(runs.quantities.numbers[name][0, each])
             for each in motions
             for name in ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
         ]

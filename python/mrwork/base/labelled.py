@@ -89,6 +89,24 @@ class NamedArrays:
             along=own(self.along),
         )
 
+    def without_axis(self, axis: str) -> NamedArrays:
+        """The arrays without an axis that has one label."""
+        return replace(
+            self,
+            rows=tuple(each for each in self.rows if each != axis),
+            labels={name: each for name, each in self.labels.items() if name != axis},
+            arrays={
+                name: replace(
+                    each,
+                    values=each.values.squeeze(each.axes.index(axis)),
+                    axes=tuple(own for own in each.axes if own != axis),
+                )
+                if axis in each.axes
+                else each
+                for name, each in self.arrays.items()
+            },
+        )
+
     def to_xarray(self) -> Dataset:
         """A variable for each array, with its unit and words as attributes."""
         from xarray import Dataset

@@ -125,10 +125,10 @@ def run(options: argparse.Namespace) -> int:
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
-    from mrwork.cli.study_text import StudyVerb, study_text, telling_why
+    from mrwork.cli.study_text import StudyVerb, study_text
     from mrwork.study.ensemble import dampers_apart
     from mrwork.study.folder import design_document, study_document, write_study
-    from mrwork.study.run_result import Histories
+    from mrwork.study.histories import Histories
 
     if options.ensemble and not study.other_sets:
         raise SettingError(
@@ -154,7 +154,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             journal=journal,
             kept=histories.is_stored,
             keep=histories.keep,
-            on_progress=None if is_quiet(options) else telling_why(line),
+            on_progress=None if is_quiet(options) else line,
             check_step=options.check_step,
             threads=options.threads,
         )
@@ -210,7 +210,7 @@ def _run_ensemble(
 
         read = read_study(options.study, other.fitted.__getitem__, seed=options.seed)
         alone = read if options.motions == "all" else read.of_use(options.motions)
-        # Neither histories, realisations nor a non-causal optimum, which no verdict is from.
+        # No verdict is from histories or realisations.
         alone = replace(alone, histories=(), realisations=None)
         told = None if is_quiet(options) else report
         every.append(run_study(alone, journal=journal, on_progress=told, threads=options.threads))

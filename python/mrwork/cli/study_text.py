@@ -16,6 +16,8 @@ from pathlib import Path
 from textwrap import wrap
 from typing import Any, Generic, Literal, TypeVar
 
+import numpy as np
+
 from mrwork import __version__
 from mrwork.base.numbers import MINUS, NOTHING, duration_in_words
 from mrwork.base.progress import ProgressLine, ProgressReport
@@ -38,7 +40,6 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
-from mrwork.study.course import StudyProgress
 from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults
 from mrwork.study.schema import Use
 from mrwork.study.study import Study
@@ -53,8 +54,8 @@ from mrwork.study.tables import (
 
 Results = TypeVar("Results", bound=StudyResults)
 
-# Seconds until progress is shown; seconds beyond which the expected time is told.
-_SOON, _LONG = 0.5, 10.0
+# Seconds until progress is shown.
+_SOON = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,22 +87,6 @@ class _Reading(ProgressReport):
         return _Reading(seconds=self.seconds + seconds)
 
 
-def telling_why(line: ProgressLine[Any]) -> Callable[[StudyProgress], None]:
-    """Shows progress in a line, and says once what takes long, and why, as soon as it is expected."""
-    told = False
-
-    def report(progress: StudyProgress) -> None:
-        nonlocal told
-        left = progress.left or 0.0
-        if not told and progress.reasons and left > _LONG / 2.0 and progress.seconds + left > _LONG:
-            told = True
-            expected = duration_in_words(progress.seconds + left)
-            note(f"this will take about {expected}: {'; '.join(progress.reasons)}")
-        line(progress)
-
-    return report
-
-
 def run_on_study(
     options: argparse.Namespace,
     kind: RunKind,
@@ -118,7 +103,7 @@ def run_on_study(
     began = time.perf_counter()
     with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
         line(_Reading())
-        report = None if is_quiet(options) else telling_why(line)
+        report = None if is_quiet(options) else line
         study = read_study(options.study, seed=options.seed, on_python=note, on_progress=report)
     study = study if use == "all" else study.of_use(use)
     frame = Frame.of(options, kind, default, kept)
@@ -215,8 +200,8 @@ def _change_lines(comparison: StudyComparison, reference: int) -> list[str]:
 
 def _begun_rows(results: StudyResults, motion: int | None = None) -> list[int]:
     """Rows that were simulated, under this motion or any; after Ctrl-C these are not all."""
-    runs = {row for row, own in results.runs if motion in (None, own)}
-    return sorted(runs)
+    begun = results.quantities.done[:, :, 0]
+    return [int(row) for row in np.flatnonzero(begun.any(axis=1) if motion is None else begun[:, motion])]
 
 
 def _motion_lines(results: StudyResults, motion: int) -> list[str]:

@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[TunedStudy]:
     """The tuning of the tables of a study, or of the command line, and the study that judges it."""
     from mrwork.cli.study_text import StudyVerb
-    from mrwork.study.run_result import Histories
+    from mrwork.study.histories import Histories
     from mrwork.tuning.folder import tuning_document, write_tuning
     from mrwork.tuning.judging import judge, unjudged, with_tuned_rows
     from mrwork.tuning.run import tune

@@ -29,10 +29,10 @@ class Scales(Summarised):
     """What numbers of a run are divided by: the weight of the building [N], and numbers of its storeys, lowest first.
 
     These are heights [m], drifts at which storeys yield [m], and weights on the storeys [N] with P-delta, shape
-    (n_storeys,); a storey with 0 has none, and empty arrays are not known.
+    (..., n_storeys); a storey with 0 has none, NaN and empty arrays are not known.
     """
 
-    weight: float
+    weight: float | Floats
     heights: Floats = field(default_factory=lambda: np.empty(0))
     yield_drifts: Floats = field(default_factory=lambda: np.empty(0))
     loads: Floats = field(default_factory=lambda: np.empty(0))
@@ -46,6 +46,24 @@ class Scales(Summarised):
             heights=building.drift_heights,
             yield_drifts=building.yield_drifts[:drifts],
             loads=building.loads[:drifts],
+        )
+
+    @staticmethod
+    def of_rows(scales: Sequence[Scales], n_further: int) -> Scales:
+        """Those of several rows along a first axis, before `n_further` axes of other things than storeys."""
+        further = (1,) * n_further
+
+        def stacked(name: str) -> Floats:
+            each: list[Floats] = [getattr(one, name) for one in scales]
+            size = max(map(np.size, each))
+            rows = np.array([one if np.size(one) else np.full(size, np.nan) for one in each])
+            return rows.reshape(len(rows), *further, size) if size else np.empty(0)
+
+        return Scales(
+            weight=np.array([one.weight for one in scales]).reshape(-1, *further),
+            heights=stacked("heights"),
+            yield_drifts=stacked("yield_drifts"),
+            loads=stacked("loads"),
         )
 
     def lacking(self, scale: Scale) -> str:
@@ -137,12 +155,15 @@ class Criterion:
             values = scales.divide(values, self.scale, shears)
         if self.of_roof:
             return np.asarray(values[..., -1])
-        if axis_of(self.quantity) == "run":
+        axis = axis_of(self.quantity)
+        if axis == "device":
+            # What a run does not have, NaN, counts as nothing: without devices the largest force is zero.
+            values = np.where(np.isnan(values), 0.0, values)
+        if axis == "run":
             per_run = values
         elif self.summed:
             per_run = np.sum(values, axis=-1)
         else:
-            # A building without devices has an axis of length zero: its largest force is zero.
             per_run = np.max(values, axis=-1, initial=0.0)
         return np.asarray(per_run / scales.weight if self.scale == "weight" else per_run)
 
@@ -190,33 +211,14 @@ SCORE = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
 """Criteria whose ratios are averaged in the score."""
 
 
-def score(
-    controlled: Sequence[Mapping[str, AnyNumbers]], passive: Sequence[Mapping[str, AnyNumbers]]
-) -> Floats:
-    """Mean over motions and `SCORE` of the ratio of each criterion to its value at i = 0, as defined in this project.
+def score(ratios: Mapping[str, Floats]) -> Floats:
+    """Mean over `SCORE` of the ratio of each criterion to its value at i = 0, as defined in this project."""
+    return np.asarray(np.mean([ratios[name] for name in SCORE], axis=0))
 
-    Parameters
-    ----------
-    controlled, passive
-        Criteria of one law and of i = 0, for each motion.
-    """
-    if not controlled or len(controlled) != len(passive):
-        raise SettingError(
-            f"criteria of {len(controlled)} motions with the law and of {len(passive)} at i = 0 were given; give both "
-            "for each of one or more motions"
-        )
-    missing = next((name for name in SCORE for each in (*controlled, *passive) if name not in each), None)
-    if missing is not None:
-        raise SettingError(f"a motion has no {missing}; give the criteria {', '.join(SCORE)} for each motion")
-    ratios = [
-        ratio(with_law[name], without[name])
-        for with_law, without in zip(controlled, passive, strict=True)
-        for name in SCORE
-    ]
-    if len({each.shape for each in ratios}) > 1:
-        raise SettingError("the criteria have different numbers of runs; give the same runs of each")
-    mean: Floats = np.mean(np.stack(ratios), axis=0)
-    return mean
+
+def searched(numbers: Floats) -> Floats:
+    """What a search minimises: a candidate without a number, NaN, is infinitely bad."""
+    return np.where(np.isnan(numbers), np.inf, numbers)
 
 
 _QUARTILES = (0.0, 0.25, 0.5, 0.75, 1.0)

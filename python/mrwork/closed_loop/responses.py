@@ -46,6 +46,12 @@ class Quantity:
     unit: str
     description: str
 
+    @property
+    def own_axes(self) -> tuple[str, ...]:
+        """Its axis beside those of runs or of time; empty where it has none."""
+        # The signal `state` has entries of its own name.
+        return () if self.axis == "run" else ("entry",) if self.axis == "state" else (self.axis,)
+
 
 @cache
 def run_quantities() -> tuple[Quantity, ...]:
@@ -130,9 +136,7 @@ class Labelled:
 
 def own_axis(name: str) -> tuple[str, ...]:
     """The axis of a quantity beside those of runs or of time; empty where it has none."""
-    axis = axis_of(name)
-    # The signal `state` has entries of its own name.
-    return () if axis == "run" else ("entry",) if axis == "state" else (axis,)
+    return _by_name()[name].own_axes
 
 
 def command_unit_of(devices: Sequence[Device]) -> str:

@@ -205,7 +205,7 @@ def _lines_of_study(
     lines = [
         _Line(
             label=labels[row],
-            values=np.array([results.runs[row, each].numbers[quantity] for each in motions]),
+            values=results.quantities.numbers[quantity][row, list(motions), 0],
             stroke=of_row[row],
         )
         for row in (*first, *others)
@@ -287,7 +287,7 @@ def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
 
     What is not in the devices and does not move is in the structure: its damping, and its storeys that yield.
     """
-    devices = np.sum(numbers["device_energy"])
+    devices = np.nansum(numbers["device_energy"])
     if "element_energy" in numbers:
         # The elements of `Responses` are the passive devices and the storeys that yield.
         devices += np.sum(numbers["element_energy"]) - np.nansum(numbers["storey_energy"])
@@ -322,7 +322,7 @@ def _runs(
     if isinstance(result, StudyResults):
         place = chosen(motion, [each.name for each in result.motions], "motion")
         labels = [each.label for each in result.rows]
-        numbers = {row: result.runs[row, place].numbers for row in result.finished_rows(place)}
+        numbers = {row: result.quantities.at(row, place) for row in result.finished_rows(place)}
     else:
         n_candidates, n_motions, n_draws = result.shape
         names = result.motions if len(result.motions) == n_motions else [str(n) for n in range(n_motions)]

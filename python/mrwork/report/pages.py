@@ -11,7 +11,8 @@ from mrwork.report.section import OnDrawn, ignore_progress
 from mrwork.report.study.page import study_page
 from mrwork.store.run_folder import FIT_RUN, REPORT, STUDY_RUN, SUMMARY, RunFolder
 from mrwork.store.run_writer import add_to_run
-from mrwork.study.folder import read_history, read_results
+from mrwork.study.folder import read_results
+from mrwork.study.histories import read_history
 from mrwork.tuning.folder import read_tuning
 
 
@@ -56,7 +57,7 @@ def write_page(
             *open_run(place), every_test=every_test, summary=summary, on_progress=on_progress
         )
     results = read_results(place) if opened.kind is STUDY_RUN else read_tuning(place)
-    histories, seconds = partial(read_history, place, results), stated.get("seconds")
+    histories, seconds = partial(read_history, place), stated.get("seconds")
     page = study_page(results, histories, command=command, seconds=seconds, summary=summary)
     name = SUMMARY if summary else REPORT
     add_to_run(place, page.contents(name))

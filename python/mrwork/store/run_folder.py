@@ -68,11 +68,11 @@ NEAR_SETS = "near_sets.json"
 # Written by a study of buildings.
 RESULTS = "results.json"
 STUDY = "study.toml"
+# Quantities and criteria of the runs of a study.
+RUNS = "runs.nc"
 HISTORIES = "histories"
 CRITERIA_TABLE = "criteria.csv"
 PROFILES_TABLE = "profiles.csv"
-# With [uncertainty]: the criteria of every realisation.
-REALISATIONS = "realisations.npz"
 # With --ensemble: its verdicts and criteria for each set of laws.
 ENSEMBLE = "ensemble.json"
 # Written by a tuning.
@@ -123,7 +123,7 @@ class RunKind:
 # The page, and what is beside it.
 _PAGE: Final = frozenset({REPORT, SUMMARY, f"{DATA}/*.csv"})
 _STEPS: Final = f"{MODELS}/*/*.jsonl"
-_HISTORIES: Final = f"{HISTORIES}/*.npz"
+_HISTORIES: Final = f"{HISTORIES}/*.nc"
 GROWING: Final = (JOURNAL, _STEPS, _HISTORIES)
 """Patterns of the files that grow while a run is made, of any kind."""
 
@@ -139,7 +139,7 @@ STUDY_RUN: Final = RunKind(
     kind="study",
     written=_PAGE
     | {MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE}
-    | {_HISTORIES, ENSEMBLE, REALISATIONS},
+    | {_HISTORIES, ENSEMBLE, RUNS},
 )
 TUNING_RUN: Final = RunKind(
     verb="tune",

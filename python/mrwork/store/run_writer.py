@@ -468,7 +468,7 @@ def _sweep(place: Path, listed: Collection[str] | None = None) -> None:
         for name in _files_in(place, lambda name: name.removesuffix(NEW) in owned):
             # Journals grow, and histories.
             kind = PurePath(name.removesuffix(NEW))
-            grows = kind.suffix == ".jsonl" or (kind.suffix == ".npz" and kind.parts[0] == HISTORIES)
+            grows = kind.suffix == ".jsonl" or (kind.suffix == ".nc" and kind.parts[0] == HISTORIES)
             at_work = name.endswith(NEW) or (grows and name != CHAIN)
             if at_work and (not grows if listed is None else name not in listed):
                 (place / name).unlink(missing_ok=True)

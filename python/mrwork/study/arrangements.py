@@ -1,4 +1,4 @@
-"""Arrangements that a study compares: without dampers, i = 0, baselines, control laws, the non-causal optimum.
+"""Arrangements that a study compares: without dampers, i = 0, baselines, control laws.
 
 A law may stand in a Python file of its user, which is run as Python when the study is read.
 """
@@ -34,7 +34,7 @@ from mrwork.store.codec import digest_of
 from mrwork.store.function_text import text_to_compare
 from mrwork.store.user_python import place_of, run_file
 from mrwork.study.course import StudyProgress
-from mrwork.study.named_laws import Trials, course_of_trials, missing_settings
+from mrwork.study.named_laws import Trials, missing_settings
 from mrwork.study.schema import (
     OPTIMAL_PASSIVE,
     PASSIVE_OFF,
@@ -195,8 +195,7 @@ def arrangements(
     for controller, given in zip(table.controller, settings, strict=True):
         if given is not None and missing_settings(controller.law, given.values):
             lacking.append(controller.law)
-    course = course_of_trials(bare, problem, hardware, lacking, on_progress)
-    trials = Trials(bare=bare, problem=problem, hardware=hardware, course=course)
+    trials = Trials(bare=bare, problem=problem, hardware=hardware, lacking=lacking, on_progress=on_progress)
     with all_mistakes() as part:
         with part():
             baselines = read_each(lambda each: _baseline(each, table, bare, folder), table.baseline)

@@ -19,7 +19,8 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
-from mrwork.study.results import StudyResults, shares_in_words
+from mrwork.study.damper_size import shares_in_words
+from mrwork.study.results import StudyResults
 from mrwork.study.storeys import limits_in_words
 from mrwork.study.study import Kind, uses_in_words
 
@@ -84,10 +85,9 @@ def times_better(results: StudyResults, row: int, reference: int, names: Sequenc
 
     `None` if a run did not finish.
     """
-    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged_motions]
-    if any(math.isnan(each[name]) for each in ratios for name in names):
-        return None
-    return sum(all(each[name] < 1.0 for name in names) for each in ratios)
+    ratios = results.ratios_over(reference)
+    judged = np.array([ratios[name][row, list(results.judged_motions)] for name in names])
+    return None if np.isnan(judged).any() else int((judged < 1.0).all(axis=0).sum())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -295,12 +295,13 @@ def constant_command(results: StudyResults, row: int) -> Floats | None:
 
     `None` where it is not constant, to a hundredth, or not known: mean square and squared mean agree.
     """
-    runs = [results.runs.get((row, motion)) for motion in range(len(results.motions))]
-    if not (results.dampers and all(run is not None and run.finished for run in runs)):
-        return None
-    names = ("mean_current", "rms_current")
-    means, rms = (np.array([np.atleast_1d(getattr(run, name)) for run in runs]) for name in names)
     largest = np.array([device.largest_command for device in results.dampers])
+    if not (largest.size and results.finished_under(row, range(len(results.motions)))):
+        return None
+    means, rms = (
+        results.quantities.numbers[name][row, :, 0, : largest.size]
+        for name in ("mean_current", "rms_current")
+    )
     command = means.mean(axis=0)
     if (rms <= _CONSTANT * largest).all():
         return np.zeros(len(largest))
@@ -428,10 +429,10 @@ def compared(results: StudyResults) -> StudyComparison:
         passive=passive,
         leading=leading,
         tables={
-            (row, reference): _changes(results, row, reference)
+            (row, reference): changes
             for reference in (uncontrolled, passive)
             if reference is not None
-            for row in range(len(scores))
+            for row, changes in enumerate(_changes(results, reference))
         },
     )
 
@@ -452,18 +453,23 @@ def in_percent(change: float) -> str:
     return in_plain(signed_percent(change))
 
 
-def _changes(results: StudyResults, row: int, reference: int) -> dict[str, QuantityChange]:
-    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged_motions]
+def _changes(results: StudyResults, reference: int) -> Iterator[dict[str, QuantityChange]]:
+    """Changes of the compared quantities of each row."""
+    judged = list(results.judged_motions)
+    changes = {name: ratio[:, judged] - 1.0 for name, ratio in results.ratios_over(reference).items()}
 
-    def change(name: str) -> QuantityChange:
-        changes = [each[name] - 1.0 for each in ratios]
-        if not changes or any(map(math.isnan, changes)):
+    def change(of_row: Floats) -> QuantityChange:
+        if not of_row.size or np.isnan(of_row).any():
             return QuantityChange(mean=math.nan, largest=math.nan, motion=None)
-        largest = max(changes)
-        motion = results.motions[results.judged_motions[changes.index(largest)]].name
-        return QuantityChange(mean=math.fsum(changes) / len(changes), largest=largest, motion=motion)
+        largest = int(of_row.argmax())
+        return QuantityChange(
+            mean=math.fsum(of_row) / of_row.size,
+            largest=float(of_row[largest]),
+            motion=results.motions[judged[largest]].name,
+        )
 
-    return {entry.name: change(entry.name) for entry in compared_quantities()}
+    for row in range(len(results.rows)):
+        yield {entry.name: change(changes[entry.name][row]) for entry in compared_quantities()}
 
 
 def small_first(title: str) -> str:

@@ -13,8 +13,8 @@ from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SimulationError
 from mrwork.study.comparison import StudyComparison, compared, compared_quantities, rounds_to_increase
+from mrwork.study.loop_runs import simulate
 from mrwork.study.results import Ensemble, StudyResults, Verdict
-from mrwork.study.run import simulate_history
 from mrwork.study.study import Study
 
 
@@ -70,14 +70,20 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
     }
     reach = {
         (row, motion): max(demands[number].demand.velocity / own.velocity for number, own in tested.items())
-        for row, motion in results.runs
+        for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
         if tested and row < len(study.arrangements) and study.arrangements[row].law is not None
         if (demands := results.demands(row, motion))
     }
     if not study.other_sets or not reach:
         return ""
     row, motion = max(reach, key=lambda key: reach[key])
-    history = simulate_history(study, study.arrangements[row], motion, threads)
+    arrangement = study.arrangements[row]
+    assert arrangement.law is not None
+    responses = simulate(
+        arrangement, arrangement.law, [study.grounds[motion]], study.hardware, histories=True, threads=threads
+    )
+    assert responses.histories is not None
+    (history,) = responses.histories
     apart: list[tuple[SetsApart, str]] = []
     for number, own in tested.items():
         x, v, sent = (

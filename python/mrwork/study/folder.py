@@ -1,33 +1,29 @@
-"""The folder of a study: its results, tables and histories; and the results read back."""
+"""The folder of a study: its runs, its summary and tables; and the results read back."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
-from io import BytesIO
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mrwork.base import arguments
-from mrwork.base.arguments import Count, Positive, Whole
+from mrwork.base.arguments import Positive, Whole
 from mrwork.base.table import csv_text
-from mrwork.closed_loop.evaluation import Spread, criteria
-from mrwork.closed_loop.responses import unit_of
-from mrwork.dampers.tested_range import Exceedance, OperatingRange, covering
+from mrwork.closed_loop.evaluation import criteria
+from mrwork.dampers.tested_range import covering
 from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
-from mrwork.store.input_file import exists
+from mrwork.store.netcdf import netcdf_of, read_netcdf
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
     ENSEMBLE,
-    HISTORIES,
     JOURNAL,
     PROFILES_TABLE,
-    REALISATIONS,
     RESULTS,
+    RUNS,
     STUDY,
     STUDY_RUN,
     RunFolder,
@@ -41,196 +37,83 @@ from mrwork.study.comparison import (
     judged_in_words,
     motion_groups,
 )
+from mrwork.study.demand import DeviceDemand, worst_by_quantity
+from mrwork.study.histories import Histories
 from mrwork.study.results import (
     BuildingFacts,
     DamperFacts,
     Ensemble,
     MotionFacts,
-    RealisationBand,
     StudyResults,
     criterion_band,
     score_band,
 )
-from mrwork.study.run_result import (
-    FINISHED,
-    HALF_STEP,
-    NOMINAL,
-    DeviceDemand,
-    Histories,
-    LabelledRuns,
-    OutcomeName,
-    RunHistory,
-    RunResult,
-    criteria_of_runs,
-    numbered,
-    read_stored_history,
-    stem_of_history,
-    worst_by_quantity,
-)
-from mrwork.study.run_result import Place as PlaceOfRun
-from mrwork.study.study import Kind, Row, Study, StudyFile
+from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, outcome_names, study_criteria, study_quantities
+from mrwork.study.study import Row, Study, StudyFile
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredChanges:
-    """A row in the results file: its rank, its score, and the changes of every quantity by name.
-
-    The references are the building without dampers and the passive damper with the lowest score. `worse` are the
-    quantities that increase on average.
-    """
-
-    controller: str
-    kind: Kind
-    rank: str
-    place: Count
-    score: float
-    against_uncontrolled: dict[str, QuantityChange]
-    worse_than_uncontrolled: tuple[str, ...]
-    against_best_passive: dict[str, QuantityChange]
-    worse_than_best_passive: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredGroup:
-    """A group of motions in the results file, and the score of each row under them."""
-
-    name: str
-    motions: tuple[str, ...]
-    scores: dict[str, float]
-
-
-def _store_changes(comparison: StudyComparison) -> Iterator[StoredChanges]:
+def _describe_changes(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
     """Changes of every row, the rows of each rank together, the lowest score first."""
     results = comparison.results
-
-    def against(row: int, reference: int | None) -> dict[str, QuantityChange]:
-        return {} if reference in (None, row) else comparison.tables[row, reference]
-
     for rank, rows in comparison.ranks:
         for place, row in enumerate(rows, start=1):
-            bare, passive = against(row, comparison.uncontrolled), against(row, comparison.passive)
-            yield StoredChanges(
-                controller=results.rows[row].label,
-                kind=results.rows[row].kind,
-                rank=rank.name,
-                place=place,
-                score=results.score(row),
-                against_uncontrolled=bare,
-                worse_than_uncontrolled=_increases(bare),
-                against_best_passive=passive,
-                worse_than_best_passive=_increases(passive),
+            bare, passive = (
+                {} if reference in (None, row) else comparison.tables[row, reference]
+                for reference in (comparison.uncontrolled, comparison.passive)
             )
+            yield {
+                "controller": results.rows[row].label,
+                "kind": results.rows[row].kind,
+                "rank": rank.name,
+                "place": place,
+                "score": results.score(row),
+                "against_uncontrolled": {name: asdict(change) for name, change in bare.items()},
+                "worse_than_uncontrolled": _increases(bare),
+                "against_best_passive": {name: asdict(change) for name, change in passive.items()},
+                "worse_than_best_passive": _increases(passive),
+            }
 
 
 def _increases(changes: Mapping[str, QuantityChange]) -> tuple[str, ...]:
     return tuple(name for name, change in changes.items() if change.worse)
 
 
-# Beside the quantities of a run.
-_LEAST_STROKE = "least_stroke"
-
-
-# Every criterion by name; NaN if the run has none.
-_Criteria = dict[str, float]
-_Quantities = dict[str, tuple[float, ...] | float]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredStepCheck:
-    """A run with half the step in the results file, and the relative change of each criterion."""
-
-    outcome: OutcomeName
-    steps: Whole
-    largest: float | None
-    changes: _Criteria
-    criteria: _Criteria
-    energy_error: float
-    quantities: _Quantities
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StoredStudyRun:
-    """A run in the results file: its criteria and their ratios to other rows under the same motion.
-
-    These are the building without dampers, i = 0, and the passive damper with the lowest score.
-
-    `outside_tested_range` are the quantities in which the demand on a damper lies outside its tested ranges, `None` if
-    these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper, `demands` are those
-    on each device. `bands` are those of the criteria over the realisations of [uncertainty]. `quantities` are those of
-    `RunResult`, with `least_stroke`.
-    """
+class _RunDemand:
+    """The demand of a run on each device."""
 
     controller: str
-    kind: Kind
     motion: str
-    outcome: OutcomeName
-    criteria: _Criteria
-    over_uncontrolled: _Criteria
-    over_passive_off: _Criteria
-    energy_error: float
-    steps: Whole
-    step_check: StoredStepCheck | None
-    over_best_passive: _Criteria
-    outside_tested_range: tuple[str, ...] | None
-    exceedances: tuple[Exceedance, ...]
-    demand: OperatingRange | None
-    demands: tuple[DeviceDemand, ...]
-    bands: dict[str, RealisationBand]
-    quantities: _Quantities
-
-
-def _result(run: StoredStudyRun | StoredStepCheck) -> RunResult:
-    """The run itself."""
-    numbers = {name: np.array(value)[()] for name, value in run.quantities.items()}
-    least_stroke = numbers.pop(_LEAST_STROKE)
-    return RunResult(outcome=run.outcome, steps=run.steps, numbers=numbers, least_stroke=least_stroke)
+    devices: tuple[DeviceDemand, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Document:
-    """The results file; its fields are the keys of the JSON object.
-
-    `scores` are means over the motions that `judged_on` names, `spreads` the least, quartiles and most of the scores
-    under single motions. `changes` has the rows of each rank together, the lowest score first. `floors` and `storeys`
-    are the names along the quantities of the runs.
-    """
+    """What of the results file is read back; its fields are keys of the JSON object. Numbers of runs are in `RUNS`."""
 
     title: str
-    complete: bool
-    command_unit: str
     rows: tuple[Row, ...]
     motions: tuple[MotionFacts, ...]
-    scores: _Criteria
-    warnings: tuple[str, ...]
-    study_warnings: tuple[str, ...]
-    damper_warnings: tuple[str, ...]
-    floors: tuple[str, ...]
-    storeys: tuple[str, ...]
-    results: tuple[StoredStudyRun, ...]
-    best_passive: str | None
-    judged_on: str
-    chosen_on: tuple[str, ...]
-    design_levels: tuple[str, ...] = ()
-    limit: dict[str, Positive] = field(default_factory=dict)
-    spreads: dict[str, Spread]
-    groups: tuple[StoredGroup, ...]
-    changes: tuple[StoredChanges, ...]
-    realisations: Whole
-    score_bands: dict[str, RealisationBand]
-    findings: tuple[str, ...]
+    command_unit: str
+    floor_names: tuple[str, ...]
+    storey_names: tuple[str, ...]
     building: BuildingFacts | None
     dampers: tuple[DamperFacts, ...]
+    demands: tuple[_RunDemand, ...]
     choices: tuple[str, ...]
     facts: tuple[tuple[str, str], ...]
     detailed: Whole
     with_histories: tuple[Whole, ...]
+    study_warnings: tuple[str, ...]
+    damper_warnings: tuple[str, ...]
+    chosen_on: tuple[str, ...]
+    design_levels: tuple[str, ...]
+    limit: dict[str, Positive]
 
 
-# What it has as the results have it.
-_OF_DOCUMENT = (
-    "title", "rows", "motions", "command_unit", "building", "dampers", "choices", "facts", "detailed", "with_histories",
-    "study_warnings", "damper_warnings", "chosen_on", "design_levels", "limit",
-)  # fmt: skip
+_OF_RESULTS = tuple(each.name for each in fields(_Document) if each.name != "demands")
+# Groups of the file of the runs beside the nominal quantities.
+_CRITERIA, _HALF = "criteria", "half_step"
 
 
 @arguments.checked
@@ -254,63 +137,41 @@ def read_results(folder: str | Path) -> StudyResults:
 
 def results_of_folder(run: RunFolder) -> StudyResults:
     """The results of a study in the folder of a study or of a tuning."""
-    document = run.read(_Document, RESULTS)
-    if document is None:
-        raise RecordError(f"{run.path} has no {RESULTS}; run `mrwork {run.kind.verb}` again")
+    document, content = run.read(_Document, RESULTS), run.content(RUNS)
+    if document is None or content is None:
+        raise RecordError(
+            f"{run.path} has no {RUNS if document else RESULTS}; run `mrwork {run.kind.verb}` again"
+        )
+    with run.explained(RUNS):
+        groups = read_netcdf(content, run.file(RUNS))
+        unit = document.command_unit
+        quantities = Runs.from_arrays(groups[""], study_quantities(unit), NOMINAL)
+        if _HALF in groups:
+            quantities = quantities.beside(Runs.from_arrays(groups[_HALF], study_quantities(unit), HALF_STEP))
+        labelled = Runs.from_arrays(groups[_CRITERIA], study_criteria(unit))
     labels, names = [row.label for row in document.rows], [motion.name for motion in document.motions]
-    runs = {(labels.index(run.controller), names.index(run.motion)): run for run in document.results}
-    halved = {key: run.step_check for key, run in runs.items() if run.step_check is not None}
-    steps = (NOMINAL, *([HALF_STEP] if halved else []))
-    axes = {
-        "row": tuple(labels),
-        "motion": tuple(names),
-        "realisation": (*steps, *numbered(document.realisations)),
-    }
-    labelled = criteria_of_runs(axes, command_unit=document.command_unit)
-    both: dict[PlaceOfRun, StoredStudyRun | StoredStepCheck] = {(*key, 0): run for key, run in runs.items()}
-    both |= {(*key, 1): run for key, run in halved.items()}
-    for key, stored in both.items():
-        ended = stored.criteria if stored.outcome in FINISHED else dict.fromkeys(stored.criteria, math.inf)
-        for name, value in {**ended, "energy_error": stored.energy_error}.items():
-            labelled.numbers[name][key] = value
-    if document.realisations:
-        _read_realisations(run, labelled, document.realisations)
     return StudyResults(
+        quantities=quantities,
         labelled=labelled,
-        runs={key: _result(run) for key, run in runs.items()},
-        halved={key: _result(run) for key, run in halved.items()} or None,
-        demanded={key: run.demands for key, run in runs.items()},
-        floor_names=document.floors,
-        storey_names=document.storeys,
+        demanded={
+            (labels.index(each.controller), names.index(each.motion)): each.devices
+            for each in document.demands
+        },
         ensemble=run.read(Ensemble, ENSEMBLE, verb="respond --ensemble"),
-        **{name: getattr(document, name) for name in _OF_DOCUMENT},
+        **{name: getattr(document, name) for name in _OF_RESULTS},
     )
 
 
-def _read_realisations(run: RunFolder, labelled: LabelledRuns, count: int) -> None:
-    """Fill in the criteria of the realisations, the last ones of their axis; a row without any has NaN."""
-    arrays = run.arrays(REALISATIONS) or {}
-    for name in arrays.keys() & labelled.numbers.keys():
-        labelled.numbers[name][..., -count:] = arrays[name]
-
-
-def _realisations(results: StudyResults) -> dict[str, bytes]:
-    """The file of the criteria over realisations, if there are any."""
-    if not results.n_realisations:
-        return {}
-    stream = BytesIO()
-    realised = {name: each[..., -results.n_realisations :] for name, each in results.labelled.numbers.items()}
-    np.savez_compressed(stream, **realised)  # type: ignore[arg-type] # none is called allow_pickle
-    return {REALISATIONS: stream.getvalue()}
-
-
-def read_history(place: Path, results: StudyResults, row: int, motion: int) -> RunHistory | None:
-    """The history of a run in the folder of a study, if it is stored."""
-    results.check_place(row, motion)
-    # The rest of the name is that of the row before its command was chosen.
-    run, stem = RunFolder.open(place), f"{HISTORIES}/{stem_of_history(row, motion)}-"
-    name = next((each for each in run.files if each.startswith(stem)), None)
-    return None if name is None or not exists(run.file(name)) else read_stored_history(run.file(name))
+def runs_content(results: StudyResults) -> bytes:
+    """The quantities and criteria of all runs."""
+    steps = [
+        results.quantities.part(realisations=slice(number, number + 1))
+        ._named_arrays()
+        .without_axis("realisation")
+        for number in range(results.quantities.shape[2])
+    ]
+    named = dict(zip(("", _HALF), steps, strict=False))
+    return netcdf_of({**named, _CRITERIA: results.labelled._named_arrays()})
 
 
 def write_study(
@@ -332,51 +193,106 @@ def write_study(
 def study_files(results: StudyResults, study_file: StudyFile) -> dict[str, bytes]:
     """The files of a study by name, but its manifest, journal, histories and page."""
     tables = {
-        RESULTS: json_document(study_document(results)),
+        RESULTS: json_document(_summary(results)),
         CRITERIA_TABLE: _criteria_csv(results),
         PROFILES_TABLE: _profiles_csv(results),
     }
-    return {STUDY: study_file.content, **_realisations(results)} | {
+    return {STUDY: study_file.content, RUNS: runs_content(results)} | {
         name: text.encode() for name, text in tables.items()
     }
 
 
 def study_document(results: StudyResults) -> dict[str, Any]:
-    """The results as a JSON object."""
-    comparison = compared(results)
-    passive = comparison.passive
-    document = _Document(
-        complete=results.complete,
-        scores={row.label: results.score(number) for number, row in enumerate(results.rows)},
-        warnings=tuple(results.warnings()),
-        floors=results.floor_names,
-        storeys=results.storey_names,
-        results=tuple(_store_run(results, *key, passive) for key in sorted(results.runs)),
-        best_passive=None if passive is None else results.rows[passive].label,
-        judged_on=judged_in_words(results),
-        spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
-        groups=tuple(
-            StoredGroup(
-                name=group.name,
-                motions=tuple(results.motions[motion].name for motion in group.motions),
-                scores={
-                    row.label: results.score_under(number, group.motions)
-                    for number, row in enumerate(results.rows)
-                },
-            )
-            for group in motion_groups(results)
+    """The results as a JSON object: the summary, and the criteria of each run."""
+    passive = compared(results).passive
+    over = {
+        f"over_{name}": {} if row is None else results.ratios_over(row)
+        for name, row in (
+            ("uncontrolled", results.row_of("uncontrolled")),
+            ("passive_off", results.row_of("passive_off")),
+            ("best_passive", passive),
+        )
+    }
+    runs = [
+        _describe_run(results, row, motion)
+        | {
+            key: _every_criterion({name: ratio[row, motion] for name, ratio in ratios.items()})
+            for key, ratios in over.items()
+        }
+        for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
+    ]
+    return {**_summary(results), "results": runs}
+
+
+def _summary(results: StudyResults) -> dict[str, Any]:
+    """What the results say beside the numbers of the runs.
+
+    `scores` are means over the motions that `judged_on` names, `spreads` the least, quartiles and most of the scores
+    under single motions. `changes` has the rows of each rank together, the lowest score first.
+    """
+    comparison, rows = compared(results), list(enumerate(results.rows))
+    passive, labels = comparison.passive, [row.label for row in results.rows]
+    kept = _Document(
+        demands=tuple(
+            _RunDemand(controller=labels[row], motion=results.motions[motion].name, devices=demands)
+            for (row, motion), demands in results.demanded.items()
+            if demands
         ),
-        changes=tuple(_store_changes(comparison)),
-        realisations=results.n_realisations,
-        score_bands={
-            row.label: band
-            for number, row in enumerate(results.rows)
-            if (band := score_band(results, number))
-        },
-        findings=findings(results),
-        **{name: getattr(results, name) for name in _OF_DOCUMENT},
+        **{name: getattr(results, name) for name in _OF_RESULTS},
     )
-    return asdict(document)
+    return asdict(kept) | {
+        "complete": results.complete,
+        "scores": {row.label: results.score(number) for number, row in rows},
+        "spreads": {row.label: asdict(results.spread(number)) for number, row in rows},
+        "warnings": tuple(results.warnings()),
+        "best_passive": None if passive is None else labels[passive],
+        "judged_on": judged_in_words(results),
+        "groups": [
+            {
+                "name": group.name,
+                "motions": [results.motions[motion].name for motion in group.motions],
+                "scores": {row.label: results.score_under(number, group.motions) for number, row in rows},
+            }
+            for group in motion_groups(results)
+        ],
+        "changes": list(_describe_changes(comparison)),
+        "realisations": results.n_realisations,
+        "score_bands": {
+            row.label: asdict(band) for number, row in rows if (band := score_band(results, number))
+        },
+        "findings": findings(results),
+    }
+
+
+def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any]:
+    """A run in the JSON object: its criteria, their bands over realisations, the check of its step and its demand.
+
+    `outside_tested_range` are the quantities in which the demand on a damper lies outside its tested ranges, `None` if
+    these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper.
+    """
+    quantities, demands = results.quantities, results.demands(row, motion)
+    run = quantities.at(row, motion)
+    known = not demands or any(each.outside.known for each in demands)
+    return {
+        "controller": results.rows[row].label,
+        "kind": results.rows[row].kind,
+        "motion": results.motions[motion].name,
+        "outcome": str(outcome_names(quantities.outcome)[row, motion, 0]),
+        "criteria": _every_criterion(results.criteria(row, motion)),
+        "energy_error": float(run["energy_error"]),
+        "steps": None if np.isnan(run["steps"]) else int(run["steps"]),
+        "step_check": _step_check(results, row, motion),
+        "outside_tested_range": tuple(dict.fromkeys(name for each in demands for name in each.outside.names))
+        if known
+        else None,
+        "exceedances": tuple(map(asdict, worst_by_quantity(demands))),
+        "demand": asdict(covering([each.demand for each in demands])) if demands else None,
+        "bands": {
+            entry.name: asdict(band)
+            for entry in criteria()
+            if (band := criterion_band(results, row, motion, entry.name))
+        },
+    }
 
 
 def design_document(study: Study) -> dict[str, Any]:
@@ -402,94 +318,67 @@ def design_document(study: Study) -> dict[str, Any]:
     return {name: value for name, value in document.items() if value}
 
 
+def _step_check(results: StudyResults, row: int, motion: int) -> dict[str, Any] | None:
+    """The run with half the step, and the relative change of each criterion."""
+    if not results.step_checked or not results.quantities.done[row, motion, 1]:
+        return None
+    changes, steps = results.step_changes(row, motion), results.quantities.steps[row, motion, 1]
+    return {
+        "outcome": str(outcome_names(results.quantities.outcome)[row, motion, 1]),
+        "steps": None if np.isnan(steps) else int(steps),
+        "largest": None if changes is None else max(changes.values()),
+        "changes": _every_criterion(changes),
+    }
+
+
+def _every_criterion(numbers: Mapping[str, float] | None) -> dict[str, float]:
+    values = numbers or {}
+    named = {entry: values.get(entry.name, np.nan) for entry in criteria()}
+    return {entry.name: value for entry, value in named.items() if not (entry.optional and np.isnan(value))}
+
+
 def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
-    known = criteria()
-    heads = [f"{entry.name} [{results.labelled.units[entry.name]}]" for entry in known]
+    known, quantities = criteria(), results.quantities
+    outcomes = outcome_names(quantities.outcome)
+    units = {each.name: each.unit for each in results.labelled.declared}
+    heads = [f"{entry.name} [{units[entry.name]}]" for entry in known]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
-    for (row, motion), run in sorted(results.runs.items()):
-        ratios = results.criteria(row, motion) or {}
-        cells = [ratios.get(entry.name, math.nan) for entry in known]
-        numbers = ["" if math.isnan(cell) else f"{cell:.9g}" for cell in cells]
-        facts, score = results.motions[motion], results.score_under(row, (motion,))
-        run_is = [run.outcome, f"{run.energy_error:.3g}", "" if math.isnan(score) else f"{score:.6g}"]
-        lines.append([results.rows[row].label, facts.name, facts.use, *run_is, *numbers])
+    for row, motion in np.argwhere(quantities.done[:, :, 0]).tolist():
+        facts, found = results.motions[motion], results.labelled.at(row, motion)
+        outcome = str(outcomes[row, motion, 0])
+        first = (
+            f"{quantities.energy_error[row, motion, 0]:.3g}",
+            f"{results.score_under(row, (motion,)):.6g}",
+        )
+        numbers = (f"{found[entry.name]:.9g}" for entry in known)
+        cells = ("" if text == "nan" else text for text in (*first, *numbers))
+        lines.append([results.rows[row].label, facts.name, facts.use, outcome, *cells])
     return csv_text(lines)
 
 
 def _profiles_csv(results: StudyResults) -> str:
     """Peaks and root mean squares of every floor and storey as a table, a line for each; drifts at the end."""
+    quantities = results.quantities
+    along = {"floor": results.floor_names, "storey": results.storey_names}
+    peaks = [each for each in quantities.declared if each.axis in along and not each.name.startswith("rms_")]
     lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
-    for (row, motion), run in sorted(results.runs.items()):
-        if not run.finished:
-            continue
-        labels = results.rows[row].label, results.motions[motion].name
-        for quantity, names, peaks, squares, unit in (
-            ("displacement", results.floor_names, run.peak_displacement, run.rms_displacement, "m"),
-            ("drift", results.storey_names, run.peak_drift, run.rms_drift, "m"),
-            ("acceleration", results.floor_names, run.peak_acceleration, run.rms_acceleration, "m/s2"),
-        ):
-            for name, peak, rms in zip(names, peaks, squares, strict=True):
-                lines.append([*labels, quantity, name, f"{peak:.9g}", f"{rms:.9g}", unit])
-        for quantity in ("peak_storey_shear", "peak_frame_shear", "peak_overturning", "residual_drift"):
-            title, unit = quantity.removeprefix("peak_").replace("_", " "), unit_of(quantity)
-            for name, peak in zip(results.storey_names, getattr(run, quantity), strict=True):
-                if not math.isnan(peak):
-                    lines.append([*labels, title, name, f"{peak:.9g}", "", unit])
+    for row, motion in np.argwhere(quantities.finished[:, :, 0]).tolist():
+        run, labels = quantities.at(row, motion), [results.rows[row].label, results.motions[motion].name]
+        for each in peaks:
+            name, unit = each.name.removeprefix("peak_"), each.unit.replace("^", "")
+            unknown = np.full(len(along[each.axis]), np.nan)
+            columns = along[each.axis], run[each.name], run.get(f"rms_{name}", unknown)
+            lines += [
+                [
+                    *labels,
+                    name.replace("_", " "),
+                    where,
+                    f"{peak:.9g}",
+                    "" if np.isnan(rms) else f"{rms:.9g}",
+                    unit,
+                ]
+                for where, peak, rms in zip(*columns, strict=True)
+                if not np.isnan(peak)
+            ]
     return csv_text(lines)
-
-
-def _store_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
-    run, demands = results.runs[row, motion], results.demands(row, motion)
-    known = not demands or any(each.outside.known for each in demands)
-    outside = tuple(dict.fromkeys(name for each in demands for name in each.outside.names))
-    return StoredStudyRun(
-        controller=results.rows[row].label,
-        kind=results.rows[row].kind,
-        motion=results.motions[motion].name,
-        outcome=run.outcome,
-        criteria=_every_criterion(results.criteria(row, motion)),
-        over_uncontrolled=_every_criterion(results.ratios(row, motion, "uncontrolled")),
-        over_passive_off=_every_criterion(results.ratios(row, motion, "passive_off")),
-        over_best_passive=_every_criterion(results.ratios_to(row, motion, passive)),
-        energy_error=run.energy_error,
-        steps=run.steps,
-        step_check=_store_step_check(results, row, motion),
-        outside_tested_range=outside if known else None,
-        exceedances=worst_by_quantity(demands),
-        demand=covering([each.demand for each in demands]) if demands else None,
-        demands=demands,
-        bands={
-            entry.name: band
-            for entry in criteria()
-            if (band := criterion_band(results, row, motion, entry.name))
-        },
-        quantities=_quantities_of(run),
-    )
-
-
-def _quantities_of(run: RunResult) -> _Quantities:
-    every = {**run.numbers, _LEAST_STROKE: run.least_stroke}
-    return {name: np.asarray(value).tolist() for name, value in every.items()}
-
-
-def _store_step_check(results: StudyResults, row: int, motion: int) -> StoredStepCheck | None:
-    half = (results.halved or {}).get((row, motion))
-    if half is None:
-        return None
-    changes = results.step_changes(row, motion)
-    return StoredStepCheck(
-        outcome=half.outcome,
-        steps=half.steps,
-        largest=None if changes is None else max(changes.values()),
-        changes=_every_criterion(changes),
-        criteria=_every_criterion(results.labelled.criteria((row, motion, 1)) if half.finished else None),
-        energy_error=half.energy_error,
-        quantities=_quantities_of(half),
-    )
-
-
-def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
-    values = numbers or {}
-    named = (entry.name for entry in criteria() if not entry.optional or entry.name in values)
-    return {name: values.get(name, math.nan) for name in named}

@@ -31,7 +31,6 @@ from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.comparison import small_first
 from mrwork.study.results import StudyResults
-from mrwork.study.run_result import FINISHED
 from mrwork.study.storeys import COLLAPSED
 from mrwork.study.study import Kind
 
@@ -403,17 +402,28 @@ def fragility(
             f'and {counted(n_levels, "level")}; give several, as pga = ["0.1 g", "0.2 g"] of each [[motion]]'
         )
     weights = drawn_weights(n_records, seed)
+    responses, there = results.labelled.up_to_collapse(name)[:, :, 0], at.places >= 0
     rows = {}
     for number, row in enumerate(results.rows):
-        runs = [[(number, motion) for motion in line] for line in at.places.tolist()]
-        responses = np.array([[_response(results, *each, name) for each in line] for line in runs])
-        outside = np.array([[_is_outside(results, *each) for each in line] for line in runs], dtype=float)
+        outside = np.array(
+            [
+                any(each.outside.exceedances for each in results.demands(number, n))
+                for n in range(len(results.motions))
+            ]
+        )
         found = fragility_of(
-            *(row.label, row.kind, responses, at.levels, value, weights),
+            *(
+                row.label,
+                row.kind,
+                np.where(there, responses[number, at.places], np.nan),
+                at.levels,
+                value,
+                weights,
+            ),
             level=level,
             records=at.records,
             measure=at.measure,
-            outside=outside,
+            outside=np.where(there, outside[at.places], np.nan),
         )
         rows[row.label] = replace(found, dispersion=math.hypot(found.dispersion, modelling_dispersion))
     unit = in_command_unit(criterion_named(name).unit, results.command_unit)
@@ -574,14 +584,6 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
     return {name: float(value)}
 
 
-def _response(results: StudyResults, row: int, motion: int, name: str) -> float:
-    """The criterion of a run: infinite if it diverged, NaN if it could not be resolved, or of no motion (-1)."""
-    run = results.runs.get((row, motion))
-    if run is None or run.outcome not in FINISHED:
-        return math.inf if run is not None and run.outcome == "diverged" else math.nan
-    return (results.criteria(row, motion) or {}).get(name, math.nan)
-
-
 def _crossing(record: str, levels: Floats, responses: Floats, limit: float) -> Crossing:
     """The interval of a record from its responses at its levels, rising, and the intensity interpolated in it."""
     above, before = 0.0, math.nan
@@ -594,11 +596,6 @@ def _crossing(record: str, levels: Floats, responses: Floats, limit: float) -> C
             return Crossing(record=record, above=above, below=level, interpolated=between)
         above, before = level, response
     return Crossing(record=record, above=above, below=math.inf)
-
-
-def _is_outside(results: StudyResults, row: int, motion: int) -> float:
-    """Whether a run went beyond tested ranges, as 1 or 0; NaN of no motion (-1)."""
-    return math.nan if motion < 0 else any(each.outside.exceedances for each in results.demands(row, motion))
 
 
 def _share(flags: NDArray[np.bool_], among: NDArray[np.bool_]) -> Floats:

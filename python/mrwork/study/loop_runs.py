@@ -1,4 +1,4 @@
-"""Calls of the loop for a study: candidates of a law, with realisations."""
+"""Calls of the loop for a study: an arrangement under motions, candidates of a law, with realisations."""
 
 from __future__ import annotations
 
@@ -11,22 +11,57 @@ import numpy as np
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.evaluation import Scales, values
+from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.responses import Responses, command_unit_of
 from mrwork.closed_loop.simulate import GainChanges, LoopVariation, simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.study.run_result import (
-    LabelledRuns,
-    candidate_axes,
-    criteria_of_runs,
-    own_numbers,
-)
+from mrwork.study.runs import Runs, candidate_axes, runs_of
 from mrwork.study.study import Arrangement, Realisations, StudyLaw
 
 OnBlock = Callable[[int, int], None]
+"""Called with the runs that are done and all of a call."""
+
+
+def simulate(
+    arrangement: Arrangement,
+    law: StudyLaw,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    *,
+    variation: LoopVariation | None = None,
+    theta: Sequence[Floats] = (),
+    largest_commands: Floats | None = None,
+    shaping: Floats | None = None,
+    histories: bool = False,
+    step_factor: int = 1,
+    threads: int = 0,
+    on_block: OnBlock | None = None,
+) -> Responses:
+    """Simulate an arrangement under candidates of a law, see `simulate_loop`; `theta` are draws of its dampers."""
+    devices, law = with_devices(arrangement, law)
+    if not arrangement.devices:
+        # What nothing is fed back to needs no observer.
+        hardware = replace(hardware, feedback="state", measured_floors=None, known_ground=False)
+    elif theta:
+        devices = tuple(replace(device, theta=rows) for device, rows in zip(devices, theta, strict=True))
+    return simulate_loop(
+        arrangement.building,
+        devices,
+        law,
+        motions,
+        hardware,
+        variation=variation,
+        largest_commands=largest_commands,
+        shaping=shaping,
+        histories=histories,
+        step_factor=step_factor,
+        threads=threads,
+        on_progress=on_block,
+    )
 
 
 def simulate_criteria(
@@ -42,48 +77,49 @@ def simulate_criteria(
     threads: int = 0,
     on_block: OnBlock | None = None,
     changes: GainChanges | None = None,
-) -> LabelledRuns:
-    """Simulate candidates of a law under motions, with realisations, in one call of the core.
+) -> Runs:
+    """Criteria of candidates of a law under motions, with realisations, in one call of the core.
 
-    The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
-    is that of the nominal building. `largest_commands` and `shaping` are those of the candidates, see `simulate_loop`,
-    and `changes` make candidates of one law.
+    The observer, if there is one, is that of the nominal building. `largest_commands` and `shaping` are those of the
+    candidates, see `simulate_loop`, and `changes` make candidates of one law.
     """
     noisy = any(noise for noise, _ in hardware.sensors)
-    fitted, law = with_devices(arrangement, law)
-    # Without dampers of its own an arrangement has a device without parameters to vary.
-    theta = realisations.theta if arrangement.devices else tuple(device.draws for device in fitted)
     factors = list(zip(realisations.stiffness.tolist(), realisations.damping.tolist(), strict=True))
     buildings = {
         (stiffness, damping): vary_building(arrangement, bare, stiffness=stiffness, damping=damping)
         for stiffness, damping in dict.fromkeys(factors)
     }
     began = perf_counter()
-    responses = simulate_loop(
-        arrangement.building,
-        tuple(replace(device, theta=rows) for device, rows in zip(fitted, theta, strict=True)),
+    responses = simulate(
+        arrangement,
         law,
         motions,
         hardware,
-        largest_commands=largest_commands,
-        shaping=shaping,
         variation=LoopVariation(
             buildings=tuple(buildings[each] for each in factors),
             delay=realisations.delay,
             seed=realisations.seed if noisy else np.zeros_like(realisations.seed),
             changes=changes,
         ),
+        theta=realisations.theta,
+        largest_commands=largest_commands,
+        shaping=shaping,
         threads=threads,
-        on_progress=on_block,
+        on_block=on_block,
     )
     seconds = perf_counter() - began
-    own = responses.with_numbers(**own_numbers(responses, arrangement, law))
-    runs = criteria_of_runs(candidate_axes(responses.shape[0], motions, realisations))
-    for name, array in values(own, Scales.of(bare)).items():
-        known = np.where(np.isfinite(array) | np.isnan(array), array, np.inf)
-        runs.numbers[name][...] = known.reshape(responses.shape)
-    runs.numbers["energy_error"][...] = responses.energy_error.reshape(responses.shape)
-    return replace(runs, seconds=seconds)
+    axes = candidate_axes(responses.shape[0], motions, len(realisations))
+    runs = runs_of(responses, arrangement, law, axes, seconds=seconds)
+    return runs.criteria(scales_of(arrangement, bare), command_unit_of(arrangement.devices))
+
+
+def scales_of(arrangement: Arrangement, bare: Building) -> Scales:
+    """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change."""
+    own, storeys = arrangement.building, [*arrangement.storeys]
+    heights, yields, loads = (
+        each[storeys] if each.size else each for each in (own.heights, own.yield_drifts, own.loads)
+    )
+    return Scales(weight=Scales.of(bare).weight, heights=heights, yield_drifts=yields, loads=loads)
 
 
 def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device, ...], StudyLaw]:

@@ -21,20 +21,20 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command
-from mrwork.closed_loop.evaluation import SCORE, ratio
+from mrwork.closed_loop.evaluation import searched
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import in_command_unit
-from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.study.course import Course, Part, PartKey, StudyProgress, excerpts_of, stiffness_in_words
+from mrwork.study.course import Course, Kind, StudyProgress
 from mrwork.study.loop_runs import simulate_criteria
-from mrwork.study.run_result import LabelledRuns
-from mrwork.study.study import Row, TakenSettings, constant_command, make_arrangement, nominal
+from mrwork.study.row_runs import cost_of
+from mrwork.study.runs import Runs
+from mrwork.study.study import Arrangement, Row, TakenSettings, constant_command, make_arrangement, nominal
 
 _WEIGHT = "control_weight"
 # Values of a setting that is scanned, over the range in which a search would look for it.
@@ -53,8 +53,8 @@ _MAGNITUDES: Mapping[Magnitude, str] = {
 def magnitudes_of_runs(
     building: Building,
     motions: Sequence[GroundMotion],
-    off: LabelledRuns,
-    on: LabelledRuns,
+    off: Runs,
+    on: Runs,
     *,
     command: float,
     constant: ReferencePeaks | None,
@@ -97,8 +97,8 @@ def magnitudes_of_runs(
 class _Response:
     """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
 
-    off: LabelledRuns
-    on: LabelledRuns
+    off: Runs
+    on: Runs
     magnitudes: Magnitudes
 
 
@@ -111,54 +111,28 @@ def missing_settings(law: str, given: Mapping[str, Any]) -> list[Field[Any]]:
     return missing
 
 
-_RESPONSE: PartKey = (-1, "settings")
-
-
-def _part_of(law: str) -> PartKey:
-    return [*SETTINGS].index(law), "settings"
-
-
-def course_of_trials(
-    bare: Building,
-    problem: DesignProblem,
-    hardware: Hardware,
-    laws: Sequence[str],
-    on_progress: Callable[[StudyProgress], None] | None,
-) -> Course:
-    """Course of the runs from which settings of these laws are taken; constant commands are tried in their place."""
-    devices = tuple(problem.devices)
-
-    def part(count: int, times: int) -> Part:
-        def trial(share: float) -> tuple[float, int]:
-            cut, tried = excerpts_of(problem.motions, share, hardware.sample_time, bare)
-            levels = np.linspace(0.0, largest_command(devices), count)
-            law = constant_command(devices, *levels)
-            responses = simulate_loop(problem.building, devices, law, cut, hardware)
-            return tried, int(responses.steps.max())
-
-        return Part(n_runs=count * len(problem.motions) * times, trial=trial, times=times)
-
-    parts = {_RESPONSE: part(2, 1)} | {_part_of(law): part(_STEPS, laws.count(law)) for law in laws}
-
-    def reasons(n_runs: int, steps: int) -> tuple[str, ...]:
-        taken = f"{n_runs:,} runs, from which settings of {list_names(list(dict.fromkeys(laws)))} are taken"
-        stiff = stiffness_in_words(devices, problem.building, hardware, steps)
-        return (taken, *filter(None, [stiff]))
-
-    return Course(parts, on_progress, total=sum(each.n_runs for each in parts.values()), reasons=reasons)
-
-
 @dataclass(frozen=True, kw_only=True)
 class Trials:
     """The building, dampers and motions on which the settings of laws are taken, the training motions of a study.
 
-    Nothing is simulated before a law asks.
+    Nothing is simulated before a law asks; `lacking` are the laws without some of their settings.
     """
 
     bare: Building
     problem: DesignProblem
     hardware: Hardware
-    course: Course
+    lacking: Sequence[str]
+    on_progress: Callable[[StudyProgress], None] | None
+
+    @cached_property
+    def _course(self) -> Course:
+        """Progress of all scans, of as many steps each."""
+        n_candidates = 2 + _STEPS * len(self.lacking)
+        costs: Mapping[Kind, float] = {"core": self._cost(2) + self._cost(_STEPS) * len(self.lacking)}
+        return Course(self.on_progress, costs, n_candidates * len(self.problem.motions))
+
+    def _cost(self, n_candidates: int) -> float:
+        return cost_of(self._arranged(self.problem), self.problem.motions, self.hardware, n_candidates)
 
     def expect_motion(self, problem: DesignProblem) -> tuple[DesignProblem, str]:
         """The problem with the expected motion of its dampers, and a sentence where it was taken from the response."""
@@ -255,16 +229,15 @@ class Trials:
         many = [{name: float(each[step]) for name, each in scanned.items()} for step in range(count)]
         designed = design_candidates(law, problem, [settings_of(law, {**held, **each}) for each in many])
         response, scores = self._response, np.full(count, math.inf)
-        self.course.begin(_part_of(law), f"settings of {law}", 0)
+        self._course.begin(f"settings of {law}", "core", self._cost(count), 0)
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
             runs = self._run(problem, shape(designed.law))
-            ratios = [ratio(runs.numbers[name], response.off.numbers[name])[:, :, 0] for name in SCORE]
-            of_runs = np.mean(ratios, axis=(0, 2))
+            of_runs = runs.scores(response.off).mean(axis=(1, 2))
             if control_law(law).commands_force:
                 within = (runs.peak_force <= response.on.peak_force)[:, :, 0].all(axis=1)
-                of_runs = np.where(within, of_runs, math.inf)
-            scores[list(designed.designed)] = np.where(np.isnan(of_runs), math.inf, of_runs)
+                of_runs = np.where(within, of_runs, math.nan)
+            scores[list(designed.designed)] = searched(of_runs)
         best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
         current = problem.devices[0].spec.current
         units = {
@@ -289,23 +262,24 @@ class Trials:
     def _response(self) -> _Response:
         problem = self.problem.whole
         command = largest_command(problem.devices)
-        self.course.begin(_RESPONSE, "dampers at i = 0 and at the largest command", 0)
+        self._course.begin("dampers at i = 0 and at the largest command", "core", self._cost(2), 0)
         off, on = (self._run(problem, constant_command(problem.devices, level)) for level in (0.0, command))
         magnitudes = magnitudes_of_runs(
             problem.building, problem.motions, off, on, command=command, constant=None
         )
         return _Response(off=off, on=on, magnitudes=magnitudes)
 
-    def _run(self, problem: DesignProblem, law: ControlLaw) -> LabelledRuns:
-        devices = tuple(problem.devices)
+    def _arranged(self, problem: DesignProblem) -> Arrangement:
+        row = Row(label="", kind="controller")
+        return make_arrangement(self.bare, row, problem.building, tuple(problem.devices), None)
+
+    def _run(self, problem: DesignProblem, law: ControlLaw) -> Runs:
         return simulate_criteria(
-            make_arrangement(
-                self.bare, Row(label=law.name, kind="controller"), problem.building, devices, None
-            ),
+            self._arranged(problem),
             law,
             problem.motions,
             self.hardware,
-            nominal(devices),
+            nominal(tuple(problem.devices)),
             bare=self.bare,
-            on_block=self.course.advance,
+            on_block=self._course.advance,
         )

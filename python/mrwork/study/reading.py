@@ -534,7 +534,7 @@ def _study_of(
     @cache
     def reference_peaks() -> ReferencePeaks:
         # Simulated only where a law refers to these peaks and its table leaves them out.
-        from mrwork.study.run import reference_peaks_of
+        from mrwork.study.constant import reference_peaks_of
 
         row = Row(label=PASSIVE_OFF, kind="passive_off")
         return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)

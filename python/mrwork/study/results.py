@@ -1,14 +1,10 @@
-"""Results of a study: its runs, the criteria that follow from them, the check of the step, and the size of its dampers.
-
-Dampers are of a size with their building if their force is considerable beside its base shear, and their strokes are
-not next to nothing.
-"""
+"""Results of a study: its runs and the criteria that follow, bands over realisations, and the check of the step."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
@@ -16,47 +12,35 @@ import numpy as np
 from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, labels_of, tree_of
-from mrwork.base.numbers import counted, format_rounded, round_to
+from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import (
-    SCORE,
     STANDARD_GRAVITY,
     Scales,
     Spread,
     criteria,
     criterion,
     ratio,
-    score,
+    searched,
 )
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
-from mrwork.control.weights.limits import sine_force
 from mrwork.dampers.parameters import polynomial_laws
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
 from mrwork.motions.spectrum import Intensity
+from mrwork.study.demand import DeviceDemand
 from mrwork.study.levels import RecordLevels
-from mrwork.study.run_result import (
-    DeviceDemand,
-    LabelledRuns,
-    RunResult,
-    damper_warnings,
-    demands_of,
-    quantities_of_runs,
-)
+from mrwork.study.runs import NOT_RUN, Runs, outcome_in_words
 from mrwork.study.schema import Use
-from mrwork.study.study import Kind, MotionOfStudy, Row, level_warnings
+from mrwork.study.study import Kind, MotionOfStudy, Row, Study, level_warnings
 
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree
-
-Key = tuple[int, int]
-"""Indices of the row and the motion of a run."""
-
 
 BAND = 0.9
 """Share of the realisations within a band."""
@@ -142,12 +126,21 @@ class DamperFacts:
     tested: OperatingRange | None
     share: float = 1.0
 
-
-def _damper_in_words(spec: DamperSpec) -> str:
-    """The model and the laws of the parameters that follow the command."""
-    laws = () if spec.current is None else zip(spec.without_laws.names, spec.current.laws, strict=True)
-    following = {name: law for name, law in laws if law != polynomial_laws()[0]}
-    return f"{spec.name}, {', '.join(f'{name} {law}' for name, law in following.items()) or 'all constant'}"
+    @staticmethod
+    def of(device: Device, storey: int, share: float) -> DamperFacts:
+        """Those of a device in a storey; of its laws, those of the parameters that follow the command."""
+        spec = device.spec
+        laws = () if spec.current is None else zip(spec.without_laws.names, spec.current.laws, strict=True)
+        following = [f"{name} {law}" for name, law in laws if law != polynomial_laws()[0]]
+        return DamperFacts(
+            name=device.name,
+            model=f"{spec.name}, {', '.join(following) or 'all constant'}",
+            count=device.count,
+            largest_command=device.largest_command,
+            storey=storey,
+            tested=device.tested,
+            share=share,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,9 +256,9 @@ class Ensemble(Summarised):
 class StudyResults(Summarised):
     """Runs of a study, as far as they are done: those of `run_study`, or read back from its folder.
 
-    `labelled` has the criteria over row, motion and realisation, of which the first is the nominal one. The first rows
-    are the building without dampers and i = 0. `runs` are the runs by (row, motion), and `halved` those with half the
-    step, if it is checked, which are the second realisation of `quantities`. `demanded` are the demands on the dampers
+    `quantities` are those of the runs over row, motion and realisation, which are the nominal one and, if it is
+    checked, that with half the step; `labelled` has the criteria, also of the realisations of what is uncertain. The
+    first rows are the building without dampers and i = 0. `demanded` are the demands on the dampers
     by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
     `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
     its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
@@ -280,15 +273,14 @@ class StudyResults(Summarised):
     title: str
     rows: tuple[Row, ...]
     motions: tuple[MotionFacts, ...]
-    labelled: LabelledRuns
-    runs: Mapping[Key, RunResult]
-    halved: Mapping[Key, RunResult] | None = None
+    quantities: Runs
+    labelled: Runs
     floor_names: tuple[str, ...]
     storey_names: tuple[str, ...]
     command_unit: str
     building: BuildingFacts | None = None
     dampers: tuple[DamperFacts, ...] = ()
-    demanded: Mapping[Key, tuple[DeviceDemand, ...]] = field(default_factory=dict)
+    demanded: Mapping[tuple[int, int], tuple[DeviceDemand, ...]] = field(default_factory=dict)
     chosen_on: tuple[str, ...] = ()
     design_levels: tuple[str, ...] = ()
     limit: Mapping[str, float] = field(default_factory=dict)
@@ -299,6 +291,30 @@ class StudyResults(Summarised):
     detailed: Whole = 0
     with_histories: tuple[Whole, ...] = ()
     ensemble: Ensemble | None = None
+
+    @staticmethod
+    def of(
+        study: Study, rows: Sequence[Row], runs: Runs, criteria: Runs, choices: Sequence[str]
+    ) -> StudyResults:
+        """Results of runs of a study, without the demands on its dampers."""
+        return StudyResults(
+            title=study.title,
+            rows=tuple(rows),
+            motions=tuple(map(MotionFacts.of, study.motions)),
+            quantities=runs,
+            labelled=criteria,
+            floor_names=study.building.floor_names,
+            storey_names=study.building.storey_names[: len(study.building.drifts)],
+            chosen_on=tuple(ground.name for ground in study.chosen_on),
+            design_levels=study.design_levels,
+            limit=study.limit,
+            choices=tuple(choices),
+            command_unit=study.command_unit,
+            facts=study.facts,
+            study_warnings=study.warnings,
+            detailed=study.detailed,
+            with_histories=tuple(study.report.select_drawn([row.label for row in rows])),
+        )
 
     @property
     def plot(self) -> Plots[StudyResults]:
@@ -311,26 +327,34 @@ class StudyResults(Summarised):
         return tuple(each.name for each in self.dampers)
 
     @property
-    def checked(self) -> frozenset[Key] | None:
-        """Runs that were repeated with half the step; `None` if the step is not to be checked."""
-        return None if self.halved is None else frozenset(self.halved)
+    def step_checked(self) -> bool:
+        """Whether the runs were repeated with half the step, or are to be."""
+        return self.quantities.shape[2] > 1
 
     @arguments.checked
     def criteria(self, row: int, motion: int) -> dict[str, float] | None:
         """Every criterion of a run that finished."""
         self.check_place(row, motion)
-        run = self.runs.get((row, motion))
-        return self.labelled.criteria((row, motion, 0)) if run is not None and run.finished else None
+        return self._criteria(row, motion, 0)
+
+    def _criteria(self, row: int, motion: int, realisation: int) -> dict[str, float] | None:
+        if not self.quantities.finished[row, motion, realisation]:
+            return None
+        found = self.labelled.at(row, motion, realisation)
+        return {
+            entry.name: float(found[entry.name])
+            for entry in criteria()
+            if not (entry.optional and math.isnan(found[entry.name]))
+        }
 
     @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
         whole = self.criteria(row, motion)
-        half = (self.halved or {}).get((row, motion))
-        if whole is None or half is None or not half.finished:
+        half = self._criteria(row, motion, 1) if self.step_checked else None
+        if whole is None or half is None:
             return None
-        other = self.labelled.criteria((row, motion, 1))
-        return {name: _relative_change(value, other[name]) for name, value in whole.items()}
+        return {name: _relative_change(value, half[name]) for name, value in whole.items()}
 
     @arguments.checked
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
@@ -341,13 +365,15 @@ class StudyResults(Summarised):
     @property
     def n_realisations(self) -> int:
         """Number of realisations of what is uncertain, beside the nominal one."""
-        return self.labelled.shape[2] - (1 if self.halved is None else 2)
+        return self.labelled.shape[2] - self.quantities.shape[2]
 
     @property
     def realised_rows(self) -> list[int]:
         """The rows that were simulated with realisations."""
-        rows = range(len(self.rows))
-        return [row for row in rows if _values(self, row, self.judged_motions, "energy_error") is not None]
+        if not self.n_realisations:
+            return []
+        realised = self.labelled.done[:, list(self.judged_motions), self.quantities.shape[2] :]
+        return [int(row) for row in np.flatnonzero(realised.all(axis=(1, 2)))]
 
     @property
     def record_levels(self) -> RecordLevels:
@@ -361,15 +387,6 @@ class StudyResults(Summarised):
     def _named_groups(self) -> dict[str, NamedArrays]:
         groups = {"criteria": self.labelled, "quantities": self.quantities}
         return {name: runs._named_arrays() for name, runs in groups.items()}
-
-    @property
-    def quantities(self) -> LabelledRuns:
-        """Quantities of the runs over row, motion and realisation, and then floor, storey or device."""
-        steps = [self.runs] if self.halved is None else [self.runs, self.halved]
-        axes = {**self.labelled.axes, "floor": self.floor_names, "storey": self.storey_names}
-        axes["realisation"] = axes["realisation"][: len(steps)]
-        runs = {(*key, number): run for number, each in enumerate(steps) for key, run in each.items()}
-        return quantities_of_runs(runs, axes, self.command_unit)
 
     @arguments.checked
     def to_xarray(self, *, by_record: bool = False) -> DataTree:
@@ -428,12 +445,12 @@ class StudyResults(Summarised):
     @property
     def done(self) -> int:
         """Number of runs that are done, including those with half the step."""
-        return len(self.runs) + len(self.checked or ())
+        return int(self.quantities.done.sum())
 
     @property
     def total(self) -> int:
         """Number of runs of the whole study."""
-        return len(self.rows) * len(self.motions) * (1 if self.checked is None else 2)
+        return self.quantities.outcome.size
 
     @property
     def complete(self) -> bool:
@@ -465,8 +482,12 @@ class StudyResults(Summarised):
     @arguments.checked
     def finished_rows(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
-        runs = ((row, self.runs.get((row, motion))) for row in range(len(self.rows)))
-        return [row for row, run in runs if run is not None and run.finished]
+        return [int(row) for row in np.flatnonzero(self.quantities.finished[:, motion, 0])]
+
+    @arguments.checked
+    def finished_under(self, row: int, motions: Sequence[int]) -> bool:
+        """Whether the runs of a row under these motions, one or more, finished."""
+        return bool(motions) and bool(self.quantities.finished[row, list(motions), 0].all())
 
     @arguments.checked
     def row_of(self, kind: Kind) -> int | None:
@@ -481,17 +502,23 @@ class StudyResults(Summarised):
     @arguments.checked
     def ratios_to(self, row: int, motion: int, reference: int | None) -> dict[str, float]:
         """Ratio of every criterion to that of a reference row; NaN if there is none or a run did not finish."""
-        above = self.criteria(row, motion)
-        below = None if reference is None else self.criteria(reference, motion)
-        if above is None or below is None or reference is None:
-            return {entry.name: float("nan") for entry in criteria()}
-        bare = self.rows[reference].kind == "uncontrolled"
-        named = {entry.name: entry.reference_criterion if bare else entry.name for entry in criteria()}
-        return {
-            name: float(ratio(np.array(above[name]), np.array(below[other]))) if other in below else math.nan
-            for name, other in named.items()
-            if name in above
-        }
+        if reference is None:
+            return {entry.name: math.nan for entry in criteria()}
+        ratios = self._over(slice(row, row + 1), slice(motion, motion + 1), reference)
+        return {name: float(ratio[0, 0]) for name, ratio in ratios.items()}
+
+    @arguments.checked
+    def ratios_over(self, reference: int) -> dict[str, Floats]:
+        """Ratio of every criterion of the runs to that of a reference row, shape (n_rows, n_motions)."""
+        return self._over(slice(None), slice(None), reference)
+
+    def _over(self, rows: slice, motions: slice, reference: int) -> dict[str, Floats]:
+        nominal = slice(0, 1)
+        above, below = (
+            self.labelled.part(each, motions, nominal) for each in (rows, slice(reference, reference + 1))
+        )
+        ratios = above.over(below, bare=self.rows[reference].kind == "uncontrolled")
+        return {name: ratio[:, :, 0] for name, ratio in ratios.items()}
 
     @arguments.checked
     def score(self, row: int) -> float:
@@ -501,62 +528,64 @@ class StudyResults(Summarised):
     @arguments.checked
     def score_under(self, row: int, motions: Sequence[int]) -> float:
         """The score of a row under some motions, by their indices; NaN unless all these runs finished."""
-        reference = self.row_of("passive_off")
-        if reference is None:
-            return float("nan")
-        runs = [self.runs.get((each, motion)) for each in (row, reference) for motion in motions]
-        if not runs or not all(run is not None and run.finished for run in runs):
-            return float("nan")
-        return float(
-            score(*([self._criteria(each, motion) for motion in motions] for each in (row, reference)))
-        )
+        return float(np.mean(self._scores(row)[list(motions)])) if motions else math.nan
 
-    def _criteria(self, row: int, motion: int) -> dict[str, Floats]:
-        return {name: np.asarray(self.labelled.numbers[name][row, motion, 0]) for name in SCORE}
+    def _scores(self, row: int) -> Floats:
+        """Score of a row under each motion."""
+        reference, nominal = self.row_of("passive_off"), slice(0, 1)
+        if reference is None:
+            return np.full(len(self.motions), math.nan)
+        own, at_zero = (
+            self.labelled.part(slice(each, each + 1), realisations=nominal) for each in (row, reference)
+        )
+        return np.asarray(own.scores(at_zero)[0, :, 0])
 
     @arguments.checked
     def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
         """Spread of the scores of a row under single motions, by default those of `judged_motions`."""
         chosen = self.judged_motions if motions is None else motions
-        return Spread.of([self.score_under(row, (motion,)) for motion in chosen])
+        return Spread.of(self._scores(row)[list(chosen)].tolist())
 
     @property
     def balanced(self) -> bool:
         """Whether the energies of all runs that finished balance."""
-        return all(run.balanced for run in self.runs.values() if run.finished)
+        return bool(self.quantities.balanced[:, :, 0].all())
 
     def warnings(self) -> list[str]:
         """Warnings on modes, levels, dampers out of tested ranges, runs that did not finish or do not balance."""
         warnings = [*self.study_warnings, *level_warnings(self.design_levels), *self.damper_warnings]
+        outcomes = self.quantities.outcome[:, :, 0]
         for number, row in enumerate(self.rows):
-            named = ((each.name, self.runs.get((number, motion))) for motion, each in enumerate(self.motions))
-            runs = [(name, run) for name, run in named if run is not None]
-            ends: dict[str, list[str]] = {}
-            for name, run in runs:
-                if run.outcome != "finished":
-                    end = f"{self._end(row, run)}.{'' if run.finished else _NO_CRITERIA}"
-                    ends.setdefault(end, []).append(name)
-            for end, (first, *more) in ends.items():
-                under = f"{1 + len(more)} of {len(runs)} motions, as {first}," if more else first
-                warnings.append(f"{row.label} under {under} {end}")
-            # An energy error that is not a number counts as the largest.
-            off = [(run.energy_error, name) for name, run in runs if run.finished and not run.balanced]
-            if off:
-                worst, name = max(off, key=lambda each: math.inf if math.isnan(each[0]) else each[0])
+            runs = np.flatnonzero(outcomes[number] != NOT_RUN).tolist()
+            ends: dict[int, list[str]] = {}
+            for motion in runs:
+                ends.setdefault(int(outcomes[number, motion]), []).append(self.motions[motion].name)
+            for code, (first, *more) in ends.items():
+                outcome = Outcome(code)
+                if outcome is not Outcome.FINISHED:
+                    under = f"{1 + len(more)} of {len(runs)} motions, as {first}," if more else first
+                    without = "" if outcome is Outcome.FAILED_SAFE else _NO_CRITERIA
+                    warnings.append(f"{row.label} under {under} {self._end(row, outcome)}.{without}")
+            off = np.flatnonzero(~self.quantities.balanced[number, :, 0])
+            if off.size:
+                # An energy error that is not a number counts as the largest.
+                errors = self.quantities.energy_error[number, off, 0]
+                worst = int(np.argmax(searched(errors)))
                 warnings.append(
-                    f"{row.label}: the energies do not balance, by up to {worst:.1e} of the largest energy, under "
-                    f"{name}; {len(off)} of {len(runs)} runs are above {ENERGY_TOLERANCE:.0e}."
+                    f"{row.label}: the energies do not balance, by up to {errors[worst]:.1e} of the largest energy, "
+                    f"under {self.motions[off[worst]].name}; {off.size} of {len(runs)} runs are above "
+                    f"{ENERGY_TOLERANCE:.0e}."
                 )
         return warnings
 
-    def _end(self, row: Row, run: RunResult) -> str:
-        if run.outcome == "diverged" and self.building is not None and self.building.yield_drifts:
+    def _end(self, row: Row, outcome: Outcome) -> str:
+        if outcome is Outcome.DIVERGED and self.building is not None and self.building.yield_drifts:
             return "diverged, as a frame does that collapses; a shorter step of [hardware] says whether it is that"
-        if run.outcome == "diverged" and row.kind in ("uncontrolled", "baseline"):
+        if outcome is Outcome.DIVERGED and row.kind in ("uncontrolled", "baseline"):
             return (
                 "diverged without dampers that follow a command: check [building], and the step of [hardware]"
             )
-        return run.end
+        return outcome_in_words(outcome)
 
     def _summary(self) -> Summary:
         shown = range(min(len(self.motions), _MOTIONS_SHOWN))
@@ -586,36 +615,47 @@ def _relative_change(value: float, other: float) -> float:
 
 
 def criterion_band(results: StudyResults, row: int, motion: int, name: str) -> RealisationBand | None:
-    """Band of a criterion of a row under a motion; `None` for a row without realisations."""
-    realised = _values(results, row, (motion,), name)
-    return None if realised is None else RealisationBand.of(realised[0])
+    """Band of a criterion of a row under a motion; `None` for a row without realisations, or if it is not known."""
+    return _band(results, [row], [motion], lambda realised: realised.numbers[name][row, motion])
 
 
 def ratio_band(results: StudyResults, row: int, reference: int | None, name: str) -> RealisationBand | None:
     """Band of the mean ratio of a criterion over the judged motions, to a reference row in the same realisation."""
-    ratios = _mean_ratios(results, row, reference, name)
-    return None if ratios is None else RealisationBand.of(ratios)
+    if reference is None:
+        return None
+    motions = list(results.judged_motions)
+
+    def mean(realised: Runs) -> Floats:
+        above, below = (realised.numbers[name][each, motions] for each in (row, reference))
+        return np.asarray(ratio(above, below).mean(axis=0))
+
+    return _band(results, [row, reference], motions, mean)
 
 
 def score_band(results: StudyResults, row: int) -> RealisationBand | None:
     """Band of the score over the judged motions, against i = 0 in the same realisation."""
-    parts = [_mean_ratios(results, row, results.row_of("passive_off"), name) for name in SCORE]
-    known = [each for each in parts if each is not None]
-    return RealisationBand.of(np.mean(known, axis=0)) if len(known) == len(SCORE) else None
-
-
-def _values(results: StudyResults, row: int, motions: Sequence[int], name: str) -> Floats | None:
-    """A criterion over motions and realisations; `None` for a row that was not simulated with these."""
-    if not results.n_realisations:
+    reference, motions = results.row_of("passive_off"), list(results.judged_motions)
+    if reference is None:
         return None
-    realised: Floats = results.labelled.numbers[name][row, list(motions), -results.n_realisations :]
-    return None if np.isnan(realised).any() else realised
+    return _band(
+        results,
+        [row, reference],
+        motions,
+        lambda realised: realised.of_row(row).scores(realised.of_row(reference))[0, motions].mean(axis=0),
+    )
 
 
-def _mean_ratios(results: StudyResults, row: int, reference: int | None, name: str) -> Floats | None:
-    above = _values(results, row, results.judged_motions, name)
-    below = None if reference is None else _values(results, reference, results.judged_motions, name)
-    return None if above is None or below is None else np.asarray(ratio(above, below).mean(axis=0))
+def _band(
+    results: StudyResults, rows: Sequence[int], motions: Sequence[int], of: Callable[[Runs], Floats]
+) -> RealisationBand | None:
+    """Band of what follows from the realisations of rows, if they have any under these motions."""
+    realised = results.labelled.part(realisations=slice(results.quantities.shape[2], None))
+    places = np.ix_(rows, motions)
+    if not results.n_realisations or not realised.done[places].all():
+        return None
+    values = of(realised)
+    # What is not known of runs that all finished is no band.
+    return None if realised.finished[places].all() and np.isnan(values).any() else RealisationBand.of(values)
 
 
 ON_OFF = (
@@ -649,9 +689,11 @@ class StepChange:
 
 def largest_step_changes(results: StudyResults) -> tuple[StepChange, ...]:
     """The largest change of each row that was repeated with half the step."""
-    checked = sorted(results.checked or ())
-    rows = dict.fromkeys(row for row, _ in checked)
-    return tuple(_largest(results, row, [motion for each, motion in checked if each == row]) for row in rows)
+    if not results.step_checked:
+        return ()
+    repeated = results.quantities.done[:, :, 1]
+    rows = np.flatnonzero(repeated.any(axis=1)).tolist()
+    return tuple(_largest(results, row, np.flatnonzero(repeated[row]).tolist()) for row in rows)
 
 
 def _largest(results: StudyResults, row: int, motions: list[int]) -> StepChange:
@@ -668,222 +710,3 @@ def _largest(results: StudyResults, row: int, motions: list[int]) -> StepChange:
         largest.append((changes[name], name, motion))
     change, name, motion = max(largest, key=lambda each: each[0], default=(0.0, "", 0))
     return StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=tuple(unfinished))
-
-
-# Share of the base shear below which dampers hardly change a response: with 2 % of it the peak drift of a frame of six
-# storeys under El Centro decreases by 5 % at the most.
-_WEAK = 0.02
-_ADVISED = 0.1
-# Peak force over peak stroke beside the stiffness of the storey, above which a damper acts as a rigid brace. In frames
-# of one and six storeys under El Centro, by the number of dampers: below 1 where the score is least, accelerations of
-# the six storeys exceed those without dampers above 2, and above 5 less than half of the energy that the best number
-# dissipates is left.
-_RIGID = 5.0
-_NAMED = 3
-
-_COMMANDED = ("passive_off", "passive", "best_passive", "controller")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DevicePlace:
-    """Index and stiffness [N/m] of the storey where a device stands, and the first natural frequency [Hz].
-
-    `share` is that of `DamperFacts`.
-    """
-
-    storey: int
-    stiffness: float
-    frequency: float
-    share: float
-
-    @staticmethod
-    def of(building: Building, storey: int, stretch: Floats) -> DevicePlace:
-        """Of a storey of the building without dampers, its stiffness against opposite forces at its two ends.
-
-        `stretch` is the row of the device, which has the coordinates of its braces behind those of the building.
-        """
-        row = building.storeys[storey]
-        return DevicePlace(
-            storey=storey,
-            stiffness=1.0 / float(row @ np.linalg.solve(building.stiffness, row)),
-            frequency=float(building.frequencies[0]),
-            share=float(stretch[: row.size] @ row / (row @ row)),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Reach:
-    """Largest forces of the dampers by the index of their storey, and the base shear without them [N]."""
-
-    motion: int
-    forces: Mapping[int, float]
-    shear: float
-
-    @property
-    def force(self) -> float:
-        """That on the base; storeys stand on each other, so that forces of others do not add to it."""
-        return self.forces[0] if 0 in self.forces else max(self.forces.values())
-
-    @property
-    def share(self) -> float:
-        return self.force / self.shear
-
-
-def shares_in_words(results: StudyResults) -> tuple[str, ...]:
-    """A sentence on the force of the dampers beside the base shear of the building without them."""
-    reaches = _reaches(results)
-    if not reaches:
-        return ()
-    least, most = (choose(reaches, key=lambda each: each.share) for choose in (min, max))
-    shares = dict.fromkeys(_percent(each.share) for each in (least, most))
-    under = results.motions[most.motion].name
-    if len(reaches) > 1:
-        under = f"{counted(len(reaches), 'motion')}, most under {under}"
-    by_storey = [
-        f"{round_to(1e-3 * force, 3):g} kN in {results.storey_names[storey]}"
-        for storey, force in sorted(most.forces.items())
-    ]
-    largest = f"; {'on the base' if 0 in most.forces else 'at most'} {round_to(1e-3 * most.force, 3):g} kN"
-    return (
-        f"The dampers reach {list_names(by_storey, _NAMED)}{largest if len(by_storey) > 1 else ''}, "
-        f"{' to '.join(shares)} % of the peak base shear of the building without them "
-        f"({round_to(1e-3 * most.shear, 3):g} kN), under {under}.",
-    )
-
-
-def judged_by_demand(
-    results: StudyResults, devices: Sequence[Device], building: Building, storeys: Sequence[int]
-) -> StudyResults:
-    """Results with the demands on their devices, which stand in these storeys, and with the warnings on them."""
-    motions = results.motions
-    places = [
-        DevicePlace.of(building, storey, np.asarray(device.row))
-        for device, storey in zip(devices, storeys, strict=True)
-    ]
-    demanded = {key: demands_of(run, devices, motions[key[1]].duration) for key, run in results.runs.items()}
-    results = replace(
-        results,
-        demanded=demanded,
-        building=BuildingFacts.of(building),
-        dampers=tuple(
-            DamperFacts(
-                name=device.name,
-                model=_damper_in_words(device.spec),
-                count=device.count,
-                largest_command=device.largest_command,
-                storey=place.storey,
-                tested=device.tested,
-                share=place.share,
-            )
-            for device, place in zip(devices, places, strict=True)
-        ),
-    )
-    named = {
-        (results.rows[row].label, motions[motion].name): each for (row, motion), each in demanded.items()
-    }
-    warnings = (*damper_warnings(named), *_weak(results), *_locked_storeys(results, devices, places))
-    return replace(results, damper_warnings=warnings)
-
-
-def _weak(results: StudyResults) -> Iterator[str]:
-    """A sentence on dampers that are too weak for their building."""
-    most = max(_reaches(results), key=lambda each: each.share, default=None)
-    if most is None or not most.share < _WEAK:
-        return
-    yield (
-        f"the dampers reach {_percent(most.share)} % of the base shear at most, and below {_percent(_WEAK)} % they "
-        f"hardly change the response: {_counts(results, _ADVISED / most.share)} would reach {_percent(_ADVISED)} %, "
-        "or larger dampers."
-    )
-
-
-def _locked_storeys(
-    results: StudyResults, devices: Sequence[Device], places: Sequence[DevicePlace]
-) -> Iterator[str]:
-    """A sentence for each device that locks its storey at i = 0, else with a law or a constant command."""
-    off = results.row_of("passive_off")
-    for device, place in enumerate(places):
-        ratios = {key: _stiffness(results, key, device, place) for key in results.runs}
-        stiff = {key: ratio for key, ratio in ratios.items() if ratio > _RIGID}
-        at_zero = {key: ratio for key, ratio in stiff.items() if key[0] == off}
-        chosen = at_zero or stiff
-        if not chosen:
-            continue
-        worst = max(chosen, key=lambda key: chosen[key])
-        labels = list(dict.fromkeys(results.rows[row].label for row, _ in chosen))
-        others = [f"{len(labels) - _NAMED} more"] if len(labels) > _NAMED + 1 else labels[_NAMED:]
-        named = list_names([*labels[:_NAMED], *others])
-        when, remedy = (
-            ("already at i = 0", _fewer(results, devices[device], place, worst[1]))
-            if at_zero
-            else (f"with {named}", "; a smaller largest_command of the law or fewer dampers free it")
-        )
-        run = results.runs[worst]
-        stroke, force = float(run.peak_stroke[device]), float(run.peak_force[device])
-        yield (
-            f"{results.device_names[device]} locks its storey {when}: {round_to(1e-3 * force, 3):g} kN at a stroke of "
-            f"{round_to(1e3 * stroke, 2):g} mm is {round_to(chosen[worst], 2):g} times the stiffness of the storey "
-            f"(under {results.motions[worst[1]].name} with {results.rows[worst[0]].label}). It acts as a rigid "
-            f"brace, which dissipates little and may raise accelerations{remedy}."
-        )
-
-
-def _stiffness(results: StudyResults, key: Key, device: int, place: DevicePlace) -> float:
-    """Peak force over peak stroke of a device over the stiffness of its storey; 0 for runs without these."""
-    run = results.runs[key]
-    commanded = run.finished and results.rows[key[0]].kind in _COMMANDED
-    if not commanded or not run.peak_stroke[device] > 0.0:
-        return 0.0
-    return place.share**2 * float(run.peak_force[device] / run.peak_stroke[device]) / place.stiffness
-
-
-def _fewer(results: StudyResults, device: Device, place: DevicePlace, motion: int) -> str:
-    """How many dampers have a tenth of the base shear at the drift without dampers."""
-    bare = results.runs.get((0, motion))
-    # A storey of what was built in, such as a tuned mass, is none of the building without dampers.
-    if bare is None or not bare.finished or place.storey >= bare.peak_drift.size:
-        return ""
-    drift = place.share * float(bare.peak_drift[place.storey])
-    rate = 2.0 * math.pi * place.frequency * drift
-    force = place.share * float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
-    count = device.count * _ADVISED * float(bare.peak_base_shear) / force
-    if count < 1.0:
-        return f"; one alone has {_percent(_ADVISED / count)} % of the base shear, take a smaller damper"
-    return (
-        f"; count = {_round_count(count)} has {_percent(_ADVISED)} % of the base shear at the largest command"
-    )
-
-
-def _reaches(results: StudyResults) -> list[_Reach]:
-    reaches = []
-    for motion in results.judged_motions:
-        bare = results.runs.get((0, motion))
-        if bare is None or not bare.finished or not bare.peak_base_shear > 0.0 or not results.dampers:
-            continue
-        of_runs = []
-        for (row, other), run in results.runs.items():
-            if other == motion and run.finished and results.rows[row].kind in _COMMANDED:
-                forces: dict[int, float] = {}
-                # Passive elements of the building are behind the devices.
-                for damper, force in zip(results.dampers, run.peak_force.tolist(), strict=False):
-                    forces[damper.storey] = forces.get(damper.storey, 0.0) + damper.share * force
-                of_runs.append(_Reach(motion=motion, forces=forces, shear=float(bare.peak_base_shear)))
-        reaches += [max(of_runs, key=lambda each: each.force)] if of_runs else []
-    return reaches
-
-
-def _counts(results: StudyResults, factor: float) -> str:
-    counts = {device.count for device in results.dampers}
-    if len(counts) == 1:
-        where = "the" if len(results.dampers) == 1 else "each"
-        return f"count = {_round_count(counts.pop() * factor)} in {where} [[damper]]"
-    return f"{_round_count(factor)} times the count of each [[damper]]"
-
-
-def _round_count(count: float) -> int:
-    """A whole number of dampers, to two digits."""
-    return math.ceil(round_to(count, 2))
-
-
-def _percent(share: float) -> str:
-    return f"{round_to(100.0 * share, 2):g}" if share < 1.0 else f"{100.0 * share:.0f}"

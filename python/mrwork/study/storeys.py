@@ -43,12 +43,13 @@ class StoreyQuantity:
 
     def of_runs(self, results: StudyResults, row: int) -> Floats | None:
         """Under each judged motion, shape (n_motions, n_storeys); `None` unless all are known of finished runs."""
-        runs = [results.runs.get((row, motion)) for motion in results.judged_motions]
-        if results.building is None or not runs or any(run is None or not run.finished for run in runs):
+        judged = list(results.judged_motions)
+        if results.building is None or not results.finished_under(row, judged):
             return None
-        values = np.abs([getattr(run, self.name) for run in runs]) * self.factor
+        quantities = results.quantities.numbers
+        values = np.abs(quantities[self.name][row, judged, 0]) * self.factor
         if self.scale:
-            shears = np.array([run.peak_storey_shear for run in runs if run is not None])
+            shears = quantities["peak_storey_shear"][row, judged, 0]
             values = results.building.scales.divide(values, self.scale, shears)
         return None if np.isnan(values).any() else values
 
@@ -138,14 +139,9 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
 
 def _peak_ratios(results: StudyResults, row: int) -> Floats | None:
     """Peak drift ratio under each judged motion [%], infinite of a run that diverged; `None` if one is not known."""
-    peaks = []
-    for motion in results.judged_motions:
-        run = results.runs.get((row, motion))
-        if run is None or not (run.finished or run.outcome == "diverged"):
-            return None
-        found = results.criteria(row, motion)
-        peaks.append(np.inf if found is None else RATIO.factor * found.get("peak_drift_ratio", np.nan))
-    return None if not peaks or np.isnan(peaks).any() else np.array(peaks)
+    judged = list(results.judged_motions)
+    peaks = results.labelled.up_to_collapse("peak_drift_ratio")[row, judged, 0]
+    return None if not judged or np.isnan(peaks).any() else RATIO.factor * peaks
 
 
 def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator[str]:
@@ -178,15 +174,13 @@ def _motion_left_in_words(results: StudyResults, facts: BuildingFacts) -> Iterat
         return
     # That of the first mode with this kinetic energy, spread over the storeys.
     per_speed = facts.periods[0] / (2.0 * np.pi * len(facts.yield_drifts))
-    swings = []
-    for motion in results.judged_motions:
-        runs = (results.runs.get((row, motion)) for row in range(len(results.rows)))
-        energies = [run.kinetic_energy for run in runs if run is not None and run.finished]
-        swings.append(per_speed * np.sqrt(2.0 * max(energies, default=0.0) / sum(facts.masses)))
-    moving = np.array(swings) > _AT_REST * min(facts.yield_drifts)
+    energies = results.quantities.kinetic_energy[:, list(results.judged_motions), 0]
+    largest = np.fmax.reduce(energies, axis=0, initial=0.0)
+    swings = per_speed * np.sqrt(2.0 * largest / sum(facts.masses))
+    moving = swings > _AT_REST * min(facts.yield_drifts)
     if moving.any():
         yield (
             f"The frame still moves at the end of {int(moving.sum())} of {counted(moving.size, 'motion')}, by up to "
-            f"{significant(1e3 * max(swings), 2)} mm a storey, which its residual drifts contain: give the motions "
-            "rest, as rest = 20."
+            f"{significant(1e3 * float(swings.max()), 2)} mm a storey, which its residual drifts contain: give the "
+            "motions rest, as rest = 20."
         )

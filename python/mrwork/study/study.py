@@ -323,7 +323,7 @@ class Study(Summarised):
 
     @property
     def at_zero(self) -> Arrangement:
-        """The dampers at i = 0, whose law the commands of a non-causal optimum replace."""
+        """The dampers at i = 0."""
         return next(each for each in self.arrangements if each.row.kind == "passive_off")
 
     @property

@@ -1,6 +1,6 @@
 """Tables of a study's page: which rows it shows, their criteria and ratios, and the changes of every quantity.
 
-Tables and figures of hundreds of rows cannot be read, and take minutes to draw; `criteria.csv` and `results.json` have
+Tables and figures of hundreds of rows cannot be read, and take minutes to draw; `criteria.csv` and `runs.nc` have
 every row.
 """
 
@@ -80,7 +80,7 @@ def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRow
         in_words=""
         if not text
         else f"{text[:1].upper()}{text[1:]}: the references, the best of each kind, and then the lowest scores, "
-        "control laws first. All numbers are in `criteria.csv` and `results.json`; `controllers` of `[report]` chooses "
+        "control laws first. All numbers are in `criteria.csv` and `runs.nc`; `controllers` of `[report]` chooses "
         "other histories.",
     )
 
@@ -150,12 +150,12 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
 
 def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
     """The known criteria; none if the run did not finish, nor of a quantity that it has not: no dampers, no stroke."""
-    criteria, run = results.criteria(row, motion) or {}, results.runs.get((row, motion))
+    criteria, run = results.criteria(row, motion) or {}, results.quantities.at(row, motion)
     return {
         name: criteria[name]
         for name, *_ in _VALUES
         if name in criteria
-        and np.size(getattr(run, criterion(name).quantity))
+        and not np.isnan(run[criterion(name).quantity]).all()
         and (name not in _OF_YIELD or "peak_ductility" in criteria)
     }
 

@@ -18,7 +18,7 @@ from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, PublishedRegulator, 
 from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
-from mrwork.study.run import LEVELS
+from mrwork.study.constant import LEVELS
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON, TuneTable
 from mrwork.study.study import Kind
 from mrwork.tuning.problem import STUDY_SCORE, Bench, Benches, describe

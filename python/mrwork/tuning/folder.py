@@ -18,8 +18,8 @@ from mrwork.store.parse import toml_table
 from mrwork.store.run_folder import CHOSEN, JOURNAL, SCORES_TABLE, TUNED, TUNING_RUN, RunFolder
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study.folder import results_of_folder, study_document, study_files
+from mrwork.study.histories import Histories
 from mrwork.study.placements import placed_document
-from mrwork.study.run_result import Histories
 from mrwork.study.study import StudyFile
 from mrwork.tuning.judging import TunedStudy, with_tuning
 from mrwork.tuning.results import TunedLaw, TuningResults, part_settings

@@ -16,9 +16,10 @@ from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
 from mrwork.study.course import StudyProgress
+from mrwork.study.histories import RunHistory
 from mrwork.study.results import RealisationBand, StudyResults, ratio_band, score_band
 from mrwork.study.run import run_study
-from mrwork.study.run_result import LabelledRuns, RunHistory
+from mrwork.study.runs import Runs
 from mrwork.study.schema import Use
 from mrwork.study.study import Arrangement, Study
 from mrwork.tuning.problem import arrange_law, check_controllable
@@ -73,13 +74,15 @@ class TunedStudy(StudyResults):
     @checked
     def judgement(self, law: TunedLaw, use: Use) -> Judgement | None:
         """What a law or a reference is worth on the training or the test motions; `None` where it has not run there."""
-        row, motions = self.row_of_law(law), self.motions_of(use)
-        if row is None or not motions or (use == "test" and not self.held_out):
+        row, off, motions = self.row_of_law(law), self.row_of("passive_off"), self.motions_of(use)
+        if row is None or off is None or not motions or (use == "test" and not self.held_out):
             return None
-        if any((row, motion) not in self.runs for motion in motions):
+        if not self.quantities.done[row, list(motions), 0].all():
             return None
-        ratios = [self.ratios(row, motion, "passive_off") for motion in motions]
-        named = {entry.name: [each[entry.name] for each in ratios] for entry in criteria() if entry.ratio}
+        ratios = self.ratios_over(off)
+        named = {
+            entry.name: ratios[entry.name][row, list(motions)].tolist() for entry in criteria() if entry.ratio
+        }
         objective, violation = self._objective(law, row, motions)
         return Judgement(
             score=self.score_under(row, motions),
@@ -147,17 +150,10 @@ class TunedStudy(StudyResults):
         return float("nan") if row is None else self.score(row)
 
 
-def _part_of(runs: LabelledRuns, row: int, motions: Sequence[int], count: int) -> LabelledRuns:
+def _part_of(runs: Runs, row: int, motions: Sequence[int], count: int) -> Runs:
     """Criteria of a row under some motions: nominal ones, or of the last `count` realisations."""
     chosen = slice(-count, None) if count else slice(1)
-    row_axis, motion, realisation = [*runs.axes.items()][:3]
-    axes = {
-        row_axis[0]: (row_axis[1][row],),
-        motion[0]: tuple(motion[1][each] for each in motions),
-        realisation[0]: realisation[1][chosen],
-    }
-    numbers = {name: array[[row]][:, list(motions)][:, :, chosen] for name, array in runs.numbers.items()}
-    return replace(runs, axes=axes, numbers=numbers)
+    return runs.part(slice(row, row + 1), motions, chosen)
 
 
 @checked
@@ -262,7 +258,7 @@ def _judge_front(
     of_rows = [_part_of(results.labelled, row, motions, results.n_realisations) for row in range(len(rows))]
     baseline = of_rows[0 if law.objective.relative_to == "passive_off" else 1]
 
-    def ratio_of(runs: LabelledRuns, name: str) -> float:
+    def ratio_of(runs: Runs, name: str) -> float:
         objective = replace(law.objective, weights={name: 1.0})
         return float(objective.value(objective.run_scores(runs, baseline))[0])
 

@@ -24,7 +24,7 @@ from mrwork.search.registry import ALL_OPTIMISERS, PEERS, FrontResult, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
 from mrwork.study.arrangements import refuse_within
-from mrwork.study.run_result import LabelledRuns, recall_or_compute
+from mrwork.study.runs import Runs, recall_or_compute
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
@@ -331,7 +331,7 @@ def front_of(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
     )
 
 
-def _ratios(criteria: LabelledRuns, bench: Bench, parts: list[TuningObjective]) -> Floats:
+def _ratios(criteria: Runs, bench: Bench, parts: list[TuningObjective]) -> Floats:
     """The objectives of candidates over their baseline, shape (n_candidates, n_objectives)."""
     return np.column_stack([part.value(part.run_scores(criteria, bench.baseline(part))) for part in parts])
 

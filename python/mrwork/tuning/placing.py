@@ -15,14 +15,15 @@ from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats
 from mrwork.buildings.groups import largest_command
+from mrwork.closed_loop.evaluation import searched
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
+from mrwork.study.constant import LEVELS
 from mrwork.study.dampers import ChosenDamper, equip_building
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.placements import Placed, placed_tables, placements_of
-from mrwork.study.run import LEVELS
-from mrwork.study.run_result import LabelledRuns, recall_or_compute
+from mrwork.study.runs import Runs, recall_or_compute
 from mrwork.study.study import (
     Arrangement,
     Row,
@@ -76,14 +77,14 @@ def compare_places(
     testing = tuple(each.ground for each in study.motions if each.use == "test")
     testing = () if len(testing) == len(study.motions) else testing
 
-    def run(arrangement: Arrangement, commands: Floats, motions: Sequence[GroundMotion]) -> LabelledRuns:
+    def run(arrangement: Arrangement, commands: Floats, motions: Sequence[GroundMotion]) -> Runs:
         devices = arrangement.devices
         law = constant_command(devices, *commands.tolist())
         one = nominal(devices)
         return simulate_criteria(arrangement, law, motions, hardware, one, bare=bare, threads=threads)
 
     @cache
-    def without_dampers(*, test: bool) -> LabelledRuns:
+    def without_dampers(*, test: bool) -> Runs:
         return run(study.arrangements[0], np.zeros(1), testing if test else study.chosen_on)
 
     def scores(arrangement: Arrangement, commands: Floats, *, test: bool) -> Floats:
@@ -106,7 +107,7 @@ def compare_places(
         arrangement = arranged(placed)
         commands = np.linspace(0.0, largest_command(arrangement.devices), LEVELS)
         of_commands = scores(arrangement, commands, test=False)
-        best = int(np.argmin(np.where(np.isnan(of_commands), np.inf, of_commands)))
+        best = int(np.argmin(searched(of_commands)))
         return Placement(
             storeys=dict(placed),
             command=float(commands[best]),

@@ -23,12 +23,13 @@ from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
-from mrwork.study.run_result import (
-    LabelledRuns,
+from mrwork.study.runs import (
+    Axes,
+    Runs,
     candidate_axes,
-    criteria_of_runs,
     recall_or_compute,
-    recall_or_compute_runs,
+    recall_or_simulate,
+    study_criteria,
 )
 from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
 from mrwork.tuning.results import DesignNotes
@@ -60,22 +61,22 @@ class Bench(Summarised):
     problem: DesignProblem
     motions: tuple[GroundMotion, ...]
     realisations: Realisations
-    passive: LabelledRuns
+    passive: Runs
     journal: Journal | None
     threads: int
     clock: Clock
-    constant: LabelledRuns | None = None
+    constant: Runs | None = None
 
-    def baseline(self, objective: TuningObjective) -> LabelledRuns:
+    def baseline(self, objective: TuningObjective) -> Runs:
         """What the criteria of an objective are divided by."""
         if objective.relative_to == "passive_off":
             return self.passive
         assert self.constant is not None
         return self.constant
 
-    def run(self, law: str, candidates: Sequence[LawCandidate]) -> LabelledRuns:
-        """Criteria of candidates, infinite for those that make no law."""
-        runs = criteria_of_runs(candidate_axes(len(candidates), self.motions, self.realisations), math.inf)
+    def run(self, law: str, candidates: Sequence[LawCandidate]) -> Runs:
+        """Criteria of candidates, none for those that make no law."""
+        runs = Runs.empty(self._axes(len(candidates)), study_criteria(self.study.command_unit))
         seconds = 0.0
         for members, together in self._batches(law, candidates):
             problem = (
@@ -90,6 +91,7 @@ class Bench(Summarised):
             shaping = _shaping_of([candidates[n] for n in places])
             batch = self.simulate(problem, designed.law, largest_commands=commands, shaping=shaping)
             # A law without gains has one candidate, whatever the number of its settings.
+            runs.outcome[places] = batch.outcome
             for name, array in batch.numbers.items():
                 runs.numbers[name][places] = array
             seconds += batch.seconds
@@ -105,7 +107,7 @@ class Bench(Summarised):
         largest_commands: Floats | None = None,
         shaping: Floats | None = None,
         changes: GainChanges | None = None,
-    ) -> LabelledRuns:
+    ) -> Runs:
         """Criteria of the candidates of a law, see `simulate_loop`."""
         return simulate_criteria(
             replace(self.study.at_zero, devices=tuple(problem.devices), law=None),
@@ -120,12 +122,15 @@ class Bench(Summarised):
             changes=changes,
         )
 
-    def recall_or_run(
-        self, step: str, inputs: str, law: str, candidates: Sequence[LawCandidate]
-    ) -> LabelledRuns:
+    def recall_or_run(self, step: str, inputs: str, law: str, candidates: Sequence[LawCandidate]) -> Runs:
         """The criteria of candidates, from the journal if it has them."""
-        axes = candidate_axes(len(candidates), self.motions, self.realisations)
-        return recall_or_compute_runs(self.journal, step, inputs, axes, lambda: self.run(law, candidates))
+        axes, declared = self._axes(len(candidates)), study_criteria(self.study.command_unit)
+        return recall_or_simulate(
+            self.journal, step, inputs, axes, declared, lambda: self.run(law, candidates)
+        )
+
+    def _axes(self, n_candidates: int) -> Axes:
+        return candidate_axes(n_candidates, self.motions, len(self.realisations))
 
     def recall_or_score(
         self, step: str, inputs: str, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
@@ -239,7 +244,7 @@ def score_candidates(
     return scores_of(objective, bench.run(law, candidates), bench)
 
 
-def scores_of(objective: TuningObjective, runs: LabelledRuns, bench: Bench) -> Scores:
+def scores_of(objective: TuningObjective, runs: Runs, bench: Bench) -> Scores:
     """The scores of candidates whose criteria are known."""
     value = objective.value(objective.run_scores(runs, bench.baseline(objective)))
     violation = objective.violation(runs)
@@ -305,7 +310,7 @@ def benches_of(
     assert law is not None
 
     def bench(realisations: Realisations) -> Bench:
-        def passive() -> LabelledRuns:
+        def passive() -> Runs:
             criteria = simulate_criteria(
                 study.at_zero,
                 law,
@@ -324,8 +329,13 @@ def benches_of(
             problem=problem,
             motions=motions,
             realisations=realisations,
-            passive=recall_or_compute_runs(
-                journal, "passive", inputs, candidate_axes(1, motions, realisations), passive
+            passive=recall_or_simulate(
+                journal,
+                "passive",
+                inputs,
+                candidate_axes(1, motions, len(realisations)),
+                study_criteria(study.command_unit),
+                passive,
             ),
             journal=journal,
             threads=threads,

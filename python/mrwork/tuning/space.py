@@ -15,13 +15,13 @@ from mrwork.base.numbers import of_unit, round_to
 from mrwork.base.summary import Summarised
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats
-from mrwork.closed_loop.evaluation import SCORE, criterion
+from mrwork.closed_loop.evaluation import SCORE, criterion, ratio, searched
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.study.arrangements import check_criterion, check_law, refuse_within
-from mrwork.study.run_result import LabelledRuns
+from mrwork.study.runs import Runs
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 
 _TAIL = 0.2
@@ -48,11 +48,9 @@ class TuningObjective(Summarised):
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
 
-    def run_scores(self, runs: LabelledRuns, baseline: LabelledRuns) -> Floats:
+    def run_scores(self, runs: Runs, baseline: Runs) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
-        ratios = {
-            name: ratio_to_baseline(runs.numbers[name], baseline.numbers[name]) for name in self.weights
-        }
+        ratios = {name: searched(ratio(runs.numbers[name], baseline.numbers[name])) for name in self.weights}
         if self.combine == "largest":
             return np.asarray(
                 np.max([weight * ratios[name] for name, weight in self.weights.items()], axis=0)
@@ -65,11 +63,11 @@ class TuningObjective(Summarised):
         """The risk of the scores of runs, shape (n_candidates,)."""
         return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
 
-    def violation(self, runs: LabelledRuns) -> Floats:
+    def violation(self, runs: Runs) -> Floats:
         """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
         violation = np.zeros(runs.shape[0])
         for name, limit in self.limits.items():
-            largest = runs.numbers[name].max(axis=(1, 2))
+            largest = searched(runs.numbers[name].max(axis=(1, 2)))
             violation += np.maximum(largest / limit - 1.0, 0.0)
         return violation
 
@@ -90,14 +88,6 @@ class TuningObjective(Summarised):
 def _weighted_name(name: str, weight: float) -> str:
     text = criterion(name).title.lower().replace("rms", "RMS")
     return text if weight == 1.0 else f"{weight:g} x {text}"
-
-
-def ratio_to_baseline(numbers: Floats, baseline: Floats) -> Floats:
-    """Ratios to the values of a baseline; infinite where a run has no value, 1 where both are zero."""
-    below = np.broadcast_to(baseline, numbers.shape)
-    ratios = np.full(numbers.shape, math.inf)
-    np.divide(numbers, below, out=ratios, where=np.isfinite(numbers) & (below > 0.0) & np.isfinite(below))
-    return np.where((numbers == 0.0) & (below == 0.0), 1.0, ratios)
 
 
 def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:

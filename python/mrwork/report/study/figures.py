@@ -34,8 +34,8 @@ from mrwork.plots.of_tests import Motion, commands, loops
 from mrwork.plots.samples import envelope, strong_part
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import StudyComparison, judged_in_words, motion_groups
+from mrwork.study.histories import RunHistory
 from mrwork.study.results import MotionFacts, StudyResults
-from mrwork.study.run_result import RunHistory
 from mrwork.study.study import uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
 

@@ -302,7 +302,7 @@ def _advice(comparison: StudyComparison) -> tuple[str, ...]:
             isinstance(results, TunedStudy),
             "`mrwork respond chosen.toml`, in this folder: the study with these settings.",
         ),
-        (results.checked is None, "`--check-step`: whether half the step changes a number."),
+        (not results.step_checked, "`--check-step`: whether half the step changes a number."),
         (
             len(results.judged_motions) < 5,
             "More `[[motion]]` tables: a law is worth what it does under motions that did not make it.",

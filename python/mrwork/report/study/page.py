@@ -27,7 +27,6 @@ from mrwork.report.study.storey_section import storey_section
 from mrwork.report.study.tuning_section import tuning_sections
 from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
-from mrwork.study.run_result import RunResult
 from mrwork.study.tables import ShownRows, bands_of_study, change_table, shown_rows, step_table, value_table
 from mrwork.tuning.judging import TunedStudy
 
@@ -44,7 +43,7 @@ def energy_section(results: StudyResults, shown: ShownRows) -> Section | None:
         energy_figure(results, results.detailed, shown.drawn),
         f"Energy dissipated by dampers and structure under {motion.name}, for {arrangements}",
     )
-    worst = max(run.energy_error for run in results.runs.values() if run.finished)
+    worst = float(np.nanmax(results.quantities.energy_error[..., 0]))
     return Section(
         anchor="energy",
         title="Energy",
@@ -57,22 +56,25 @@ def energy_section(results: StudyResults, shown: ShownRows) -> Section | None:
 
 
 def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
-    def cells(row: int, runs: Sequence[RunResult]) -> tuple[str, ...]:
-        spent = np.array([np.sum(run.device_energy) for run in runs])
+    quantities = results.quantities.numbers
+    finished = results.quantities.finished[:, :, 0]
+
+    def cells(row: int) -> tuple[str, ...]:
+        taken, given, errors, steps = (
+            quantities[name][row, finished[row], 0]
+            for name in ("device_energy", "input_energy", "energy_error", "steps")
+        )
         return (
             results.rows[row].label,
-            percent(float(np.mean(ratio(spent, np.array([run.input_energy for run in runs]))))),
-            significant(max(run.energy_error for run in runs), 2),
-            format_fixed(max(run.steps for run in runs), 0),
+            percent(float(np.mean(ratio(np.nansum(taken, axis=1), given)))),
+            significant(float(errors.max()), 2),
+            format_fixed(float(steps.max()), 0),
         )
 
-    finished = {
-        row: [run for (of, _), run in results.runs.items() if of == row and run.finished] for row in listed
-    }
     return Table(
         label="Balance of energy",
         columns=("", "Dissipated by dampers (%)", "Largest error of balance", "Most steps per sample"),
-        rows=tuple(cells(row, runs) for row, runs in finished.items() if runs),
+        rows=tuple(cells(row) for row in listed if finished[row].any()),
         note="Input = kinetic + strain + structure + dampers, integrated with the same stages as the motion. "
         "The error is the imbalance over the largest energy, the largest of all motions.",
     )
@@ -83,7 +85,7 @@ _DEMAND = ("stroke", "velocity", "frequency", "command", "force", "mean power")
 
 def demand_section(results: StudyResults) -> Section | None:
     """The largest demand of all runs on one damper at each place, and the ranges it was tested in."""
-    demands = [each for key in results.runs for each in results.demands(*key)]
+    demands = [each for of_run in results.demanded.values() for each in of_run]
     if not demands:
         return None
     ranges: list[tuple[str, OperatingRange | None]] = []

@@ -1,0 +1,83 @@
+"""Labelled arrays as netCDF 4, which xarray, MATLAB, Julia and `ncdump` open; h5py alone reads them back."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrwork.base.labelled import NamedArray, NamedArrays
+from mrwork.store.input_file import Allowance
+
+_CLASS, _SCALE = "CLASS", b"DIMENSION_SCALE"
+_UNITS, _WORDS, _TITLE = "units", "long_name", "title"
+
+
+def netcdf_of(groups: Mapping[str, NamedArrays], *, checksums: bool = False) -> bytes:
+    """The content of a file with these groups, each complete with its axes; that of the name "" is the root.
+
+    Arrays over an axis without labels are left out, and so is the axis. Reading compares `checksums`.
+    """
+    import h5netcdf
+    import h5py
+
+    with h5py.File("memory", "w", driver="core", backing_store=False, track_order=True) as file:
+        with h5netcdf.File(file, "w") as netcdf:
+            for name, arrays in groups.items():
+                group = netcdf.create_group(name) if name else netcdf
+                group.attrs[_TITLE] = arrays.title
+                labels = {axis: each for axis, each in arrays.labels.items() if each.values.size}
+                group.dimensions = {axis: each.values.size for axis, each in labels.items()}
+                for axis, each in labels.items():
+                    _write(group, axis, replace(each, axes=(axis,)), checksums=checksums)
+                for own, each in arrays.arrays.items():
+                    if labels.keys() >= set(each.axes):
+                        _write(group, own, each, checksums=checksums)
+        file.flush()
+        return bytes(file.id.get_file_image())
+
+
+def _write(group: Any, name: str, array: NamedArray, *, checksums: bool) -> None:
+    import h5py
+
+    values: Any = array.values
+    if values.dtype.kind in "UO":
+        made = group.create_variable(name, array.axes, dtype=h5py.string_dtype())
+        made[...] = values.astype(object)
+    else:
+        missing = np.nan if values.dtype.kind == "f" else None
+        block: Any = {"fletcher32": True, "chunks": values.shape} if checksums else {}
+        made = group.create_variable(name, array.axes, data=values, fillvalue=missing, **block)
+    made.attrs.update(array.attributes)
+
+
+def read_netcdf(file: Path | bytes, place: Path) -> dict[str, NamedArrays]:
+    """The groups of a file at a place as `netcdf_of` has written them; other errors are those of h5py."""
+    import h5py
+
+    size = len(file) if isinstance(file, bytes) else file.stat().st_size
+    allowance = Allowance(place, size)
+    with h5py.File(io.BytesIO(file) if isinstance(file, bytes) else file, "r") as opened:
+        children = {name: each for name, each in opened.items() if isinstance(each, h5py.Group)}
+        return {name: _read(group, allowance) for name, group in {"": opened, **children}.items()}
+
+
+def _read(group: Any, allowance: Allowance) -> NamedArrays:
+    import h5py
+
+    labels, arrays = dict[str, NamedArray](), dict[str, NamedArray]()
+    for name, each in group.items():
+        if isinstance(each, h5py.Dataset):
+            allowance.take(math.prod(each.shape) * max(each.dtype.itemsize, 8), f"'{name}'")
+            is_text = h5py.check_string_dtype(each.dtype) is not None
+            values = each.asstr()[...].astype(str) if is_text else each[...]
+            axes = tuple(dimension[0].name.rpartition("/")[2] for dimension in each.dims if len(dimension))
+            unit, words = (str(each.attrs.get(key, "")) for key in (_UNITS, _WORDS))
+            found = NamedArray(values=values, axes=axes, unit=unit, long_name=words)
+            (labels if each.attrs.get(_CLASS) == _SCALE else arrays)[name] = found
+    return NamedArrays(title=str(group.attrs.get(_TITLE, "")), rows=(), labels=labels, arrays=arrays)

@@ -1,0 +1,142 @@
+"""Histories of the runs of a study: for the floors and storeys of the bare building, and as files of its folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, time_labels
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.closed_loop.responses import History, Labelled, Quantity, history_signals, in_command_unit
+from mrwork.errors import RecordError
+from mrwork.store.netcdf import netcdf_of, read_netcdf
+from mrwork.store.output_file import replacing
+from mrwork.store.run_folder import HISTORIES, RunFolder
+from mrwork.store.run_writer import RunAtWork
+from mrwork.study.study import Arrangement, Study
+
+# Signals of no use to pages, and energies, which a history has in one array.
+_LEFT_OUT = {"input_energy", "damping_energy", "device_energy"}
+_ENERGY = ("input", "kinetic", "strain", "damping", "devices")
+
+
+@array_dataclass()
+class RunHistory(Labelled):
+    """The history of a run, each signal an attribute: shapes (n_time,), for floors, storeys and devices (n_time, n).
+
+    They are those of `history_signals` that pages draw. `energy` has the columns input, kinetic, strain, damping and
+    devices [J], cumulative from the start; passive devices count among them. The rest of the input is in storeys that
+    yield.
+    """
+
+    time: Floats
+    numbers: Mapping[str, Floats]
+
+
+def _kept_signals() -> list[Quantity]:
+    """Signals of a history that a study stores."""
+    named = (each for each in history_signals() if each.name not in _LEFT_OUT)
+    return [each for each in named if each.axis not in ("state", "element")]
+
+
+def history_of(history: History, arrangement: Arrangement) -> RunHistory:
+    """The history of a run, for the floors and storeys of the bare building."""
+    devices = range(len(arrangement.devices))
+    places = {"floor": [*arrangement.floors], "storey": [*arrangement.storeys], "device": [*devices]}
+    energies = (
+        history.input_energy,
+        history.kinetic_energy(arrangement.building),
+        history.strain_energy(arrangement.building),
+        history.damping_energy,
+        history.device_energy[:, : len(devices)].sum(axis=1)
+        + history.element_energy[:, arrangement.passive_devices].sum(axis=1),
+    )
+    kept = {
+        each.name: history.numbers[each.name][:, places[each.axis]]
+        if each.own_axes
+        else history.numbers[each.name]
+        for each in _kept_signals()
+    }
+    return RunHistory(time=history.time, numbers={**kept, "energy": np.stack(energies, axis=1)})
+
+
+class Histories:
+    """Histories of the study that is made in a run folder, in single precision except for time."""
+
+    def __init__(self, work: RunAtWork, study: Study) -> None:
+        self._work, self._study = work, study
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Paths in the run folder, also of those that are not stored."""
+        motions = range(len(self._study.motions))
+        return tuple(_name_of(row, motion) for row in range(len(self._study.rows)) for motion in motions)
+
+    def is_stored(self, row: int, motion: int) -> bool:
+        """Whether the history of a run is stored and whole; a damaged one will be written again."""
+        path = self._work.grown(_name_of(row, motion))
+        if not path.is_file():
+            return False
+        ground, step = self._study.grounds[motion], self._study.hardware.sample_time
+        try:
+            time = _read_history(path).time
+        except RecordError:
+            return False
+        # A motion need not end at a sample.
+        whole = abs(ground.duration / step - time.size) < 2.0
+        return whole and np.array_equal(time, np.arange(time.size) * step)
+
+    def keep(self, row: int, motion: int, history: RunHistory) -> None:
+        """Store the history of a run, whole or not at all."""
+        study = self._study
+        labels = {
+            "time": time_labels(history.time),
+            "floor": labels_of(study.building.floor_names),
+            "storey": labels_of(study.building.storey_names[: history.drift.shape[1]]),
+            "device": labels_of(study.device_names[: history.force.shape[1]]),
+            "energy_part": labels_of(_ENERGY),
+        }
+        arrays = {
+            each.name: (each.own_axes, in_command_unit(each.unit, study.command_unit), each.description)
+            for each in _kept_signals()
+        }
+        arrays["energy"] = (("energy_part",), "J", "energy since the start")
+        content = NamedArrays(
+            title=f"{study.rows[row].label} under {study.motions[motion].name}",
+            rows=("time",),
+            labels=labels,
+            arrays={
+                name: NamedArray.of(
+                    history.numbers[name].astype(np.float32), "time", *axes, unit=unit, long_name=words
+                )
+                for name, (axes, unit, words) in arrays.items()
+            },
+        )
+        with replacing(self._work.growing(_name_of(row, motion))) as stream:
+            stream.write(netcdf_of({"": content}, checksums=True))
+
+
+def read_history(place: Path, row: int, motion: int) -> RunHistory | None:
+    """The history of a run in the folder of a study, if it is stored."""
+    run, name = RunFolder.open(place), _name_of(row, motion)
+    return _read_history(run.file(name)) if name in run.files and run.file(name).is_file() else None
+
+
+def _read_history(path: Path) -> RunHistory:
+    """The history in a file; one without devices has them with an empty axis."""
+    try:
+        stored = read_netcdf(path, path)[""]
+        time = stored.labels["time"].values
+        numbers = {name: each.values.astype(np.float64) for name, each in stored.arrays.items()}
+    except (LookupError, OSError, RuntimeError, TypeError, ValueError) as reason:
+        raise RecordError(
+            f"{path} is not the history of a run ({reason}); run `mrwork respond` again"
+        ) from None
+    empty = np.empty((time.size, 0))
+    return RunHistory(time=time, numbers={each.name: empty for each in _kept_signals()} | numbers)
+
+
+def _name_of(row: int, motion: int) -> str:
+    return f"{HISTORIES}/{row + 1:02d}-{motion + 1:02d}.nc"

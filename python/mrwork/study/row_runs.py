@@ -1,0 +1,287 @@
+"""Runs of one row of a study at a time: recalled from the journal, or simulated and recorded."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import get_args
+
+import numpy as np
+
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.responses import history_signals
+from mrwork.closed_loop.user_law import UserLaw
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.motions import GroundMotion
+from mrwork.store.journal import Journal
+from mrwork.study.constant import LEVELS, BestConstant, best_constant, levels_of
+from mrwork.study.course import Course, Kind
+from mrwork.study.histories import RunHistory, history_of
+from mrwork.study.loop_runs import simulate, simulate_criteria
+from mrwork.study.runs import (
+    HALF_STEP,
+    NOMINAL,
+    Axes,
+    Runs,
+    knows_least_strokes,
+    numbered,
+    own_axes,
+    recall_or_compute,
+    recall_or_simulate,
+    runs_of,
+    study_criteria,
+    study_quantities,
+)
+from mrwork.study.study import Arrangement, Study, constant_command, digest_of_run
+
+# Histories that need more memory than this are simulated one at a time [bytes].
+_MOST_BYTES = 2.0**28
+# Runs that one thread does at once, and commands that a rollout tries.
+_LANES, _TRIALS = 8, 16
+# Steps per second of the model of a rollout, where its law says none.
+_MODEL_STEPS = 400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowRuns:
+    """Runs of the rows of a study, with the journal, the histories and the progress that they share.
+
+    `kept` and `keep` are those of `run_study`.
+    """
+
+    study: Study
+    journal: Journal | None
+    threads: int
+    course: Course = field(default_factory=Course)
+    kept: Callable[[int, int], bool] = lambda row, motion: True
+    keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None
+
+    def axes(self, rows: Sequence[Arrangement], motions: Sequence[int], realisations: Sequence[str]) -> Axes:
+        """Axes of the runs of some rows under some motions, with the floors, storeys and devices of all rows."""
+        return {
+            "row": tuple(each.row.label for each in rows),
+            "motion": tuple(self.study.motions[motion].name for motion in motions),
+            "realisation": tuple(realisations),
+            **own_axes(self.study.arrangements),
+        }
+
+    def with_best_constant(self, arrangement: Arrangement, done: int) -> tuple[Arrangement, str]:
+        """The arrangement at its best constant command, and a sentence on the choice."""
+        study, levels = self.study, levels_of(arrangement)
+        self._begin(arrangement, "constant commands", study.chosen_on, done, LEVELS)
+        best = recall_or_compute(
+            self.journal,
+            "best_constant",
+            digest_of_run(arrangement, *study.chosen_on),
+            BestConstant,
+            lambda: best_constant(
+                arrangement,
+                study.chosen_on,
+                study.hardware,
+                threads=self.threads,
+                on_block=self.course.advance,
+            ),
+            agrees=lambda best: best.command in levels,
+        )
+        label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
+        row, law = replace(arrangement.row, label=label), constant_command(arrangement.devices, best.command)
+        return (
+            replace(arrangement, row=row, law=law),
+            best.in_words(label, float(levels[-1]), study.command_unit),
+        )
+
+    def nominal(self, row: int, arrangement: Arrangement, done: int) -> Iterator[tuple[list[int], Runs]]:
+        """The nominal runs of a row, in batches of motions; the histories that the study keeps are stored."""
+        for motions, detailed in _batches(self.study, arrangement):
+            self._begin(arrangement, "", self._grounds(motions), done)
+            recalling = self.journal is not None and self.journal.recalling
+            runs = self._recall_or_simulate(row, arrangement, motions, detailed=detailed)
+            stored = [motion for motion in self._stored(motions, runs) if detailed]
+            if recalling and not all(self.kept(row, motion) for motion in stored):
+                # A history that was lost is simulated with its batch, on which its noise depends.
+                self._simulate(row, arrangement, motions, detailed=detailed)
+            yield motions, runs
+            done += len(motions)
+
+    def with_half_step(self, row: int, arrangement: Arrangement, done: int) -> Runs:
+        """The runs of a row with half the integration step."""
+        self._begin(arrangement, HALF_STEP, self.study.grounds, done, times=2.0)
+        return self._recall_or_simulate(row, arrangement, range(len(self.study.motions)), step_factor=2)
+
+    def realised(self, arrangement: Arrangement, done: int) -> Runs:
+        """Criteria of a row with the realisations of the study."""
+        study, realisations, law = self.study, self.study.realisations, arrangement.law
+        assert realisations is not None
+        assert law is not None
+        self._begin(arrangement, "realisations", study.grounds, done, len(realisations))
+        return recall_or_simulate(
+            self.journal,
+            "realisations",
+            digest_of_run(arrangement, *study.grounds),
+            self.axes([arrangement], range(len(study.motions)), numbered(len(realisations))),
+            study_criteria(study.command_unit),
+            lambda: simulate_criteria(
+                arrangement,
+                law,
+                study.grounds,
+                study.hardware,
+                realisations,
+                bare=study.building,
+                threads=self.threads,
+                on_block=self.course.advance,
+            ),
+        )
+
+    def _recall_or_simulate(
+        self,
+        row: int,
+        arrangement: Arrangement,
+        motions: Sequence[int],
+        *,
+        detailed: bool = False,
+        step_factor: int = 1,
+    ) -> Runs:
+        return recall_or_simulate(
+            self.journal,
+            "runs" if step_factor == 1 else "runs with half the step",
+            digest_of_run(arrangement, *self._grounds(motions)),
+            self.axes([arrangement], motions, [NOMINAL]),
+            study_quantities(self.study.command_unit),
+            lambda: self._simulate(row, arrangement, motions, detailed=detailed, step_factor=step_factor),
+        )
+
+    def _simulate(
+        self,
+        row: int,
+        arrangement: Arrangement,
+        motions: Sequence[int],
+        *,
+        detailed: bool,
+        step_factor: int = 1,
+    ) -> Runs:
+        """Simulate an arrangement under some motions, and store histories where it is `detailed`."""
+        assert arrangement.law is not None
+        responses = simulate(
+            arrangement,
+            arrangement.law,
+            self._grounds(motions),
+            self.study.hardware,
+            histories=detailed,
+            step_factor=step_factor,
+            threads=self.threads,
+            on_block=self.course.advance,
+        )
+        runs = runs_of(responses, arrangement, arrangement.law, self.axes([arrangement], motions, [NOMINAL]))
+        for motion in self._stored(motions, runs):
+            if responses.histories is not None:
+                self.keep(row, motion, history_of(responses.histories[motions.index(motion)], arrangement))
+        return runs
+
+    def _stored(self, motions: Sequence[int], runs: Runs) -> list[int]:
+        """Motions of which the study keeps the history of a run; one without an end has numbers that are not finite."""
+        finished = runs.finished[0, :, 0]
+        return [
+            each
+            for each, ended in zip(motions, finished, strict=True)
+            if ended and each in self.study.histories
+        ]
+
+    def _grounds(self, motions: Sequence[int]) -> list[GroundMotion]:
+        return [self.study.grounds[motion] for motion in motions]
+
+    def _begin(
+        self,
+        arrangement: Arrangement,
+        what: str,
+        motions: Sequence[GroundMotion],
+        done: int,
+        n_each: int = 1,
+        times: float = 1.0,
+    ) -> None:
+        label = ", ".join(filter(None, [arrangement.row.label, what]))
+        cost = times * cost_of(arrangement, motions, self.study.hardware, n_each, self.threads)
+        self.course.begin(label, kind_of(arrangement), cost, done)
+
+
+def _batches(study: Study, arrangement: Arrangement) -> list[tuple[list[int], bool]]:
+    """Motions that are simulated together, and whether with their histories; these must fit into memory together.
+
+    Small strokes leave the tested range of some dampers: the least stroke of a run is known from its history.
+    """
+    every = list(range(len(study.motions)))
+    detailed = every if knows_least_strokes(arrangement) else [*study.histories]
+    needed = _bytes_per_second(study, arrangement) * np.array([ground.duration for ground in study.grounds])
+    if not detailed or needed.sum() < _MOST_BYTES:
+        return [(every, bool(detailed))]
+    batches: list[list[int]] = [[]]
+    for motion in detailed:
+        if batches[-1] and needed[[*batches[-1], motion]].sum() >= _MOST_BYTES:
+            batches.append([])
+        batches[-1].append(motion)
+    others = [motion for motion in every if motion not in detailed]
+    return [*((batch, True) for batch in batches), *([(others, False)] if others else [])]
+
+
+def _bytes_per_second(study: Study, arrangement: Arrangement) -> float:
+    """Memory of a run's history per second of motion [bytes/s]."""
+    building = arrangement.building
+    columns = {
+        "run": 1,
+        "floor": len(building.floors),
+        "storey": len(building.storeys),
+        "device": max(len(arrangement.devices), 1),
+        "element": len(building.elements),
+        "state": 2 * building.n_coordinates,
+    }
+    width = sum(columns[signal.axis] for signal in history_signals())
+    return 8.0 * width / study.hardware.sample_time
+
+
+def kind_of(arrangement: Arrangement) -> Kind:
+    """What the runs of an arrangement are simulated by."""
+    law = arrangement.law
+    if not arrangement.devices:
+        return "without dampers"
+    if isinstance(law, UserLaw):
+        return "Python"
+    if arrangement.devices[0].spec.own is not None and not arrangement.has_actuators:
+        return "JAX"
+    return "core" if law is None or not law.spec.needs_model else "rollout"
+
+
+def cost_of(
+    arrangement: Arrangement,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    n_each: int,
+    threads: int = 0,
+) -> float:
+    """Integration steps times coordinates of runs, `n_each` under each motion, where lanes and threads are full."""
+    law = arrangement.law
+    steps = hardware.steps / hardware.sample_time
+    if isinstance(law, ControlLaw) and law.spec.needs_model:
+        decision, step, *_ = np.ravel(law.tables["timing"]).tolist()
+        steps += (
+            _TRIALS * float(np.max(law.gains["horizon"])) * (1.0 / step if step else _MODEL_STEPS) / decision
+        )
+    rounds = math.ceil(n_each * len(motions) / _LANES / (threads or os.cpu_count() or 1))
+    seconds = sum(motion.duration for motion in motions) / max(len(motions), 1)
+    return steps * seconds * rounds * arrangement.building.n_coordinates
+
+
+def costs_of_study(study: Study, threads: int, *, check_step: bool) -> dict[Kind, float]:
+    """Sums of the costs of all runs of a study by kind."""
+    costs = dict.fromkeys(get_args(Kind), 0.0)
+    n_realisations = 0 if study.realisations is None else len(study.realisations)
+    for each in study.arrangements:
+        costs[kind_of(each)] += sum(
+            times * cost_of(each, motions, study.hardware, n_each, threads)
+            for motions, n_each, times in (
+                (study.grounds, 1, 3.0 if check_step else 1.0),
+                (study.grounds, n_realisations, 1.0),
+                (study.chosen_on, LEVELS if each.law is None else 0, 1.0),
+            )
+        )
+    return costs

@@ -1,0 +1,458 @@
+"""Runs of a study or a tuning as one labelled array: quantities or criteria over row, motion and realisation.
+
+A row is an arrangement of a study or a candidate of a tuning. Quantities of floors, storeys and devices have a fourth
+axis, with the labels of all rows together. What a row does not have is NaN, and so are all numbers of a run without an
+end; `outcome` says which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.closed_loop.evaluation import Scales, criteria, ratio, score, values
+from mrwork.closed_loop.responses import (
+    ENERGY_TOLERANCE,
+    Labelled,
+    Quantity,
+    Responses,
+    command_unit_of,
+    description_of,
+    in_command_unit,
+    run_quantities,
+    unit_of,
+)
+from mrwork.dampers.simulation import Outcome
+from mrwork.dampers.tested_range import least_stroke
+from mrwork.motions import GroundMotion
+from mrwork.store.codec import array_of, plain
+from mrwork.store.journal import Journal
+from mrwork.study.study import Arrangement, StudyLaw, commands_force
+
+T = TypeVar("T")
+
+Axes = Mapping[str, tuple[str, ...]]
+"""Labels along each axis by its name."""
+
+NOMINAL = "nominal"
+"""The realisation without anything uncertain."""
+
+HALF_STEP = "half the step"
+"""The nominal realisation again, with half the integration step."""
+
+NOT_RUN = 255
+"""Outcome of what was not simulated."""
+
+_FINISHED = (Outcome.FINISHED, Outcome.FAILED_SAFE)
+_IN_WORDS = {
+    Outcome.FINISHED: "finished",
+    Outcome.DIVERGED: "diverged",
+    Outcome.UNRESOLVED: "could not be resolved",
+    Outcome.ABANDONED: "was abandoned",
+    Outcome.FAILED_SAFE: "failed safe",
+}
+_N_FIRST = 3
+_REALISATION = 2
+_ALL = slice(None)
+# Columns of dampers behind which stand those of passive elements, which are devices, too.
+_OF_ELEMENTS = {
+    "peak_force": "peak_element_force", "peak_stroke": "peak_element_stroke", "device_energy": "element_energy",
+}  # fmt: skip
+_COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel", "switching_rate")
+_LEFT_OUT = {"rms_force", *_OF_ELEMENTS.values()}
+# What a study knows of a run beside the quantities of the core.
+_FURTHER = (
+    Quantity(name="steps", axis="run", unit="1", description="integration steps per sample"),
+    Quantity(name="least_stroke", axis="device", unit="m", description="least stroke of a cycle"),
+)
+
+
+def outcome_in_words(outcome: Outcome) -> str:
+    """How a run ended, in words that follow its name, with a remedy."""
+    remedy = "" if outcome is Outcome.FINISHED else f": {outcome.remedy}"
+    return f"{_IN_WORDS[outcome]}{remedy}"
+
+
+def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
+    """Quantities of the runs of a study."""
+    kept = (*(each for each in run_quantities() if each.name not in _LEFT_OUT), *_FURTHER)
+    return tuple(replace(each, unit=in_command_unit(each.unit, command_unit)) for each in kept)
+
+
+def study_criteria(command_unit: str) -> tuple[Quantity, ...]:
+    """Every criterion as a quantity of a run, and the error of its energies."""
+    named = [(each.name, each.unit, each.title) for each in criteria()]
+    named.append(("energy_error", unit_of("energy_error"), description_of("energy_error")))
+    return tuple(
+        Quantity(name=name, axis="run", unit=in_command_unit(unit, command_unit), description=words)
+        for name, unit, words in named
+    )
+
+
+@array_dataclass(repr=False)
+class Runs(Labelled, WithAxes, Summarised):
+    """Numbers of runs by name, each an attribute; NaN where a run has none, and `outcome` says why.
+
+    `axes` are rows of a study or candidates of a tuning, motions and realisations, with the labels along each, and then
+    floors, storeys and devices. Devices are the dampers, and then the passive devices of the building, of which storeys
+    that yield are none. `declared` are the quantities or criteria with axis, unit and words; `outcome` has the shape of
+    the first three axes. `seconds` is the time inside the simulation.
+    """
+
+    _made_by: ClassVar[str] = "mr.run_study(study)"
+
+    axes: Axes
+    declared: tuple[Quantity, ...]
+    numbers: Mapping[str, Floats]
+    outcome: NDArray[np.uint8]
+    seconds: float = 0.0
+
+    @staticmethod
+    def empty(axes: Axes, declared: Sequence[Quantity]) -> Runs:
+        """Runs that are to be filled in."""
+        first = tuple(map(len, axes.values()))[:_N_FIRST]
+        return Runs(
+            axes=axes,
+            declared=tuple(declared),
+            numbers={
+                each.name: np.full((*first, *(len(axes[name]) for name in each.own_axes)), np.nan)
+                for each in declared
+            },
+            outcome=np.full(first, NOT_RUN, dtype=np.uint8),
+        )
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of rows or candidates, of motions and of realisations."""
+        rows, motions, realisations = self.outcome.shape
+        return rows, motions, realisations
+
+    @property
+    def finished(self) -> NDArray[np.bool_]:
+        """Whether each run has results, also those of one that failed safe."""
+        return np.isin(self.outcome, _FINISHED)
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """Whether each run was simulated, to whatever end."""
+        return np.asarray(self.outcome != NOT_RUN)
+
+    @property
+    def balanced(self) -> NDArray[np.bool_]:
+        """Whether the energies of each run balance, or it has none."""
+        return ~self.finished | (self.numbers["energy_error"] <= ENERGY_TOLERANCE)
+
+    @property
+    def n_done(self) -> int:
+        """Number of runs that are done."""
+        return int(self.done.sum())
+
+    def put(self, part: Runs, row: int, motions: Sequence[int], realisation: int) -> None:
+        """Fill in the one row of a part, under these motions, from this realisation on."""
+        here = (row, list(motions), slice(realisation, realisation + part.shape[_REALISATION]))
+        self.outcome[here] = part.outcome[0]
+        for name, array in part.numbers.items():
+            self.numbers[name][here] = array[0]
+
+    def part(
+        self, rows: slice = _ALL, motions: slice | Sequence[int] = _ALL, realisations: slice = _ALL
+    ) -> Runs:
+        """The runs of some rows, motions and realisations."""
+        motions = motions if isinstance(motions, slice) else list(motions)
+        here = dict(zip(self.axes, (rows, motions, realisations), strict=False))
+        return replace(
+            self,
+            axes={
+                axis: tuple(np.array(labels, dtype=object)[here.get(axis, _ALL)])
+                for axis, labels in self.axes.items()
+            },
+            numbers={
+                name: array[rows][:, motions][:, :, realisations] for name, array in self.numbers.items()
+            },
+            outcome=self.outcome[rows][:, motions][:, :, realisations],
+        )
+
+    def with_labels(self, axis: str, labels: Sequence[str]) -> Runs:
+        """The same with other labels along an axis."""
+        return replace(self, axes={**self.axes, axis: tuple(labels)})
+
+    def beside(self, others: Runs) -> Runs:
+        """The same rows and motions with further realisations."""
+        axis = [*self.axes][_REALISATION]
+        together = replace(
+            self,
+            numbers={
+                name: np.concatenate([array, others.numbers[name]], axis=_REALISATION)
+                for name, array in self.numbers.items()
+            },
+            outcome=np.concatenate([self.outcome, others.outcome], axis=_REALISATION),
+        )
+        return together.with_labels(axis, [*self.axes[axis], *others.axes[axis]])
+
+    def of_row(self, row: int) -> Runs:
+        """The runs of one row."""
+        return self.part(slice(row, row + 1))
+
+    def up_to_collapse(self, criterion: str) -> Floats:
+        """A criterion of each run, infinite for one that diverged."""
+        return np.where(self.outcome == Outcome.DIVERGED, np.inf, self.numbers[criterion])
+
+    def at(self, row: int, motion: int, realisation: int = 0) -> Mapping[str, Any]:
+        """The numbers of one run by name."""
+        return {name: array[row, motion, realisation] for name, array in self.numbers.items()}
+
+    def criteria(self, scales: Scales, command_unit: str) -> Runs:
+        """Every criterion of each run; `scales` are those of the rows."""
+        numbers = {**values(self, scales), "energy_error": self.numbers["energy_error"]}
+        ended = self.finished
+        return replace(
+            self,
+            axes=dict([*self.axes.items()][:_N_FIRST]),
+            declared=study_criteria(command_unit),
+            numbers={name: np.where(ended, array, np.nan) for name, array in numbers.items()},
+        )
+
+    def over(self, reference: Runs, *, bare: bool = False) -> dict[str, Floats]:
+        """Ratio of every criterion to that of the one row of a reference, under the same motion and realisation.
+
+        `bare` says that the reference is the building without dampers, over which some criteria have another one.
+        """
+        named = {each.name: each.reference_criterion if bare else each.name for each in criteria()}
+        unknown = np.full(self.outcome.shape, np.nan)
+        return {
+            name: ratio(self.numbers[name], reference.numbers[other]) if other else unknown
+            for name, other in named.items()
+        }
+
+    def scores(self, at_zero: Runs) -> Floats:
+        """Score of each run against the dampers at i = 0, under the same motion and realisation."""
+        return score(self.over(at_zero))
+
+    def as_record(self) -> dict[str, Any]:
+        """Its line of a journal, which has no labels; see `from_record`."""
+        return {"outcome": self.outcome.tolist(), "seconds": self.seconds, "numbers": plain(self.numbers)}
+
+    @staticmethod
+    def from_record(record: Mapping[str, Any], axes: Axes, declared: Sequence[Quantity]) -> Runs:
+        """The runs of a line of a journal."""
+        numbers = {name: array_of(each) for name, each in record["numbers"].items()}
+        outcome = np.array(record["outcome"], dtype=np.uint8)
+        return replace(Runs._of(axes, declared, numbers, outcome), seconds=float(record["seconds"]))
+
+    @staticmethod
+    def from_arrays(named: NamedArrays, declared: Sequence[Quantity], realisation: str = "") -> Runs:
+        """The runs of a file; those of one `realisation` have no axis for it."""
+        labels = {axis: tuple(map(str, each.values)) for axis, each in named.labels.items()}
+        own = dict.fromkeys(axis for each in declared for axis in each.own_axes)
+        axes = {axis: labels.get(axis, ()) for axis in ("row", "motion", "realisation", *own)}
+        numbers = {name: each.values for name, each in named.arrays.items()}
+        codes = {
+            name: code for code, name in enumerate(outcome_names(np.arange(NOT_RUN + 1, dtype=np.uint8)))
+        }
+        outcome = np.array([codes[name] for name in numbers["outcome"].ravel()], dtype=np.uint8)
+        axes["realisation"] = axes["realisation"] or (realisation,)
+        return Runs._of(axes, declared, numbers, outcome)
+
+    @staticmethod
+    def _of(
+        axes: Axes, declared: Sequence[Quantity], numbers: Mapping[str, Any], outcome: NDArray[np.uint8]
+    ) -> Runs:
+        """Runs with these numbers; a quantity that was not declared when they were written is unknown."""
+        empty = Runs.empty(axes, declared)
+        known = {
+            name: each.reshape(empty.numbers[name].shape)
+            for name, each in numbers.items()
+            if name in empty.numbers
+        }
+        return replace(empty, numbers={**empty.numbers, **known}, outcome=outcome.reshape(empty.shape))
+
+    def _named_arrays(self) -> NamedArrays:
+        first = tuple(self.axes)[:_N_FIRST]
+        return NamedArrays(
+            title=f"Runs by {list_names(first)}",
+            rows=first,
+            labels={axis: labels_of(list(labels)) for axis, labels in self.axes.items()},
+            arrays={
+                each.name: NamedArray.of(
+                    self.numbers[each.name],
+                    *first,
+                    *each.own_axes,
+                    unit=each.unit,
+                    long_name=each.description,
+                )
+                for each in self.declared
+            }
+            | {"outcome": NamedArray.of(outcome_names(self.outcome), *first, long_name="how the run ended")},
+        )
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Runs by {list_names(list(self.axes))}",
+            facts=[(name, list_names(labels)) for name, labels in self.axes.items()],
+        )
+
+
+def outcome_names(outcomes: NDArray[np.uint8]) -> NDArray[np.str_]:
+    """Names of outcomes as files have them, empty where nothing was simulated."""
+    names = np.full(NOT_RUN + 1, "", dtype="U12")
+    for each in Outcome:
+        names[each] = each.name.lower()
+    return names[outcomes]
+
+
+def runs_of(
+    responses: Responses, arrangement: Arrangement, law: StudyLaw, axes: Axes, *, seconds: float = 0.0
+) -> Runs:
+    """The runs of an arrangement under candidates of a law over these axes, with the floors of the bare building."""
+    axes = {**axes, **{name: labels for name, labels in own_axes([arrangement]).items() if name not in axes}}
+    runs = Runs.empty(axes, study_quantities(command_unit_of(arrangement.devices)))
+    runs = replace(runs, outcome=responses.outcome.reshape(runs.shape), seconds=seconds)
+    ended = runs.finished.ravel()
+    for quantity in runs.declared:
+        for columns, labels in _parts_of(responses, quantity, arrangement, law):
+            known = np.where(ended.reshape(-1, *[1] * (columns.ndim - 1)), columns, np.nan)
+            array = runs.numbers[quantity.name]
+            if not quantity.own_axes:
+                array[...] = known.reshape(runs.shape)
+                continue
+            places = [axes[quantity.axis].index(label) for label in labels]
+            array[..., places] = known.reshape(*runs.shape, len(places))
+    return runs
+
+
+def _parts_of(
+    responses: Responses, quantity: Quantity, arrangement: Arrangement, law: StudyLaw
+) -> Iterator[tuple[Floats, Sequence[str]]]:
+    """Columns of a quantity of all runs with their labels along its own axis."""
+    name, n_dampers = quantity.name, len(arrangement.devices)
+    dampers, strokes, elements = _device_labels(arrangement)
+    if name == "steps":
+        yield responses.steps.astype(np.float64), ()
+    elif name == "least_stroke":
+        # Those of others would depend on which histories are kept.
+        if responses.histories is not None and knows_least_strokes(arrangement):
+            deformations = (each.deformation[:, :n_dampers] for each in responses.histories)
+            yield (
+                np.array([[least_stroke(each) for each in columns.T] for columns in deformations]),
+                dampers,
+            )
+    elif quantity.axis == "device":
+        # The command of an ideal actuator is a force, not a current.
+        if not (name in _COMMANDS and commands_force(law)):
+            yield responses.numbers[name][:, :n_dampers], dampers
+        if name == "peak_stroke":
+            yield responses.peak_drift[:, _strokes(arrangement)], strokes
+        if name in _OF_ELEMENTS:
+            yield responses.numbers[_OF_ELEMENTS[name]][:, arrangement.passive_devices], elements
+    else:
+        places = {"floor": arrangement.floors, "storey": arrangement.storeys}
+        columns = responses.numbers[name]
+        own = places.get(quantity.axis)
+        yield (
+            (columns, ())
+            if own is None
+            else (columns[:, list(own)], _labels_along(quantity.axis, arrangement))
+        )
+
+
+def knows_least_strokes(arrangement: Arrangement) -> bool:
+    """Whether a damper's tested range has a least stroke, which small strokes leave."""
+    return any(device.knows_least_stroke for device in arrangement.devices) and not arrangement.has_actuators
+
+
+def _labels_along(axis: str, arrangement: Arrangement) -> list[str]:
+    building = arrangement.building
+    if axis == "floor":
+        return [building.floor_names[place] for place in arrangement.floors]
+    return [building.storey_names[place] for place in arrangement.storeys]
+
+
+def _strokes(arrangement: Arrangement) -> list[int]:
+    """Added storeys without devices, such as isolators, which have a stroke, too."""
+    n_storeys = len(arrangement.building.storeys)
+    return [] if arrangement.devices else [each for each in arrangement.strokes if each < n_storeys]
+
+
+def _device_labels(arrangement: Arrangement) -> tuple[list[str], list[str], list[str]]:
+    """Labels of the dampers, of added storeys with a stroke and of the passive devices of an arrangement."""
+    building = arrangement.building
+    groups = (
+        [device.name for device in arrangement.devices],
+        [building.storey_names[place] for place in _strokes(arrangement)],
+        [building.elements[place].name for place in arrangement.passive_devices],
+    )
+    taken: dict[str, int] = {}
+
+    def distinct(name: str) -> str:
+        taken[name] = taken.get(name, 0) + 1
+        return name if taken[name] == 1 else f"{name} ({taken[name]})"
+
+    dampers, strokes, elements = ([distinct(name) for name in names] for names in groups)
+    return dampers, strokes, elements
+
+
+def own_axes(arrangements: Sequence[Arrangement]) -> dict[str, tuple[str, ...]]:
+    """Labels of floors and storeys of the bare building, and of the devices of all arrangements, dampers first."""
+    groups = [_device_labels(each) for each in arrangements]
+    devices = dict.fromkeys(name for kind in zip(*groups, strict=True) for labels in kind for name in labels)
+    first = arrangements[0]
+    return {
+        "floor": tuple(_labels_along("floor", first)),
+        "storey": tuple(_labels_along("storey", first)),
+        "device": tuple(devices),
+    }
+
+
+def numbered(count: int) -> tuple[str, ...]:
+    """Labels of candidates and realisations, which have no names."""
+    return tuple(str(number) for number in range(1, count + 1))
+
+
+def candidate_axes(
+    n_candidates: int, motions: Sequence[GroundMotion], n_realisations: int
+) -> dict[str, tuple[str, ...]]:
+    """Axes of the runs of candidates under motions with realisations."""
+    return {
+        "candidate": numbered(n_candidates),
+        "motion": tuple(motion.name for motion in motions),
+        "realisation": numbered(n_realisations),
+    }
+
+
+def recall_or_compute(
+    journal: Journal | None,
+    step: str,
+    inputs: str,
+    kind: type[T],
+    compute: Callable[[], T],
+    *,
+    agrees: Callable[[T], bool] | None = None,
+) -> T:
+    """The result of a step from the journal, or computed, and then recorded; see `Journal.once`."""
+    return compute() if journal is None else journal.once(step, inputs, kind, compute, agrees=agrees)
+
+
+def recall_or_simulate(
+    journal: Journal | None,
+    step: str,
+    inputs: str,
+    axes: Axes,
+    declared: Sequence[Quantity],
+    simulate: Callable[[], Runs],
+) -> Runs:
+    """Runs over these axes from the journal, or simulated, and then recorded."""
+    if journal is None:
+        return simulate()
+    recalled = journal.recall(step, inputs, lambda record: Runs.from_record(record, axes, declared))
+    if recalled is not None:
+        return recalled
+    runs = simulate()
+    journal.record(step, inputs, runs.as_record())
+    return runs
