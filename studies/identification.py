@@ -39,7 +39,6 @@ fitted, kept, held_out = (
 # %% A model whose friction and damping follow the current, by several starts; what the tests leave open is told.
 spec = mr.damper("normalised_bouc_wen").with_current_laws({"k_w": "quadratic", "c": "linear"}, unit="A")
 fit = mr.identify(spec, fitted, rng=script.seed, threads=script.threads)
-fit = fit.with_identifiability(mr.identifiability_of(fit, fitted))
 parameters = {
     name: {"value": row.value, "standard error": row.standard_error, "unit": row.unit, "verdict": row.verdict}
     for name, row in fit.to_pandas().iterrows()

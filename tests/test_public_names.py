@@ -241,7 +241,6 @@ def results() -> dict[str, object]:
     return {
         "test": test,
         "fit": fit,
-        "identifiability": mr.identifiability_of(fit, [test]),
         "motion": mr.synthetic_motion(duration=5.0),
         "building": mr.building("uts"),
         "law": mr.ControlLaw(name="passive", gains={"command": [1.0]}),

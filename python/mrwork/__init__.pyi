@@ -72,7 +72,6 @@ from .uncertainty.choice.choose import Choice as Choice
 from .uncertainty.choice.choose import choose_model as choose_model
 from .uncertainty.choice.laws import choose_laws as choose_laws
 from .uncertainty.identifiability.profile import profile as profile
-from .uncertainty.identifiability.verdicts import identifiability_of as identifiability_of
 from .uncertainty.planning import plan as plan
 from .uncertainty.posterior.draws import Draws as Draws
 from .uncertainty.posterior.sample import sample as sample

@@ -18,15 +18,14 @@ from mrwork import identify
 from mrwork.dampers import Box, damper, damper_models
 from mrwork.errors import Interrupted
 from mrwork.identification import Fit, Objective, Progress, search_box
-from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.result import (
+from mrwork.identification.covariance import (
     autocorrelation_time,
     covariance,
     effective_samples,
-    fit_quality,
-    free_run,
     residuals_by_test,
 )
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.result import fit_quality, free_run
 from mrwork.identification.settings import resize_search, search_named, searches
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.damper_test import as_tests
@@ -252,11 +251,10 @@ SMALL_TEST = small_test()
         lambda tests: mr.identify("bingham", tests),
         lambda tests: mr.choose_model(tests, ("bingham", "dahl")),
         lambda tests: mr.choose_laws("bingham", tests),
-        lambda tests: mr.identifiability_of(small_fit(), tests),
         lambda tests: mr.profile(small_fit(), tests),
         lambda tests: mr.sample(small_fit(), tests),
     ],
-    ids=["identify", "choose_model", "choose_laws", "identifiability_of", "profile", "sample"],
+    ids=["identify", "choose_model", "choose_laws", "profile", "sample"],
 )
 def test_a_test_that_is_given_twice_is_refused(use: Callable[[tuple[mr.DamperTest, ...]], object]) -> None:
     copy = replace(SMALL_TEST, name="copy", path="elsewhere.csv", observation=Observation(gain=1.1))

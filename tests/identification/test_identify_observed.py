@@ -16,7 +16,7 @@ from mrwork import Journal
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest, Observation, build_damper_test, cut, observed
 from mrwork.records.damper_test import AS_IT_IS, Smoothing
-from mrwork.uncertainty import identifiability_of, predict
+from mrwork.uncertainty import predict
 
 UTFSM = measured_data.DATA / "dampers" / "utfsm"
 WINDOW = 61
@@ -112,5 +112,3 @@ def test_predictions_and_posteriors_use_the_observation_of_the_fit() -> None:
     first, second = recorded(slice(None, 1000)), recorded(slice(900, None))
     fit = identify(first)
     assert predict(fit, second).test.observation == Observation(average_seconds=WINDOW * first.dt)
-    told = replace(first, observation=fit.quality[0].observation)
-    assert identifiability_of(fit, first, threads=1) == identifiability_of(fit, told, threads=1)

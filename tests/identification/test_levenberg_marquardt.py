@@ -17,11 +17,11 @@ from mrwork import identify
 from mrwork.dampers import DamperSpec, damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import Objective
+from mrwork.identification.covariance import Covariance, Slopes, remark_of
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix
 from mrwork.identification.minimise.levenberg_marquardt import find_minima, find_minimum
 from mrwork.identification.problem import Problem
-from mrwork.identification.result import Slopes, covariance_at, remark_of, standard_errors
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation
 from mrwork.records.reading import synthetic_test
@@ -88,7 +88,7 @@ def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> N
     assert other.converged
     assert other.misfit == pytest.approx(lanes.misfit, rel=1e-6)
     assert beside.misfit[0] == pytest.approx(lanes.misfit, rel=1e-6)
-    errors = standard_errors(covariance_at(Slopes.at(objective.plain, form, lanes.theta))[0])
+    errors = Covariance.of(Slopes.at(objective.plain, form, lanes.theta)).standard_errors
     known = np.isfinite(errors)
     assert np.count_nonzero(known) >= len(form.box.free) - 1
     for theta in (other.theta, beside.theta[0]):

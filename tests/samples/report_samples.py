@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from mrwork.identification import Fit
 from mrwork.identification.fit import (
     ErrorNorms,
-    Estimate,
     FitQuality,
     FitStatus,
+    FittedParameter,
     Provenance,
     Remark,
     SearchTrace,
@@ -104,8 +104,16 @@ def fit(
         tested=range_of_tests(tests, None),
         motions=tuple(RecordedMotion.of(test) for test in tests),
         estimates=tuple(
-            Estimate(
-                name=name, unit=unit, value=value, standard_error=error, lower=low, upper=high, remark=remark
+            FittedParameter(
+                name=name,
+                unit=unit,
+                value=value,
+                standard_error=error,
+                lower=low,
+                upper=high,
+                remark=remark,
+                verdict="fixed" if remark == "fixed" else "",
+                reason="" if remark == "fixed" else remark,
             )
             for name, unit, value, error, low, high, remark in PARAMETERS
         ),

@@ -24,10 +24,9 @@ from mrwork.store.run_folder import (
     RunFolder,
 )
 from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, addition_journal
-from mrwork.uncertainty.bands.calibration_files import write_bands
-from mrwork.uncertainty.bands.conformal import measured_coverage
+from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
 from mrwork.uncertainty.bands.held_out import write_held_out
-from mrwork.uncertainty.bands.prediction import predict_tests
+from mrwork.uncertainty.bands.prediction import UNSEEN, predict_tests
 from mrwork.uncertainty.candidate_tests import Candidate
 from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
@@ -59,8 +58,7 @@ def add_every_file(
         )
         add_to_run(place, {DRAWS: draws_content(draws)}, grown=[CHAIN])
     predictions = predict_tests(fit, others)
-    calibration = mr.calibrate(predictions, held_out="the fit has not seen")
-    write_bands(place, calibration, measured_coverage(predictions), predictions)
+    write_bands(place, StoredBands.of(predictions, held_out=UNSEEN))
     write_held_out(RunFolder.open(place), fit, predictions)
     contents = {
         PROFILES: json_document(asdict(mr.profile(fit, test, threads=1))).encode(),

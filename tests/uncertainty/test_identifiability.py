@@ -11,21 +11,25 @@ from numpy.typing import NDArray
 from mrwork import identify
 from mrwork.dampers import bouc_wen_from_normalised, damper
 from mrwork.identification import Fit
-from mrwork.identification.fit import Estimate, Identifiability, ParameterChange
-from mrwork.identification.result import covariance
-from mrwork.records import DamperTest
-from mrwork.records.reading import synthetic_test
-from mrwork.uncertainty import identifiability_of
-from mrwork.uncertainty.identifiability.verdicts import (
+from mrwork.identification.covariance import Covariance, Slopes, covariance
+from mrwork.identification.fit import Direction, FittedParameter, ParameterChange
+from mrwork.identification.problem import Problem
+from mrwork.identification.settings import FitSettings
+from mrwork.identification.verdicts import (
     WEAK,
     ParameterScale,
     changes_along,
-    identifiability_from,
+    fitted_parameters,
+    judged,
     simple_combinations,
     sparse_basis,
 )
+from mrwork.records import DamperTest
+from mrwork.records.reading import synthetic_test
 
 TEST = synthetic_test("spencer1997_fast")
+
+Judged = tuple[tuple[FittedParameter, ...], tuple[Direction, ...]]
 
 
 @pytest.fixture(scope="module")
@@ -39,22 +43,12 @@ def static() -> tuple[Fit, DamperTest]:
     return identify("static_hysteretic", test, rng=1), test
 
 
-def spencer(fit: Fit, scale: float, *, held: bool) -> Fit:
-    """The same damper in the Spencer form, with `A` = `scale`; free, or held as an identification holds it."""
-    theta = bouc_wen_from_normalised(np.array(fit.theta), scale)
-    estimates = tuple(
-        Estimate(
-            name=parameter.name,
-            unit=parameter.unit,
-            value=float(value),
-            standard_error=None,
-            lower=parameter.lower,
-            upper=parameter.upper,
-            remark="fixed" if held and parameter.name == "A" else "",
-        )
-        for parameter, value in zip(damper("bouc_wen").parameters, theta, strict=True)
-    )
-    return replace(fit, model="bouc_wen", estimates=estimates)
+def at(model: str, theta: NDArray[np.float64], test: DamperTest) -> Judged:
+    """The parameters of a model at these values, judged by a test."""
+    problem = Problem.of(damper(model), (test,), FitSettings())
+    there = problem.inside(theta)
+    covariance = Covariance.of(Slopes.at(problem.objective, problem.form, there))
+    return fitted_parameters(problem, there, covariance)
 
 
 def scales(names: str) -> list[ParameterScale]:
@@ -66,26 +60,30 @@ def scales(names: str) -> list[ParameterScale]:
     ]
 
 
-def judged(
+def judge(
     columns: NDArray[np.float64],
     names: str | list[ParameterScale],
     *,
     misfit: float = 1e-9,
     n_effective: float = 60.0,
-) -> Identifiability:
+) -> Judged:
     """From derivatives in units of the scales, (n_time, n_params), and the misfit."""
     own = scales(names) if isinstance(names, str) else names
+    rows = [
+        FittedParameter(name=each.name, value=1.0, unit="m", standard_error=None, lower=1e-3, upper=1e3)
+        for each in own
+    ]
     cov = covariance(columns, misfit) * len(columns) / n_effective
-    return identifiability_from(columns, cov, scales=own, n_effective=n_effective)
+    return judged(rows, columns, cov, scales=own)
 
 
-def verdicts(found: Identifiability) -> dict[str, str]:
-    return {each.name: each.verdict for each in found.verdicts}
+def verdicts(found: Judged) -> dict[str, str]:
+    return {each.name: each.verdict for each in found[0]}
 
 
 def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: Fit) -> None:
-    found = identifiability_of(spencer(normalised, 120.0, held=False), [TEST])
-    (unseen,) = [each for each in found.directions if not each.seen]
+    found = at("bouc_wen", bouc_wen_from_normalised(np.array(normalised.theta), 120.0), TEST)
+    (unseen,) = [each for each in found[1] if not each.seen]
     shares = {each.name: each.percent for each in unseen.changes}
     # z is multiplied by s: A by s, alpha by 1/s, gamma and beta by s^(1 - n).
     n = dict(zip(normalised.spec.names, normalised.theta, strict=True))["n"]
@@ -93,64 +91,39 @@ def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: Fit) -
     assert unseen.effect < 1e-6
     for words in ("A down 1 %", "alpha A", "gamma/beta"):
         assert words in unseen.sentence
-    for name in ("alpha", "gamma", "beta", "A"):
-        assert verdicts(found)[name] == "not identifiable"
-    for name in ("c0", "k0"):
-        assert verdicts(found)[name] == "identifiable"
-
-
-def test_what_was_held_to_settle_a_scale_makes_the_others_identifiable(normalised: Fit) -> None:
-    found = identifiability_of(spencer(normalised, 120.0, held=True), [TEST])
-    assert "A" not in verdicts(found)
-    assert verdicts(found)["alpha"] == "identifiable"
-    (unseen,) = [each for each in found.directions if not each.seen]
+    # What is held to settle the scale makes the others identifiable.
     assert unseen.sentence.endswith("; A was held fixed for this reason")
+    assert (verdicts(found)["A"], verdicts(found)["alpha"]) == ("fixed", "identifiable")
 
 
 def test_the_normalised_form_has_no_redundancy(normalised: Fit) -> None:
-    found = identifiability_of(normalised, [TEST])
-    assert all(each.seen for each in found.directions)
-    assert "not identifiable" not in verdicts(found).values()
-    assert verdicts(found)["k_w"] == "identifiable"
-
-
-def test_standard_errors_and_effective_samples_are_those_of_the_fit(static: tuple[Fit, DamperTest]) -> None:
-    fit, test = static
-    found = identifiability_of(fit, [test])
-    assert found.n_effective == pytest.approx(fit.n_effective, rel=1e-9)
-    theirs = {each.name: each.standard_error for each in fit.estimates}
-    for each in found.verdicts:
-        # None for delta, which is on its bound.
-        assert each.standard_error == (theirs[each.name] and pytest.approx(theirs[each.name], rel=1e-5))
+    assert all(each.seen for each in normalised.directions)
+    assert "not identifiable" not in verdicts((normalised.estimates, ())).values()
+    assert normalised.parameters["k_w"].verdict == "identifiable"
 
 
 def test_a_ratio_that_alone_is_seen_is_named(static: tuple[Fit, DamperTest]) -> None:
     # 10 mm of stroke on x_s = 0.1 m: tanh(x/x_s) is a straight line of slope 1/x_s.
     # The fit is at the end of that valley, at a bound of delta; half of both gives nearly the same force.
     fit, test = static
-    halved = tuple(
-        replace(each, value=0.5 * each.value) if each.name in ("delta", "x_s") else each
-        for each in fit.estimates
-    )
-    found = identifiability_of(replace(fit, estimates=halved), [test])
+    halves = [0.5 * each.value if each.name in ("delta", "x_s") else each.value for each in fit.estimates]
+    found = at("static_hysteretic", np.array(halves), test)
     # delta may have either sign, x_s is positive.
     assert (verdicts(found)["delta"], verdicts(found)["x_s"]) == ("sign unknown", "weakly identifiable")
-    (weak,) = found.directions
+    (weak,) = found[1]
     assert weak.seen
     assert {each.name for each in weak.changes} == {"delta", "x_s"}
     assert weak.sentence.endswith("; delta/x_s is better identifiable")
-    reasons = {each.name: each.reason for each in found.verdicts}
+    reasons = {each.name: each.reason for each in found[0]}
     assert "x_s can compensate for it" in reasons["delta"]
 
 
 def test_a_parameter_on_its_bound_is_bounded_from_one_side(static: tuple[Fit, DamperTest]) -> None:
-    fit, test = static
+    _, test = static
     bounded = identify("static_hysteretic", test, rng=1, bounds={"beta": (100.0, 300.0)})
-    found = identifiability_of(bounded, [test])
-    (beta,) = [each for each in found.verdicts if each.name == "beta"]
-    assert beta.verdict == "weakly identifiable"
+    beta = bounded.parameters["beta"]
+    assert (beta.verdict, beta.standard_error) == ("weakly identifiable", None)
     assert beta.reason.startswith("at lower bound")
-    assert [each.name for each in found.verdicts] == list(fit.spec.names)
 
 
 @pytest.fixture
@@ -159,35 +132,36 @@ def columns() -> NDArray[np.float64]:
 
 
 def test_the_size_of_a_column_does_not_make_it_unseen(columns: NDArray[np.float64]) -> None:
-    found = judged(columns, "abcd")
-    assert found.directions == ()
-    assert {each.verdict for each in found.verdicts} == {"identifiable"}
+    found = judge(columns, "abcd")
+    assert found[1] == ()
+    assert {each.verdict for each in found[0]} == {"identifiable"}
 
 
 def test_two_redundancies_are_told_one_by_one(columns: NDArray[np.float64]) -> None:
     # p = a b and q = c/d: two products, four parameters.
     both = np.stack([columns[:, 0], columns[:, 0], columns[:, 3], -columns[:, 3]], axis=1)
-    found = judged(both, "abcd")
-    assert sorted("".join(each.name for each in one.changes) for one in found.directions) == ["ab", "cd"]
-    text = " ".join(each.sentence for each in found.directions)
+    found = judge(both, "abcd")
+    assert sorted("".join(each.name for each in one.changes) for one in found[1]) == ["ab", "cd"]
+    text = " ".join(each.sentence for each in found[1])
     assert "a b" in text
     assert "c/d" in text
+    assert set(verdicts(found).values()) == {"not identifiable"}
 
 
 def test_a_parameter_that_nothing_feels_is_named(columns: NDArray[np.float64]) -> None:
     deaf = columns.copy()
     deaf[:, 2] = 0.0
-    found = judged(deaf, "abcd")
-    assert {each.name: each.verdict for each in found.verdicts}["c"] == "not identifiable"
-    assert [each.sentence for each in found.directions] == ["the residuals do not depend on c"]
+    found = judge(deaf, "abcd")
+    assert verdicts(found)["c"] == "not identifiable"
+    assert [each.sentence for each in found[1]] == ["the residuals do not depend on c"]
 
 
 def test_a_weak_direction_begins_with_what_it_leaves_open_most(columns: NDArray[np.float64]) -> None:
     # a is told ten times better than b along a + 10 b, which is all but a multiple of the third column.
     nearly = columns / np.linalg.norm(columns, axis=0)
     nearly[:, 0] = -10.0 * nearly[:, 1] + 1e-3 * nearly[:, 0]
-    found = judged(nearly, "abcd", misfit=0.1)
-    weak = found.directions[0]
+    found = judge(nearly, "abcd", misfit=0.1)
+    weak = found[1][0]
     assert weak.seen
     assert [each.name for each in weak.changes] == ["b", "a"]
     assert [each.percent for each in weak.changes] == pytest.approx([1.0, 0.1], rel=0.05)
@@ -195,7 +169,7 @@ def test_a_weak_direction_begins_with_what_it_leaves_open_most(columns: NDArray[
 
 
 def test_correlated_residuals_widen_standard_errors(columns: NDArray[np.float64]) -> None:
-    few, many = (judged(columns, "abcd", n_effective=n).verdicts for n in (15.0, 60.0))
+    few, many = (judge(columns, "abcd", n_effective=n)[0] for n in (15.0, 60.0))
     for one, other in zip(few, many, strict=True):
         assert one.standard_error == pytest.approx(2.0 * (other.standard_error or 0.0))
 
@@ -204,9 +178,9 @@ def test_a_verdict_turns_weak_at_the_stated_share() -> None:
     column = np.ones((101, 1)) / np.sqrt(101.0)
     # One column of unit length: the standard error is misfit / sqrt(100).
     for factor, verdict in ((0.99, "identifiable"), (1.01, "weakly identifiable")):
-        found = judged(column, "a", misfit=10.0 * WEAK * factor, n_effective=101.0)
-        assert found.verdicts[0].verdict == verdict
-        assert found.verdicts[0].standard_error == pytest.approx(WEAK * factor)
+        found = judge(column, "a", misfit=10.0 * WEAK * factor, n_effective=101.0)
+        assert found[0][0].verdict == verdict
+        assert found[0][0].standard_error == pytest.approx(WEAK * factor)
 
 
 def test_a_basis_with_few_parameters_spans_the_same_space() -> None:
@@ -241,6 +215,6 @@ def test_what_cancels_in_the_force_is_named_however_small_beside_its_range() -> 
     # Of two springs in parallel only the sum is seen; the second is measured by a range of a thousand times its value.
     column = np.ones((101, 1))
     springs = np.concatenate([column, 1000.0 * column, np.linspace(-1.0, 1.0, 101)[:, None]], axis=1)
-    (found,) = judged(springs, "abc").directions
+    (found,) = judge(springs, "abc")[1]
     assert [each.name for each in found.changes] == ["a", "b"]
     assert found.changes[1].percent == pytest.approx(-1e-3)

@@ -8,14 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrwork.identification.fit import (
-    Identifiability,
-    Interval,
-    Intervals,
-    Verdict,
-    VerdictName,
-)
-from mrwork.uncertainty.identifiability.verdicts import (
+from mrwork.identification.fit import FittedParameter, Interval, Verdict
+from mrwork.identification.verdicts import (
     DEVIATIONS,
     NEGLIGIBLE,
     ParameterScale,
@@ -67,7 +61,7 @@ SHARE = replace(SPRING, name="share", unit="1", bounds=(0.0, 1.0), sensitivity=0
     ],
 )
 def test_a_standard_error_has_one_verdict(
-    scale: ParameterScale, value: float, error: float, verdict: VerdictName
+    scale: ParameterScale, value: float, error: float, verdict: Verdict
 ) -> None:
     judged, reason = judge_error(error, replace(scale, value=value))
     assert judged == verdict
@@ -93,7 +87,7 @@ def test_a_standard_error_has_one_verdict(
     ],
 )
 def test_an_interval_has_one_verdict(
-    scale: ParameterScale, ends: tuple[float | None, float | None], verdict: VerdictName
+    scale: ParameterScale, ends: tuple[float | None, float | None], verdict: Verdict
 ) -> None:
     assert judge_interval(ends, DEVIATIONS, scale, opened="open")[0] == verdict
 
@@ -129,21 +123,20 @@ def test_an_interval_of_a_standard_error_is_judged_as_that_error(
     assert judge_interval(ends, DEVIATIONS, scale, opened="")[0] == judge_error(error, scale)[0]
 
 
-def test_intervals_replace_verdicts_and_give_them_back() -> None:
-    derived = Identifiability(
-        verdicts=(
-            Verdict(name="k", verdict="sign unknown", standard_error=5100.0, reason="zero"),
-            Verdict(name="c", verdict="identifiable", standard_error=3.0, reason=""),
-        ),
-        directions=(),
-        n_time=100,
-        n_effective=50.0,
+def test_an_interval_brings_its_verdict_and_leaves_the_standard_error() -> None:
+    spring = FittedParameter(
+        name="k",
+        value=5312.0,
+        unit="N/m",
+        standard_error=5100.0,
+        lower=-1e6,
+        upper=1e6,
+        verdict="sign unknown",
+        reason="zero",
     )
     interval = Interval(name="k", lower=100.0, upper=9000.0, verdict="weakly identifiable", reason="wide")
-    found = derived.with_intervals(Intervals(kind="profile", level=0.95, intervals=(interval,)))
-    assert [each.verdict for each in found.verdicts] == ["weakly identifiable", "identifiable"]
-    assert found.verdicts[0].standard_error == 5100.0
-    narrow = replace(interval, lower=5000.0, verdict="identifiable", reason="")
-    again = found.with_intervals(Intervals(kind="posterior", level=0.95, intervals=(narrow,)))
-    assert again.verdicts[0].verdict == "identifiable"
-    assert again.with_intervals(None) == found.with_intervals(None) == derived
+    found = spring.with_interval(interval)
+    assert (found.verdict, found.reason, found.standard_error) == ("weakly identifiable", "wide", 5100.0)
+    tied = replace(spring, verdict="tied", tie="2*c").with_interval(replace(interval, verdict="", reason=""))
+    assert (tied.verdict, tied.interval is None) == ("tied", False)
+    assert spring.with_interval(None) == spring

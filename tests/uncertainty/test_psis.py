@@ -10,7 +10,7 @@ from sinusoidal_tests import PER_CYCLE, sinusoidal_test
 from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.identification import Fit
-from mrwork.identification.result import autocorrelation_time
+from mrwork.identification.covariance import autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.uncertainty.choice.leave_one_out import (
     UNRELIABLE,

@@ -13,8 +13,8 @@ from scipy.stats import lognorm, norm, uniform
 from mrwork import identify
 from mrwork.dampers import Box, damper
 from mrwork.dampers.simulation import Loading, simulate_force
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.result import effective_samples
 from mrwork.records import Observation
 from mrwork.uncertainty import Lognormal, Normal, noise_model
 from mrwork.uncertainty.noise import NOISES

@@ -4,7 +4,6 @@ import mrwork as mr
 
 test, other = mr.synthetic_test("spencer1997"), mr.synthetic_test("spencer1997_slow")
 fit = mr.identify("viscous_dahl", test, rng=1)
-fit = fit.with_identifiability(mr.identifiability_of(fit, [test]))
 parameters = fit.to_pandas()
 prediction = mr.predict(fit, other).to_xarray()
 error = float(abs(prediction["residual"]).where(prediction["compared"]).max())

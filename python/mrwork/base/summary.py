@@ -1,18 +1,17 @@
-"""One-screen summaries of results: text for a terminal, HTML for a notebook.
+"""One summary of every result: its `repr`, what a verb prints, and HTML for a notebook or a section of a page.
 
-A dataclass inherits `Summarised` and switches off its own `repr`; `_units` or `_summary` say what it shows. Tables of
-text are aligned here and not by `rich`, whose import takes longer than most results take to compute.
+A dataclass inherits `Summarised` and switches off its own `repr`; `_units` or `_summary` say what it shows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from textwrap import wrap
 from typing import Any, ClassVar
 
 from mrwork.base.numbers import format_rounded
-from mrwork.errors import escape_text
+from mrwork.base.table import Table
 
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
@@ -23,52 +22,58 @@ _FEW_NUMBERS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What a result says of itself: a title, facts by name, a table, and notes below it.
+    """What a result says of itself: a title, facts by name, cautions, tables, and notes.
 
-    Facts without a value and columns without an entry in any row are not shown.
+    Facts without a value and columns without an entry in any row are not shown. The first table is of `columns` and
+    `rows`; `tables` are further ones.
     """
 
     title: str
     facts: Sequence[tuple[str, str]] = ()
+    cautions: Sequence[str] = ()
     columns: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
+    tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
-
-    @property
-    def shown_rows(self) -> Sequence[Sequence[str]]:
-        """The rows that fit on a screen."""
-        return self.rows if len(self.rows) <= _MOST_ROWS else self.rows[: _MOST_ROWS - 1]
 
     @property
     def shown_facts(self) -> Sequence[tuple[str, str]]:
         """The facts that have a value."""
         return [(name, value) for name, value in self.facts if value]
 
-    def filled_columns(self, rows: Sequence[Sequence[str]]) -> Sequence[Sequence[str]]:
-        """The header and these rows, of the columns that have an entry in any row."""
-        filled = [number for number in range(len(self.columns)) if any(row[number] for row in self.rows)]
-        return [[row[number] for number in filled] for row in (self.columns, *rows)]
+    @property
+    def shown_tables(self) -> Sequence[Table]:
+        """The tables that have rows, of their columns with an entry."""
+        first = Table(columns=self.columns, rows=self.rows)
+        return [each.filled for each in (first, *self.tables) if each.rows]
 
     @property
-    def left_out_in_words(self) -> str:
-        """How many rows are not shown, in words; empty where all are."""
-        more = len(self.rows) - len(self.shown_rows)
-        return f"... {more} more rows" if more else ""
+    def sentences(self) -> Sequence[str]:
+        """Cautions as warnings, and notes."""
+        return [*(f"warning: {each}" for each in self.cautions), *filter(None, self.notes)]
 
-    def text(self) -> str:
-        """For a terminal."""
+    def text(self, *, whole: bool = False) -> str:
+        """For one screen of a terminal; `whole` for all rows, and lines of any length."""
         lines = [self.title]
         width = max((len(name) for name, _ in self.shown_facts), default=0)
-        lines += [f"  {name:<{width}}  {value}" for name, value in self.shown_facts]
-        if self.rows:
-            lines += ["", *(f"  {line}" for line in align_rows(self.filled_columns(self.shown_rows)))]
-        lines += [f"  {self.left_out_in_words}"] if self.left_out_in_words else []
-        lines = [
-            line if len(line) <= _MOST_CHARACTERS else f"{line[: _MOST_CHARACTERS - 3]}..." for line in lines
-        ]
-        for note in self.notes:
-            # A warning must be read to its end.
-            lines += wrap(note, _MOST_CHARACTERS, initial_indent="  ", subsequent_indent="    ")
+        for name, value in self.shown_facts:
+            line = f"  {name:<{width}}  {value}"
+            lines += wrap(line, _MOST_CHARACTERS, subsequent_indent=" " * (width + 4)) if whole else [line]
+        for table in self.shown_tables:
+            shown = table if whole or len(table.rows) <= _MOST_ROWS else _first_rows(table)
+            lines += ["", *([f"  {table.title}"] if table.title else []), *shown.lines("  ")]
+            more = len(table.rows) - len(shown.rows)
+            lines += [f"  ... {more} more rows"] if more else []
+        if not whole:
+            lines = [
+                line if len(line) <= _MOST_CHARACTERS else f"{line[: _MOST_CHARACTERS - 3]}..."
+                for line in lines
+            ]
+        if whole and self.sentences and self.shown_tables:
+            lines.append("")
+        for sentence in self.sentences:
+            # A caution must be read to its end.
+            lines += wrap(sentence, _MOST_CHARACTERS, initial_indent="  ", subsequent_indent="    ")
         return "\n".join(lines)
 
     def html(self) -> str:
@@ -80,15 +85,18 @@ class Summary:
             for name, value in self.shown_facts
         )
         parts = [f"<p><strong>{escape(self.title)}</strong></p>"]
-        if facts:
-            parts.append(f"<table>{facts}</table>")
-        if self.rows:
-            columns, *rows = self.filled_columns(self.shown_rows)
-            head = "".join(f"<th>{escape(column)}</th>" for column in columns)
-            body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
-            parts.append(f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>")
-        parts += [f"<p>{escape(note)}</p>" for note in (self.left_out_in_words, *self.notes) if note]
+        parts += [f"<table>{facts}</table>"] if facts else []
+        for table in self.shown_tables:
+            shown = table if len(table.rows) <= _MOST_ROWS else _first_rows(table)
+            parts.append(shown.html())
+            more = len(table.rows) - len(shown.rows)
+            parts += [f"<p>... {more} more rows</p>"] if more else []
+        parts += [f"<p>{escape(sentence)}</p>" for sentence in self.sentences]
         return f"<div class='mrwork-summary'>{''.join(parts)}</div>"
+
+
+def _first_rows(table: Table) -> Table:
+    return replace(table, rows=table.rows[: _MOST_ROWS - 1])
 
 
 class Summarised:
@@ -110,6 +118,10 @@ class Summarised:
             ],
         )
 
+    def document(self) -> dict[str, Any]:
+        """What `--json` of a verb prints of the result: by default its fields."""
+        return asdict(self)  # type: ignore[call-overload,no-any-return] # a dataclass
+
     def __repr__(self) -> str:
         return self._summary().text()
 
@@ -117,19 +129,9 @@ class Summarised:
         return self._summary().html()
 
 
-def align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows of cells as lines: the first column to the left, others to the right where all their cells are numbers."""
-    rows = [[escape_text(cell) for cell in row] for row in rows]
-    columns = list(zip(*rows, strict=True))
-    numeric = [number > 0 and all(map(_is_numeric, column[1:])) for number, column in enumerate(columns)]
-    widths = [max(map(len, column)) for column in columns]
-    return [
-        "  ".join(
-            cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(row, widths, numeric, strict=True)
-        ).rstrip()
-        for row in rows
-    ]
+def named(value: object, *names: str) -> dict[str, Any]:
+    """Attributes of a value by their names, as JSON has them."""
+    return {name: getattr(value, name) for name in names}
 
 
 def list_names(names: Sequence[str], most: int = 4) -> str:
@@ -168,7 +170,3 @@ def _array_in_short(values: Any, shape: tuple[int, ...]) -> str:
     if values.dtype.kind not in "fiu":
         return f"shape {size}"
     return f"shape {size}, from {values.min():.4g} to {values.max():.4g}"
-
-
-def _is_numeric(cell: str) -> bool:
-    return cell in ("", "-", "–", "open", "∞") or cell.lstrip("+-−.")[:1].isdigit()

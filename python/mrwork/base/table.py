@@ -1,6 +1,7 @@
-"""Tables of text for every medium: the lines of a terminal, a page, Markdown and CSV.
+"""Tables of text for every medium: the lines of a terminal, a page or notebook, Markdown and CSV.
 
-The module is below all results, because these yield tables, which verbs, pages and studies show.
+The module is below all results, because these yield tables, which summaries, verbs, pages and studies show. Lines are
+aligned here and not by `rich`, whose import takes longer than most results take to compute.
 """
 
 from __future__ import annotations
@@ -9,14 +10,13 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import markupsafe
 
-from mrwork.base.arguments import checked
 from mrwork.base.numbers import NOTHING
-from mrwork.base.summary import Summarised, Summary, align_rows
+from mrwork.errors import escape_text
 
 # Words that are longer may be broken over lines of a page.
 _LONG = 40
@@ -24,12 +24,18 @@ _LONG = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableColumn:
-    """A column: its heading, the unit of its cells, the cell of an item, and whether cells are words, not numbers."""
+    """A column: its heading, the unit of its cells, the cell of an item, and whether cells are words, not numbers.
 
-    heading: str
-    cell: Callable[[Any], str]
+    A result declares its columns once: `key` is the attribute of an item and its name in JSON and in arrays, where
+    `long_name` says in words what it is. A column without a heading is in no table, one without a key in tables alone.
+    """
+
+    heading: str = ""
+    cell: Callable[[Any], str] = str
     unit: str = ""
     words: bool = False
+    key: str = ""
+    long_name: str = ""
 
     @property
     def on_page(self) -> str:
@@ -37,9 +43,8 @@ class TableColumn:
         return f"{self.heading[:1].upper()}{self.heading[1:]}{f' ({self.unit})' if self.unit else ''}"
 
 
-@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Table(Summarised):
+class Table:
     """Text or markup in rows; the first column names the row, those in `words` are text, all others numbers.
 
     A table has a `title` above it, or a `label` for screen readers only; a `note` stands below. `over` are headings
@@ -48,8 +53,8 @@ class Table(Summarised):
     warnings.
     """
 
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
     title: str = ""
     label: str = ""
     foot: tuple[str, ...] = ()
@@ -59,6 +64,22 @@ class Table(Summarised):
     strong: frozenset[tuple[int, int]] = frozenset()
     alarming: frozenset[tuple[int, int]] = frozenset()
     headings: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def filled(self) -> Table:
+        """The table without the columns that are empty in every row."""
+        kept = [
+            place
+            for place in range(len(self.columns))
+            if any(row[place] not in ("", NOTHING) for row in self.rows)
+        ]
+        return replace(
+            self,
+            columns=tuple(self.columns[place] for place in kept),
+            rows=tuple(tuple(row[place] for place in kept) for row in self.rows),
+            words=tuple(number for number, place in enumerate(kept) if place in self.words),
+            foot=tuple(self.foot[place] for place in kept) if self.foot else (),
+        )
 
     def lines(self, indent: str = "", *, width: int | None = None) -> list[str]:
         """Columns, rows with their headings, and foot as aligned lines, each after `indent`.
@@ -72,16 +93,19 @@ class Table(Summarised):
             *([self.foot] if self.foot else []),
         ]
         count = len(self.columns)
-        lines = align_rows(cells)
+        lines = _align_rows(cells)
         while width is not None and count > 2 and max(map(len, lines)) > width:
             count -= 1
-            lines = align_rows([row[:count] for row in cells])
+            lines = _align_rows([row[:count] for row in cells])
         for row, heading in sorted(self.headings.items(), reverse=True):
             lines.insert(1 + row, heading)
         over = self._over([max(len(row[place]) for row in cells) for place in range(count)])
         left_out = ", ".join(self.columns[count:])
         said = [f"Too wide for a terminal, and on the page: {left_out}"] if left_out else []
         return [f"{indent}{line}" for line in (*over, *lines, *said)]
+
+    def __repr__(self) -> str:
+        return "\n".join(filter(None, (self.title, *self.lines("  "), self.note)))
 
     def markdown(self) -> str:
         """The table for a README."""
@@ -125,8 +149,9 @@ class Table(Summarised):
         ]
         return "\n".join(lines)
 
-    # A template shows a table by its name.
+    # A template shows a table by its name, and so does a notebook.
     __html__ = html
+    _repr_html_ = html
 
     def _over(self, widths: Sequence[int]) -> list[str]:
         """The headings above columns of these widths, each above the first column that it spans."""
@@ -138,7 +163,7 @@ class Table(Summarised):
             place += span
         return [line.rstrip()] if line.strip() else []
 
-    def _row(self, name: str, cells: tuple[str, ...], row: int | None = None) -> str:
+    def _row(self, name: str, cells: Sequence[str], row: int | None = None) -> str:
         rest = (
             f"<td{self._class(place, row, text)}>{escape(text)}</td>"
             for place, text in enumerate(cells[1:], start=1)
@@ -152,14 +177,20 @@ class Table(Summarised):
         strong = " strong" if (row, place) in self.strong else ""
         return f' class="number{strong}{" remark" if (row, place) in self.alarming else ""}"'
 
-    def _summary(self) -> Summary:
-        return Summary(
-            title=self.title, columns=self.columns, rows=self.rows, notes=(self.note,) if self.note else ()
-        )
+
+def document_of(columns: Sequence[TableColumn], item: object) -> dict[str, Any]:
+    """The attributes of an item that have a key, for JSON."""
+    return {each.key: getattr(item, each.key) for each in columns if each.key}
+
+
+def declared(columns: Sequence[TableColumn]) -> dict[str, tuple[str, str]]:
+    """Unit and words of the columns that are arrays, as `columns_of` takes them."""
+    return {each.key: (each.unit, each.long_name) for each in columns if each.long_name}
 
 
 def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
     """A table for a terminal, with a row for each item."""
+    columns = [each for each in columns if each.heading]
     return Table(
         columns=tuple(f"{each.heading} [{each.unit}]" if each.unit else each.heading for each in columns),
         rows=tuple(tuple(each.cell(item) for each in columns) for item in items),
@@ -175,16 +206,15 @@ def page_table(
     note: str = "",
 ) -> Table:
     """A table for a page, with a row for each item, without the columns that are empty in every row."""
-    rows = [[each.cell(item) for each in columns] for item in items]
-    filled = [place for place in range(len(columns)) if any(row[place] not in ("", NOTHING) for row in rows)]
-    return Table(
+    table = Table(
         label=label,
-        columns=tuple(columns[place].on_page for place in filled),
-        rows=tuple(tuple(row[place] for place in filled) for row in rows),
-        words=tuple(number for number, place in enumerate(filled) if columns[place].words),
-        foot=tuple(foot[place] for place in filled) if foot else (),
+        columns=tuple(each.on_page for each in columns),
+        rows=tuple(tuple(each.cell(item) for each in columns) for item in items),
+        words=tuple(number for number, each in enumerate(columns) if each.words),
+        foot=foot,
         note=note,
     )
+    return table.filled
 
 
 def csv_text(rows: Iterable[Sequence[str]]) -> str:
@@ -192,6 +222,25 @@ def csv_text(rows: Iterable[Sequence[str]]) -> str:
     target = io.StringIO()
     csv.writer(target, lineterminator="\n").writerows(rows)
     return target.getvalue()
+
+
+def _align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of cells as lines: the first column to the left, others to the right where all their cells are numbers."""
+    rows = [[escape_text(cell) for cell in row] for row in rows]
+    columns = list(zip(*rows, strict=True))
+    numeric = [number > 0 and all(map(_is_numeric, column[1:])) for number, column in enumerate(columns)]
+    widths = [max(map(len, column)) for column in columns]
+    return [
+        "  ".join(
+            cell.rjust(width) if right else cell.ljust(width)
+            for cell, width, right in zip(row, widths, numeric, strict=True)
+        ).rstrip()
+        for row in rows
+    ]
+
+
+def _is_numeric(cell: str) -> bool:
+    return cell in ("", "-", "–", "open", "∞") or cell.lstrip("+-−.")[:1].isdigit()
 
 
 def escape(text: str) -> str:

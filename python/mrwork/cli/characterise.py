@@ -1,4 +1,4 @@
-"""`mrwork characterise`: from a folder of test records to a damper, by the verbs that exist, one after another."""
+"""`mrwork characterise`: from a folder of test records to a damper, by the steps of several verbs."""
 
 from __future__ import annotations
 
@@ -6,40 +6,47 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout
 from dataclasses import replace
 from functools import partial
-from io import StringIO
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 from mrwork.base.numbers import counted, duration_in_words
-from mrwork.base.summary import list_names
+from mrwork.base.summary import list_names, named
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import is_quiet, named, print_json, reading_line, renew_page
+from mrwork.cli.options import add_out, add_seed, add_threads, command_unit, end_parser
+from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, OutputError, RecordError, SettingError, escape_text
-from mrwork.identification.fit_file import read_fit
+from mrwork.identification.fit_file import fit_of, read_fit
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table, write_test_table
 from mrwork.records.columns import COMMAND
 from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.reading import Reading
-from mrwork.records.rig_table import TABLE_NAME, UNKNOWN, files_not_read, is_test_table, records_in
+from mrwork.records.rig_table import (
+    TABLE_NAME,
+    UNKNOWN,
+    Use,
+    facts_of,
+    files_not_read,
+    is_test_table,
+    records_in,
+)
 from mrwork.store.input_file import is_folder
-from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, SUMMARY
-from mrwork.store.run_writer import Destination, is_complete, nothing_to_resume
+from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, REPORT, SUMMARY, RunFolder
+from mrwork.store.run_writer import Destination, adding, is_complete, nothing_to_resume
 
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
 # Seconds, about: of the start of a choice of laws, of each model, and of each model per sample of the fitted tests, at
 # one command and at several; of each step after it, and of the page.
 _START, _OF_MODEL, _PER_SAMPLE = 2.0, 1.2, (1.5e-4, 5e-4)
-_LATER, _PAGE = 0.2, 3.0
+_LATER, _PAGE = 0.2, 4.0
 _NAMED = 3
 
 
@@ -101,7 +108,6 @@ def _characterise(options: argparse.Namespace) -> int:
             print_json({"ask": asked, "table": str(options.folder / TABLE_NAME)})
         note(asked)
         return 2
-    table = str(options.folder)
     uses = {use: sum(row.use == use for row in rows) for use in ("fit", "calibration", "test")}
     if not uses["fit"]:
         raise RecordError(
@@ -114,39 +120,24 @@ def _characterise(options: argparse.Namespace) -> int:
         )
     # A run that was begun in place of a complete one is resumed.
     fitted = destination.continues and is_complete(place)
-    common, threads = ["--json", *(["--quiet"] if quiet else [])], ["--threads", str(options.threads)]
-    spare, steps = "", list[tuple[str, Callable[[], int], float]]()
+    spare, steps = "", list[_Step]()
     if fitted:
         known = {Path(name).name for name in read_fit(place).provenance.inputs}
-        if known != {Path(row.file).name for row in rows if row.use == "fit"}:
+        if known != {Path(row.file).name for row in _of_use(rows, "fit")}:
             raise RecordError(
                 f"{place} was fitted to other tests than those that the table names; give another --out, or --replace "
                 "instead of --resume"
             )
     else:
-        tests = _read([row for row in rows if row.use == "fit"])
-        for test in tests:
-            refuse_velocity(test)
-        several = len({test.command_in_words for test in tests if test.commands}) > 1
-        if several:
-            _refuse_lone_commands(options.folder, rows, tests)
-            if not any(map(_is_enough, combinations(tests, len(tests) - 1))):
-                spare = "; the laws of the command need every fitted test, so record further motions for it"
-        given = [table, "--model", options.model, "--out", str(place), "--seed", str(options.seed)]
-        given += [*threads, *common, *(["--law", "auto"] if several else [])]
-        given += [f"--{name}" for name in ("replace", "resume") if getattr(options, name)]
-        of_model = _OF_MODEL + _PER_SAMPLE[several] * sum(test.n_time for test in tests)
-        seconds = _START + len(options.model.split(",")) * of_model
-        steps.append(("choosing model and laws", partial(_verb, "identify", given), seconds))
+        step, spare = _fitting(options, rows)
+        steps.append(step)
     if uses["calibration"] and not (fitted and (place / CALIBRATION).is_file()):
-        given = [str(place), table, *threads, *common]
-        steps.append(("calibrating the bands", partial(_verb, "calibrate", given), _LATER))
+        steps.append(("calibrating the bands", partial(_calibrate, place, rows), _LATER))
     if uses["test"] and not (fitted and (place / HELD_OUT).is_file()):
-        given = [str(place), table, *common, *(["--level", "0.9"] if uses["calibration"] else [])]
-        steps.append(("predicting the tests kept for test", partial(_verb, "predict", given), _LATER))
+        steps.append(("predicting the tests kept for test", partial(_predict, place, rows), _LATER))
     if not steps and (place / SUMMARY).is_file():
         note(nothing_to_resume(place))
-    steps.append(("writing the summary", partial(renew_page, place, quiet=quiet, summary=True), _PAGE))
+    steps.append(("writing the page and its summary", partial(_draw, place, quiet=quiet), _PAGE))
     done = []
     for number, (what, work, _) in enumerate(steps):
         if not quiet:
@@ -159,10 +150,74 @@ def _characterise(options: argparse.Namespace) -> int:
     return _end(options, place, uses, done, spare)
 
 
+# What a step does, its work, which returns an exit status, and its seconds, about.
+_Step = tuple[str, Callable[[], int], float]
+
+
+def _of_use(rows: Sequence[ListedTest], use: Use) -> list[ListedTest]:
+    return [row for row in rows if row.use == use]
+
+
+def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_Step, str]:
+    """The step that chooses a model, and its laws where the tests run at several commands; why no test is spare."""
+    # SciPy is slow to load.
+    from mrwork.cli.identified import Identification
+    from mrwork.cli.identify import fit_best_laws, fit_best_model, fit_model
+
+    reading = _reading(_of_use(rows, "fit"))
+    tests = _read(reading)
+    for test in tests:
+        refuse_velocity(test)
+    settings, models, spare = FitSettings(rng=options.seed), options.model.split(","), ""
+    verb = Identification.of_tests(
+        *(options, settings, reading, tests, options.folder.resolve().name), kept="the fit", is_step=True
+    )
+    several = len({test.command_in_words for test in tests if test.commands}) > 1
+    if several:
+        _refuse_lone_commands(options.folder, rows, tests)
+        if not any(map(_is_enough, combinations(tests, len(tests) - 1))):
+            spare = "; the laws of the command need every fitted test, so record further motions for it"
+        fit = partial(fit_best_laws, verb, models, settings, unit=command_unit(tests))
+    elif len(models) > 1:
+        fit = partial(fit_best_model, verb, models, settings)
+    else:
+        fit = partial(fit_model, verb, damper(models[0]), settings)
+    of_model = _OF_MODEL + _PER_SAMPLE[several] * sum(test.n_time for test in tests)
+    return ("choosing model and laws", fit, _START + len(models) * of_model), spare
+
+
+def _calibrate(place: Path, rows: Sequence[ListedTest]) -> int:
+    from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
+    from mrwork.uncertainty.bands.prediction import UNSEEN, predict_tests
+
+    with adding(place, CALIBRATION):
+        predictions = predict_tests(read_fit(place), _read(_reading(_of_use(rows, "calibration"))))
+        write_bands(place, StoredBands.of(predictions, held_out=UNSEEN))
+    return 0
+
+
+def _predict(place: Path, rows: Sequence[ListedTest]) -> int:
+    from mrwork.uncertainty.bands.calibration_files import stored_calibration
+    from mrwork.uncertainty.bands.held_out import keep_held_out
+    from mrwork.uncertainty.bands.predictions import Predictions
+
+    run = RunFolder.open(place, FIT_RUN)
+    keep_held_out(
+        place,
+        Predictions.of(
+            fit_of(run), _read(_reading(_of_use(rows, "test"))), calibration=stored_calibration(run)
+        ),
+    )
+    return 0
+
+
+def _draw(place: Path, *, quiet: bool) -> int:
+    return renew_page(place, quiet=quiet) or renew_page(place, quiet=quiet, summary=True)
+
+
 def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], done: list[Any], spare: str) -> int:
     from mrwork.report.fit.front import verdict_of
     from mrwork.report.fit.page import open_run
-    from mrwork.store.run_folder import REPORT
 
     opened, compared = open_run(place)
     fit, said = opened.fit, verdict_of(opened, compared)
@@ -200,16 +255,6 @@ def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], done: l
     show(f"Summary: {place / SUMMARY}")
     show(f"Report: {place / REPORT}")
     return 0
-
-
-def _verb(name: str, arguments: Sequence[str]) -> int:
-    """Run a verb whose result is in the run folder; its object on stdout is left out."""
-    from mrwork.cli.door import parser
-
-    words = [name, *arguments]
-    options = parser(words).parse_args(words)
-    with redirect_stdout(StringIO()):
-        return int(options.run(options))
 
 
 def _table(folder: Path) -> tuple[tuple[ListedTest, ...], str]:
@@ -261,16 +306,20 @@ def _with_uses(rows: Sequence[ListedTest]) -> tuple[ListedTest, ...]:
     from mrwork.uncertainty.bands.held_out import uses_of
 
     read = [row for row in rows if row.use is not None and not _is_open(row)]
-    uses = dict(zip([row.file for row in read], uses_of(_read(read)), strict=True)) if read else {}
+    uses = dict(zip([row.file for row in read], uses_of(_read(_reading(read))), strict=True)) if read else {}
     return tuple(replace(row, use=uses.get(row.file, row.use)) for row in rows)
 
 
-def _read(rows: Sequence[ListedTest]) -> tuple[DamperTest, ...]:
-    reading = Reading(
+def _reading(rows: Sequence[ListedTest]) -> Reading:
+    return Reading(
         files=tuple(row.file for row in rows),
         columns_of={row.file: row.columns for row in rows if row.columns},
         folder=str(Path.cwd()),
+        facts=facts_of(rows),
     )
+
+
+def _read(reading: Reading) -> tuple[DamperTest, ...]:
     with reading_line(quiet=not sys.stderr.isatty()) as on_read:
         return reading.tests(on_read=on_read)
 
@@ -280,7 +329,7 @@ def _refuse_lone_commands(folder: Path, rows: Sequence[ListedTest], tests: Seque
     if _is_enough(tests):
         return
     for row in rows:
-        if row.use in ("calibration", "test") and _is_enough([*tests, *_read([row])]):
+        if row.use in ("calibration", "test") and _is_enough([*tests, *_read(_reading([row]))]):
             raise RecordError(
                 f"{folder / TABLE_NAME}: the choice of laws leaves out tests in turn, and the others then "
                 f"run at one command; set the use of {Path(row.file).name} back to fit, and type: {command_line()}"

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mrwork.base.numbers import counted
+from mrwork.base.summary import Summary
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_files, end_parser, reading_of
-from mrwork.cli.output import named, print_json, reading_line
-from mrwork.cli.terminal import note, show
-from mrwork.dampers.command import CommandValues, command_range
+from mrwork.cli.output import print_result, reading_line
+from mrwork.cli.terminal import note
 from mrwork.errors import MrworkError, SettingError, escape_text
-from mrwork.records import DamperTest, Finding, guess_tests, write_test_table
+from mrwork.records import DamperTest, guess_tests, write_test_table
 from mrwork.records.findings import findings_of_set, gathered_findings
 from mrwork.records.reading import is_synthetic
 from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
@@ -48,7 +49,6 @@ def run(options: argparse.Namespace) -> int:
     """Check every file; a file that cannot be read is reported, and the others are still checked."""
     if options.table is not None:
         return _write_table(options)
-    status = 0
     reading = reading_of(options, EVERY_USE)
     rows: list[dict[str, Any]] = []
     tests: list[DamperTest] = []
@@ -56,26 +56,41 @@ def run(options: argparse.Namespace) -> int:
         try:
             with reading_line(quiet=options.json) as on_read:
                 on_read(done, len(reading.files))
-                test = reading.test_of(path)
+                tests.append(reading.test_of(path))
+            rows.append(tests[-1].document())
         except MrworkError as error:
-            status = 2
             rows.append({"file": path, "error": str(error)})
             note(str(error))
-            continue
-        tests.append(test)
-        rows.append(_facts(test))
-    together = findings_of_set(tests)
+    together, shared = findings_of_set(tests), gathered_findings(tests).shared
+    document = {"files": rows, "set": [asdict(finding) for finding in together]}
+    document |= {"shared": [asdict(each) for each in shared]}
+    if tests or options.json:
+        print_result(options, document, _summary_of(tests).text(whole=True))
+    return 0 if len(tests) == len(rows) else 2
+
+
+def _summary_of(tests: Sequence[DamperTest]) -> Summary:
+    """A row of facts for each test, and what the checks found in each, in all, and in several."""
     gathered = gathered_findings(tests)
-    if options.json:
-        document = {"files": rows, "set": [asdict(finding) for finding in together]}
-        print_json(document | {"shared": [asdict(each) for each in gathered.shared]})
-        return status
-    for test, own in zip(tests, gathered.own, strict=True):
-        show(_report(test, own))
-    lines = [*_lines(together), *(f"  {each.in_words}" for each in gathered.shared)]
-    if lines:
-        show("\n".join(["all files together:", *lines]))
-    return status
+    own = zip(tests, gathered.own, strict=True)
+    notes = [f"{test.label}: {each.severity}: {each.message}" for test, found in own for each in found]
+    notes += [f"{each.severity}: {each.message}" for each in findings_of_set(tests)]
+    notes += [each.in_words for each in gathered.shared]
+    return Summary(
+        title=f"{counted(len(tests), 'test')}",
+        columns=("file", "samples", "rate [Hz]", "amplitude [mm]", "velocity [mm/s]", "force [N]", "command"),
+        rows=[
+            (
+                *(test.label, str(test.n_time), f"{1.0 / test.dt:g}"),
+                f"{500.0 * np.ptp(test.displacement):.3g}",
+                f"{1e3 * np.abs(test.velocity).max():.3g}",
+                f"{np.abs(test.force).max():.4g}",
+                test.command_in_words if test.commands else "",
+            )
+            for test in tests
+        ],
+        notes=notes or ["nothing to note"],
+    )
 
 
 def _write_table(options: argparse.Namespace) -> int:
@@ -89,59 +104,17 @@ def _write_table(options: argparse.Namespace) -> int:
         note(sentence)
     rows = guess_tests(files)
     write_test_table(table, rows)
-    doubtful = [row for row in rows if row.doubt]
-    if options.json:
-        print_json({"table": str(table), "tests": [asdict(row) for row in rows]})
-        return 0
+    lines = []
     for row in rows:
         entries = ", ".join(f"{key} {entry}" for key, entry in row.columns.items())
-        show(f"{escape_text(row.file)}: {entries or 'not used'}")
-        if row.doubt:
-            show(f"  in doubt: {row.doubt}")
+        lines.append(f"{escape_text(row.file)}: {entries or 'not used'}")
+        lines += [f"  in doubt: {row.doubt}"] if row.doubt else []
     undecided = any("?" in entry for row in rows for entry in row.columns.values())
-    show(f"Written: {table}, {len(rows)} tests, {len(doubtful)} in doubt.")
-    show(
+    lines += [
+        f"Written: {table}, {len(rows)} tests, {sum(bool(row.doubt) for row in rows)} in doubt.",
         f"Check its entries{', fill in each ?' if undecided else ''}, and set the use of held-out tests to calibration "
-        f"or test; then give {table} in place of the files."
-    )
+        f"or test; then give {table} in place of the files.",
+    ]
+    document = {"table": str(table), "tests": [asdict(row) for row in rows]}
+    print_result(options, document, "\n".join(lines))
     return 0
-
-
-def _facts(test: DamperTest) -> dict[str, Any]:
-    return {
-        "file": test.path,
-        **named(test, "n_time", "dt"),
-        "settle_seconds": test.n_settle * test.dt,
-        "amplitude_m": 0.5 * float(np.ptp(test.displacement)),
-        "peak_displacement_m": float(np.abs(test.displacement).max()),
-        "peak_velocity_mps": float(np.abs(test.velocity).max()),
-        "peak_force_n": float(np.abs(test.force).max()),
-        "current_a": _plain(test.current),
-        "voltage_v": _plain(test.voltage),
-        "command": _plain(test.command),
-        **named(test, "command_unit", "velocity_source", "synthetic"),
-        "findings": [asdict(finding) for finding in test.findings],
-    }
-
-
-def _plain(command: CommandValues | None) -> float | dict[str, float] | None:
-    """A command for JSON: the range of one that varies."""
-    if not isinstance(command, np.ndarray):
-        return command
-    low, high = command_range(command)
-    return {"lowest": low, "highest": high}
-
-
-def _report(test: DamperTest, own: Sequence[Finding]) -> str:
-    facts = _facts(test)
-    command = f", {test.command_in_words}" if test.commands else ""
-    head = (
-        f"{escape_text(test.label)}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
-        f"amplitude {1e3 * facts['amplitude_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
-        f"{facts['peak_force_n']:.4g} N{command}"
-    )
-    return "\n".join([head, *([] if test.findings else ["  nothing to note"]), *_lines(own)])
-
-
-def _lines(findings: Iterable[Finding]) -> list[str]:
-    return [f"  {finding.severity}: {finding.message}" for finding in findings]

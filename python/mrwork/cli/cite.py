@@ -7,25 +7,22 @@ such as one in a study file, becomes an entry of its own with its words.
 from __future__ import annotations
 
 import argparse
-import json
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
-from mrwork.errors import RecordError
 from mrwork.records.reading import is_synthetic
-from mrwork.store.input_file import is_file, make_stored_kind, text_of
+from mrwork.store.input_file import is_file
 from mrwork.store.parse import toml_table
-from mrwork.store.run_folder import ADDITIONS, FIT_RUN, RANKING, RESULTS, STUDY, RunFolder, RunKind
+from mrwork.store.run_folder import ADDITIONS, FIT_RUN, RANKING, RESULTS, STUDY, RunFolder
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,10 +87,9 @@ def _once(parts: Sequence[_Part]) -> list[tuple[Reference, list[str]]]:
 def _parts(folder: Path) -> list[_Part]:
     """Parts of a run, each with the works it rests on; a part without a published source is left out."""
     run = RunFolder.open(folder)
-    kind, manifest = run.kind, run.manifest
+    manifest, study = run.manifest, run.content(STUDY) if is_file(folder / STUDY) else None
     names = dict.fromkeys(_texts(manifest.get("model")))
-    if is_file(folder / STUDY):
-        names |= dict.fromkeys(_texts(_read_stored(folder / STUDY, toml_table)))
+    names |= {} if study is None else dict.fromkeys(_texts(toml_table(study.decode())))
     settings = manifest.get("settings")
     if isinstance(settings, Mapping):
         names |= dict.fromkeys(_texts([settings.get("search"), settings.get("engine")]))
@@ -101,35 +97,23 @@ def _parts(folder: Path) -> list[_Part]:
     sources = _sources()
     parts = [(part, references_in(source, name)) for name in names for part, source in sources.get(name, ())]
     parts += [(f"method: {name}", references_of([name])) for name in names]
-    return parts + _records(folder, kind, manifest)
+    return parts + _records(run)
 
 
-def _records(folder: Path, kind: RunKind, manifest: Mapping[str, Any]) -> list[_Part]:
-    """Measured tests of a fit and recorded motions of a study; what was computed is none."""
-    inputs = manifest.get("inputs") if kind is FIT_RUN else None
-    tests = inputs if isinstance(inputs, Mapping) else {}
+def _records(run: RunFolder) -> list[_Part]:
+    """Measured tests of a fit and recorded motions of a study, without what was computed."""
+    tests = run.manifest.get("inputs", {}) if run.kind is FIT_RUN else {}
     parts: list[_Part] = [
         (f"record: {name}", (reference_of_file(Path(name).name, digest),))
         for name, digest in tests.items()
-        if isinstance(digest, str) and not is_synthetic(name)
+        if not is_synthetic(name)
     ]
-    if is_file(folder / RESULTS):
-        results = _read_stored(folder / RESULTS, json.loads)
-        motions = results.get("motions") if isinstance(results, Mapping) else None
-        parts += [
-            (f"record: {each['name']}", (reference_of_motion(str(each["name"]), str(each.get("source"))),))
-            for each in (motions if isinstance(motions, list) else ())
-            if isinstance(each, Mapping) and "name" in each and not each.get("synthetic")
-        ]
-    return parts
-
-
-def _read_stored(path: Path, read: Callable[[str], Any]) -> Any:
-    """The document of a file of the run."""
-    try:
-        return read(text_of(path, make_stored_kind("respond", name="the file of the study")))
-    except ValueError as reason:
-        raise RecordError(f"{path} is damaged ({reason}); run `mrwork respond` again") from None
+    results = run.document(RESULTS) if is_file(run.path / RESULTS) else {}
+    return parts + [
+        (f"record: {each['name']}", (reference_of_motion(str(each["name"]), str(each.get("source"))),))
+        for each in results.get("motions", ())
+        if not each.get("synthetic")
+    ]
 
 
 def _sources() -> dict[str, list[tuple[str, str]]]:

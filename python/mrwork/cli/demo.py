@@ -7,8 +7,13 @@ import shlex
 from pathlib import Path
 
 from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.identified import Identification
+from mrwork.cli.identify import fit_model
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
 from mrwork.cli.terminal import show
+from mrwork.dampers.spec import damper
+from mrwork.identification.settings import FitSettings
+from mrwork.records.reading import Reading
 
 _FILE, _MODEL = "synthetic:spencer1997", "normalised_bouc_wen"
 _OTHER = "synthetic:spencer1997_slow"
@@ -35,16 +40,14 @@ def add_options(parser: CommandParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Identify with the options of `mrwork identify` that the demo stands for."""
-    from mrwork.cli.door import parser
-
-    same = ["identify", _FILE, "--model", _MODEL, "--seed", str(options.seed), "--out", str(options.out)]
-    shown = shlex.join(["mrwork", *same])
-    same += ["--threads", str(options.threads)]
-    same += [f"--{flag}" for flag in ("replace", "resume", "quiet", "json") if getattr(options, flag)]
-    identification = parser(same).parse_args(same)
-    status = int(identification.run(identification))
+    """Identify, and say how `mrwork identify` does the same."""
+    settings, reading = FitSettings(rng=options.seed), Reading(files=(_FILE,), folder=str(Path.cwd()))
+    verb = Identification.of_tests(
+        *(options, settings, reading, reading.tests(), _OUT.name), kept="the best fit"
+    )
+    status = fit_model(verb, damper(_MODEL), settings)
     if status == 0 and not options.json:
-        other = shlex.join(["mrwork", "predict", str(options.out), _OTHER])
-        show(f"\nThe same: {shown}\nNext:     {other}")
+        same = ["identify", _FILE, "--model", _MODEL, "--seed", str(options.seed), "--out", str(options.out)]
+        other = ["predict", str(options.out), _OTHER]
+        show(f"\nThe same: {shlex.join(['mrwork', *same])}\nNext:     {shlex.join(['mrwork', *other])}")
     return status

@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 from dataclasses import asdict
 from pathlib import Path
-from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
+from mrwork.base.summary import named
 from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import DISPERSION, SHARE, add_number, named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import named, print_result, table_lines, undrawn_warned
+from mrwork.cli.output import print_result, undrawn_warned
 from mrwork.errors import SettingError
 from mrwork.store.codec import finite
 from mrwork.store.output_file import replacing
@@ -20,8 +20,6 @@ from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
     from mrwork.study.fragilities import Fragilities
-
-_WIDTH = 100
 
 
 def add_options(parser: CommandParser) -> None:
@@ -88,9 +86,6 @@ def run(options: argparse.Namespace) -> int:
         level=options.level,
         modelling_dispersion=options.modelling_dispersion,
     )
-    summary = found._summary(options.against)
-    lines = [summary.title, *table_lines(summary.filled_columns(summary.rows))]
-    lines += [line for note in summary.notes for line in wrap(note, width=_WIDTH, subsequent_indent="  ")]
     contents = [_table(found)] if files else []
     with undrawn_warned("a figure", "the table stands without it"):
         contents += _figures(found) if files else []
@@ -99,7 +94,8 @@ def run(options: argparse.Namespace) -> int:
         with replacing(place) as stream:
             stream.write(content)
     document = _document(found, options.against) | {"files": list(map(str, written))}
-    print_result(options, finite(document), "\n".join([*lines, *(f"Written: {place}" for place in written)]))
+    text = found._summary(options.against).text(whole=True)
+    print_result(options, finite(document), "\n".join([text, *(f"Written: {place}" for place in written)]))
     return 0
 
 

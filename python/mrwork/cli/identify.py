@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import get_args
 
-from mrwork.base.table import Table
-from mrwork.base.units import COMMAND_SCALES
+from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
-from mrwork.cli.identified import Identification, summary_of, text_of
+from mrwork.cli.identified import Identification
 from mrwork.cli.numbers import GENERATIONS, POPULATION, Range, add_number, named_path
 from mrwork.cli.options import (
     add_files,
@@ -30,9 +28,10 @@ from mrwork.cli.options import (
     parse_bounds,
     parse_ties,
 )
-from mrwork.cli.output import as_plain, in_words
+from mrwork.cli.output import in_words
 from mrwork.cli.terminal import note
 from mrwork.cli.workers import add_workers, on_workers
+from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import others_content, read_fit
@@ -49,12 +48,9 @@ from mrwork.identification.settings import (
     searches,
 )
 from mrwork.records import DamperTest
-from mrwork.records.findings import findings_for
 from mrwork.store.run_folder import FIT, LAWS, MODELS, NEAR_SETS, RANKING
 from mrwork.store.run_writer import RunAtWork
 from mrwork.uncertainty.bands.prediction import Fold
-
-_WIDTH = 118
 
 
 def add_options(parser: CommandParser) -> None:
@@ -191,11 +187,30 @@ def run(options: argparse.Namespace) -> int:
         needless = "one model is fitted, on the threads of this process"
     with on_workers(options, needless=needless):
         if law_is_auto:
-            return _choose_laws(
-                options, settings, ending="models" if several else options.model.rpartition(":")[2]
+            if options.starts:
+                raise SettingError("--law auto finds its own starts; leave --start out")
+            ending = "models" if several else options.model.rpartition(":")[2]
+            verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
+            return fit_best_laws(
+                *(verb, models_of(options), settings),
+                laws=laws_of(options),
+                unit=command_unit(verb.tests, options.command_unit),
+                leave_out=options.leave_out,
             )
         if several:
-            return _choose_model(options, settings)
+            if options.engine != "lanes":
+                raise SettingError(
+                    f"--engine {options.engine} finishes one model; leave it out where models are compared"
+                )
+            verb = Identification.of(options, settings, "models", kept="what was identified")
+            return fit_best_model(
+                *(verb, models_of(options), settings),
+                laws=laws_of(options),
+                unit=command_unit(verb.tests, options.command_unit),
+                lagged=options.driver_lag,
+                leave_out=options.leave_out or "test",
+                sampled=options.posterior,
+            )
         return _identify_model(options, settings)
 
 
@@ -205,14 +220,19 @@ def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
     verb = Identification.of(options, settings, plain.name, kept="the best fit")
     spec = _with_laws(plain, verb.tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
+    return fit_model(verb, spec, replace(settings, starts=starts))
+
+
+def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> int:
+    """Fit one model to the tests of a verb into its run folder, and show it; return the exit status."""
     with RunAtWork(verb.frame.destination, note=note) as work:
         journal = work.journal()
         fit, status = verb.search(
             lambda line: identify_with(
                 spec,
                 verb.tests,
-                replace(settings, starts=starts),
-                threads=options.threads,
+                settings,
+                threads=verb.frame.options.threads,
                 on_progress=line,
                 journal=journal,
             ),
@@ -221,16 +241,7 @@ def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
         )
         journal.close()
         verb.frame.note_complete(work)
-        if fit is None:
-            return status
-        fit = verb.described_fit(fit, status)
-        return verb.end(
-            fit,
-            status,
-            work=work,
-            text=text_of(fit, verb.tests),
-            document=summary_of(fit, verb.tests, verb.frame.folder),
-        )
+        return status if fit is None else verb.end(verb.with_command(fit), status, work=work)
 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
@@ -241,7 +252,9 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
     # SciPy's optimisers are slow to load, and not needed for a plain model.
     from mrwork.identification.minimise.level_search import spec_by_values, tested_commands
 
-    spec = plain.with_current_laws(laws, unit=command_unit(tests, options), lagged=options.driver_lag)
+    spec = plain.with_current_laws(
+        laws, unit=command_unit(tests, options.command_unit), lagged=options.driver_lag
+    )
     return spec_by_values(spec, tested_commands(spec, tests))
 
 
@@ -271,30 +284,35 @@ def is_choice(options: argparse.Namespace) -> bool:
     return several
 
 
-def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
-    """Identify and rank the models; the folder has the report of the best."""
-    if options.engine != "lanes":
-        raise SettingError(
-            f"--engine {options.engine} finishes one model; leave it out where models are compared"
-        )
+def fit_best_model(
+    verb: Identification,
+    models: Sequence[str | DamperSpec],
+    settings: FitSettings,
+    *,
+    laws: Mapping[str, LawName] | None = None,
+    unit: CommandUnit = "A",
+    lagged: bool = False,
+    leave_out: Fold = "test",
+    sampled: bool = False,
+) -> int:
+    """Fit and rank models; the run folder has the best, and the fits of all; return the exit status."""
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.choose import choose_model
 
-    verb = Identification.of(options, settings, "models", kept="what was identified")
     if (status := verb.end_complete(RANKING)) is not None:
         return status
     with RunAtWork(verb.frame.destination, note=note) as work:
         choice, status = verb.search(
             lambda line: choose_model(
                 verb.tests,
-                models_of(options),
-                leave_out=options.leave_out or "test",
-                laws=laws_of(options),
-                unit=command_unit(verb.tests, options),
-                lagged=options.driver_lag,
+                models,
+                leave_out=leave_out,
+                laws=laws,
+                unit=unit,
+                lagged=lagged,
                 settings=settings,
-                sampled=options.posterior,
-                threads=options.threads,
+                sampled=sampled,
+                threads=verb.frame.options.threads,
                 on_progress=line,
                 journal_of=work.step_journal,
             ),
@@ -303,27 +321,17 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
         )
         if choice is None:
             return status
-        ranking = choice.ranking
+        ranking, folder = choice.ranking, verb.frame.folder
         fits = {fit.model: verb.with_command(fit) for fit in choice.fits}
         paths = {name: f"{MODELS}/{name}/{FIT}" for name in fits}
-        best = verb.described_fit(fits[ranking.chosen], status)
-        lines = [
-            *_choice_lines(ranking.table, ranking.sentence, ranking.remarks),
-            "",
-            f"Ranking: {verb.frame.folder / RANKING}",
-        ]
+        best = fits[ranking.chosen]
         return verb.end(
             best,
             status,
             work=work,
             grown=() if status == 0 else work.step_journals,
-            text="\n".join([*lines, *(["", text_of(best, verb.tests)] if status == 0 else [])]),
-            document={
-                **asdict(ranking),
-                "fits": {name: str(verb.frame.folder / path) for name, path in paths.items()},
-                "out": str(verb.frame.folder),
-                "findings": as_plain(findings_for("identify", verb.tests)),
-            },
+            results=(ranking, best) if status == 0 else (ranking,),
+            document=asdict(ranking) | {"fits": {name: str(folder / path) for name, path in paths.items()}},
             documents={
                 **{paths[name]: fit.as_dict() for name, fit in fits.items()},
                 RANKING: asdict(ranking),
@@ -331,26 +339,31 @@ def _choose_model(options: argparse.Namespace, settings: FitSettings) -> int:
         )
 
 
-def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: str) -> int:
-    """Choose the laws of one or several models; the folder has the report of their fit."""
-    if options.starts:
-        raise SettingError("--law auto finds its own starts; leave --start out")
+def fit_best_laws(
+    verb: Identification,
+    models: Sequence[str | DamperSpec],
+    settings: FitSettings,
+    *,
+    laws: Mapping[str, LawName] | None = None,
+    unit: CommandUnit = "A",
+    leave_out: Fold | None = None,
+) -> int:
+    """Choose the laws of one or several models; the run folder has their fit; return the exit status."""
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.laws import choose_laws
 
-    verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
     if (status := verb.end_complete(LAWS)) is not None:
         return status
     with RunAtWork(verb.frame.destination, note=note) as work:
         choice, status = verb.search(
             lambda line: choose_laws(
-                models_of(options),
+                models,
                 verb.tests,
-                laws=laws_of(options),
-                unit=command_unit(verb.tests, options),
-                leave_out=options.leave_out,
+                laws=laws,
+                unit=unit,
+                leave_out=leave_out,
                 settings=settings,
-                threads=options.threads,
+                threads=verb.frame.options.threads,
                 on_progress=line,
                 journal_of=work.step_journal,
             ),
@@ -359,35 +372,19 @@ def _choose_laws(options: argparse.Namespace, settings: FitSettings, *, ending: 
         )
         if choice is None:
             return status
-        table = choice.table
-        fit = verb.described_fit(replace(choice.fit, seconds=choice.seconds), status)
-        others = (
-            f"Other sets of laws that predict nearly as well, within 1 point: {len(choice.others)}, in "
-            f"{verb.frame.folder / NEAR_SETS}; predict and respond say how far they are apart where the tests end"
-        )
-        lines = [
-            *_choice_lines(table.table, table.sentence, table.notes),
-            "",
-            f"Laws: {verb.frame.folder / LAWS}",
-            *([others] if choice.others else []),
-            "",
-            text_of(fit, verb.tests),
-        ]
+        table, fit = choice.table, verb.with_command(replace(choice.fit, seconds=choice.seconds))
+        if choice.others:
+            note(
+                f"{len(choice.others)} other sets of laws predict nearly as well, within 1 point; predict and respond "
+                "say how far they are apart where the tests end"
+            )
         return verb.end(
             fit,
             status,
             work=work,
             grown=() if status == 0 else work.step_journals,
-            text="\n".join(lines),
-            document=summary_of(fit, verb.tests, verb.frame.folder) | {"choice_of_laws": asdict(table)},
+            results=(table, fit),
+            document=fit.document() | {"choice_of_laws": asdict(table)},
             documents={LAWS: asdict(table)}
             | ({NEAR_SETS: others_content(choice.others)} if choice.others else {}),
         )
-
-
-def _choice_lines(table: Table, sentence: str, remarks: Sequence[str]) -> list[str]:
-    """The table of a choice, its sentence and its remarks."""
-    lines = table.lines()
-    for paragraph in (sentence, *(f"Note: {remark}." for remark in remarks)):
-        lines += ["", *textwrap.wrap(paragraph, _WIDTH)]
-    return lines

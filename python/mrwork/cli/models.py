@@ -6,28 +6,16 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from mrwork.base.summary import align_rows
-from mrwork.base.table import TableColumn, text_table
+from mrwork.base.table import Table
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import print_json
+from mrwork.cli.output import print_result, show_results
 from mrwork.cli.own_models import is_own, own_model
-from mrwork.cli.terminal import show
-from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
+from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import check_output
-
-_PARAMETER_COLUMNS = (
-    TableColumn(heading="parameter", cell=lambda each: each.name),
-    TableColumn(heading="unit", cell=lambda each: each.unit),
-    TableColumn(heading="nominal", cell=lambda each: f"{each.nominal:g}"),
-    TableColumn(heading="lower", cell=lambda each: f"{each.lower:g}"),
-    TableColumn(heading="upper", cell=lambda each: f"{each.upper:g}"),
-    TableColumn(heading="scale", cell=lambda each: each.scale),
-    TableColumn(heading="meaning", cell=lambda each: each.description),
-)
 
 
 def add_options(parser: CommandParser) -> None:
@@ -54,22 +42,27 @@ def run(options: argparse.Namespace) -> int:
             raise SettingError(
                 "--figure draws one model; name it, as in mrwork models bouc_wen --figure FILE"
             )
-        if options.json:
-            print_json({"models": [_as_dict(spec) for spec in damper_models()]})
-            return 0
-        listed = [(spec.name, f"{len(spec.parameters)} parameters", spec.title) for spec in damper_models()]
-        show("\n".join(align_rows(listed)))
+        models = damper_models()
+        listed = Table(
+            columns=("model", "parameters", "title"),
+            rows=[(spec.name, str(len(spec.parameters)), spec.title) for spec in models],
+        )
+        print_result(options, {"models": [_as_dict(spec) for spec in models]}, "\n".join(listed.lines()))
         return 0
     spec = own_model(options.name) if is_own(options.name) else damper(options.name)
     if options.figure is not None:
         _write_figure(spec, options)
-    if options.json:
-        drawn = {} if options.figure is None else {"figure": str(options.figure)}
-        print_json(_as_dict(spec) | drawn)
-    else:
-        show(
-            _in_full(options.name, spec) + ("" if options.figure is None else f"\n\nFigure: {options.figure}")
-        )
+    drawn = {} if options.figure is None else {"figure": str(options.figure)}
+    follow = (
+        "Any parameter can follow the command, constant, linear, quadratic, cubic or exponential: "
+        f"mrwork identify FILE... --model {options.name} --law {spec.names[0]}=linear"
+    )
+    show_results(
+        options,
+        *(spec, *map(spec.preset, spec.presets)),
+        document=_as_dict(spec) | drawn,
+        below=["", follow, *(f"\nFigure: {place}" for place in drawn.values())],
+    )
     return 0
 
 
@@ -91,29 +84,3 @@ def _as_dict(spec: DamperSpec) -> dict[str, Any]:
     # A model without current laws has the same parameters as its plain form.
     del entry["plain"]
     return entry | {"presets": [asdict(spec.preset(name)) for name in spec.presets]}
-
-
-def _in_full(name: str, spec: DamperSpec) -> str:
-    lines = [spec.title, "=" * len(spec.title), ""]
-    lines += [f"  {line}" for line in spec.equation.splitlines()]
-    lines += ["", spec.description, "", f"Source:  {spec.source}", f"Nominal: {spec.nominal_source}", ""]
-    lines += text_table(_PARAMETER_COLUMNS, spec.parameters).lines()
-    for each in spec.presets:
-        lines += ["", *_preset_lines(spec.preset(each))]
-    lines += [
-        "",
-        "Any parameter can follow the command, constant, linear, quadratic, cubic or exponential: "
-        f"mrwork identify FILE... --model {name} --law {spec.names[0]}=linear",
-    ]
-    return "\n".join(lines)
-
-
-def _preset_lines(preset: Preset) -> list[str]:
-    note = f" ({preset.note})" if preset.note else ""
-    current = preset.spec.current
-    command = f", command 0 to {preset.largest_command:g} {current.unit}" if current is not None else ""
-    values = ", ".join(
-        f"{parameter.name} = {value:g} {parameter.unit if parameter.unit != '1' else ''}".rstrip()
-        for parameter, value in zip(preset.spec.parameters, preset.theta, strict=True)
-    )
-    return [f"Preset {preset.name}, {preset.status}{command}: {preset.source}{note}", f"  {values}"]

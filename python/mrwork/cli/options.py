@@ -275,9 +275,8 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
     return laws
 
 
-def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> CommandUnit:
-    """Unit of the command in the laws: that of the command line, or else the first one that any test has."""
-    given: CommandUnit | None = options.command_unit
+def command_unit(tests: Sequence[DamperTest], given: CommandUnit | None = None) -> CommandUnit:
+    """Unit of the command in the laws: the one that is given, or else the first one that any test has."""
     own = [{unit for _, unit in test.commands} for test in tests]
     known = [unit for unit in COMMAND_SCALES if any(unit in units for units in own)]
     shared = [unit for unit in known if all(unit in units for units in own)]

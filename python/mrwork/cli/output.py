@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from mrwork.base.progress import ProgressLine, ProgressReport, display_here
-from mrwork.base.summary import Summarised, align_rows
+from mrwork.base.summary import Summarised
+from mrwork.base.table import Table
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError, reason_of
 from mrwork.records import DamperTest
 from mrwork.records.findings import SharedFinding, Verb, findings_for
 from mrwork.store.codec import finite
-from mrwork.store.run_folder import FIT
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
@@ -60,19 +60,6 @@ def _reading_described(read: tuple[int, int]) -> str:
     return "reading the test" if total == 1 else f"reading {done + 1} of {total} tests"
 
 
-@contextmanager
-def task_line(task: str, *, quiet: bool) -> Iterator[None]:
-    """A line that names a task while it is done."""
-    with progress_line(str, quiet=quiet, patience=0.0) as line:
-        line(task)
-        yield
-
-
-def named(value: object, *names: str) -> dict[str, Any]:
-    """Attributes of a value by their names."""
-    return {name: getattr(value, name) for name in names}
-
-
 def print_json(document: object) -> None:
     """Print an object in one line of strict JSON; numbers that are not finite become null, as in the files."""
     show(json.dumps(finite(document), allow_nan=False))
@@ -86,11 +73,29 @@ def print_result(options: argparse.Namespace, document: object, text: str) -> No
         show(text)
 
 
-def end_addition(options: argparse.Namespace, document: object, text: str) -> int:
-    """Draw the page of a run to which a file was added, and print what was found; return the exit status."""
-    status = renew_page(options.run_folder, quiet=is_quiet(options))
-    print_result(options, document, text)
-    return status
+def show_results(
+    options: argparse.Namespace,
+    *results: Summarised,
+    document: Mapping[str, object],
+    below: Sequence[str] = (),
+) -> None:
+    """Print results: the `document` with --json, else their summaries and the lines `below`."""
+    texts = [each._summary().text(whole=True) for each in results]
+    print_result(options, document, "\n".join(["\n\n".join(texts), *below]))
+
+
+def end_addition(
+    options: argparse.Namespace,
+    result: Summarised,
+    more: Mapping[str, object],
+    below: Sequence[str] = (),
+) -> int:
+    """Show what was added to a run, and draw the page of the run; return the exit status.
+
+    With --json it is the document of the result, and what is `more` in it.
+    """
+    show_results(options, result, document={**result.document(), **more}, below=below)
+    return renew_page(options.run_folder, quiet=is_quiet(options))
 
 
 def as_plain(findings: Iterable[SharedFinding]) -> list[dict[str, Any]]:
@@ -110,21 +115,15 @@ def told_findings(
 
 def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
     """Aligned and indented lines of a table; the first row has the headings."""
-    return [f"  {line}" for line in align_rows(rows)]
+    return Table(columns=rows[0], rows=rows[1:]).lines("  ")
 
 
-def result_lines(result: Summarised) -> list[str]:
-    """The table of a result's summary, with all rows, of the columns that have an entry."""
-    summary = result._summary()
-    return table_lines(summary.filled_columns(summary.rows))
-
-
-def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> str:
-    """Where the verdicts of a fit come from, if not from the intervals of this kind that are shown; else empty."""
+def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> list[str]:
+    """A line on where the verdicts of a fit come from, if not from the intervals of this kind that are shown."""
     if fit.intervals is not None and fit.intervals.kind == kind:
-        return ""
+        return []
     source = "standard errors" if fit.intervals is None else f"{fit.intervals.heading}s"
-    return f"the verdicts of the fit, on its page and in {FIT}, stay those by its {source}"
+    return [f"the verdicts of the fit, and of its page, stay those by its {source}"]
 
 
 def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
-from pathlib import Path
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mrwork.base.table import text_table
-from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number, named_path
@@ -26,10 +23,8 @@ from mrwork.store.run_writer import add_to_run, adding
 from mrwork.uncertainty.candidate_tests import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.planning import CheckedPlan, LinearisedPosterior
+    from mrwork.uncertainty.planning import LinearisedPosterior
 
-# Number of rows in the printed table; the document has all.
-_SHOWN = 15
 _DRAWS = 400
 
 
@@ -101,16 +96,15 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     posterior = LinearisedPosterior.of(opened.fit, opened.tests, threads=options.threads)
     rng = np.random.default_rng(options.seed)
     draws, origin = _draws(opened, posterior, rng)
-    check = checked_with_draws(ranked, posterior, draws, targets=targets, rng=rng)
-    unit = None if spec.current is None else spec.current.unit
-    document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
-    add_to_run(opened.run.path, {PLAN: json_document(document).encode()})
-    printed = document | {"findings": findings, "out": str(opened.run.path / PLAN)}
-    status = end_addition(options, printed, _text(check, origin, unit, opened.run.path))
+    check = replace(checked_with_draws(ranked, posterior, draws, targets=targets, rng=rng), draws=origin)
+    place, document = opened.run.path, {"limits": asdict(limits)}
+    add_to_run(place, {PLAN: json_document(check.document() | document).encode()})
     if ranked.left_out and not options.quiet:
+        unit = None if spec.current is None else spec.current.unit
         failed = "; ".join(each.in_words(unit) for each in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")
-    return status
+    more = document | {"findings": findings, "out": str(place / PLAN)}
+    return end_addition(options, check, more, [f"Report: {place / REPORT}"])
 
 
 def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) -> tuple[Candidate, ...]:
@@ -142,38 +136,3 @@ def _draws(opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Gen
     chosen = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
     form = identifiable_form(opened.fit.spec, opened.fit.settings.bounds)
     return np.asarray(form.from_model(chosen)), "the posterior"
-
-
-def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path) -> str:
-    # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.uncertainty.planning import gain_columns
-
-    plan = check.plan
-    best = plan.gains[0]
-    deviations = [
-        f"{value:.3g} {'' if plan.unit == '1' else plan.unit}".strip()
-        for value in (plan.deviation, best.deviation)
-    ]
-    lines = [
-        plan.sentence,
-        f"The standard deviation of the band is {deviations[0]} now and {deviations[1]} after this test, if the "
-        "model is valid there.",
-        "",
-    ]
-    lines += text_table(gain_columns(unit), plan.gains[:_SHOWN]).lines("  ")
-    if len(plan.gains) > _SHOWN:
-        lines.append(f"  and {len(plan.gains) - _SHOWN} more in {place / PLAN}")
-    lines += ["", _check_in_words(check, origin), f"Report: {place / REPORT}"]
-    return "\n".join(lines)
-
-
-def _check_in_words(check: CheckedPlan, origin: str) -> str:
-    if check.agreement is None:
-        return (
-            f"Draws of {origin} could not check this order: almost none of them fits the simulated tests, as the "
-            "posterior is far from normal or the next test is very informative; use the order, not the numbers."
-        )
-    return (
-        f"Draws of {origin} rank the tests with a rank correlation of {check.agreement:.2f} to this order; "
-        f"the effective sample size stays at least {check.least_effective:.0f} after a test."
-    )

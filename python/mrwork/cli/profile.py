@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
@@ -15,18 +13,16 @@ from mrwork.cli.output import (
     end_addition,
     in_words,
     is_quiet,
-    print_result,
     progress_line,
-    result_lines,
+    show_results,
     told_findings,
     verdicts_elsewhere,
 )
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted, RecordError
-from mrwork.identification.fit import Direction, Fit
-from mrwork.identification.fit_file import OpenedRun, fit_content
+from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import FIT, PROFILES, REPORT
+from mrwork.store.run_folder import PROFILES, REPORT
 from mrwork.store.run_writer import add_to_run, adding
 
 if TYPE_CHECKING:
@@ -58,14 +54,11 @@ def run(options: argparse.Namespace) -> int:
 
 def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.runs.load import judged_by_additions
+    from mrwork.runs.load import StoredRun, load
     from mrwork.uncertainty.identifiability.profile import profile
-    from mrwork.uncertainty.identifiability.verdicts import identifiability_of
-    from mrwork.uncertainty.posterior.draws import read_draws
 
     findings = told_findings("profile", opened.tests, options)
-    # The file of the fit has the intervals of the draws: damaged ones are refused before the profiles are computed.
-    draws = read_draws(opened.run, opened.fit)
+    place = opened.run.path
     try:
         with progress_line(in_words, quiet=is_quiet(options)) as line:
             profiles = profile(
@@ -78,28 +71,26 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
             )
     except Interrupted as interrupt:
         return write_interrupted(opened, interrupt.result, options)
-    fit = opened.fit.with_identifiability(
-        identifiability_of(opened.fit, opened.tests, threads=options.threads)
-    )
-    fit = judged_by_additions(opened.run.path, fit, draws=draws, profiles=profiles)
-    directions = () if fit.identifiability is None else fit.identifiability.informative
-    document = asdict(profiles) | {"directions": [asdict(each) for each in directions]}
-    contents = {PROFILES: json_document(document).encode(), FIT: fit_content(fit)}
-    add_to_run(opened.run.path, contents)
-    printed = document | {"findings": findings, "out": str(opened.run.path / PROFILES)}
-    return end_addition(options, printed, _text(fit, profiles, directions, opened.run.path))
+    add_to_run(place, {PROFILES: json_document(profiles.document()).encode()})
+    fit = load(place, StoredRun).fit
+    more = {"directions": [asdict(each) for each in fit.informative], "findings": findings}
+    below = [
+        *(f"  {each.sentence}" for each in fit.informative),
+        *verdicts_elsewhere(fit, "profile"),
+        f"Report: {place / REPORT}",
+    ]
+    return end_addition(options, profiles, more | {"out": str(place / PROFILES)}, below)
 
 
 def write_interrupted(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
     """Write and print the profiles of an interrupted run, not in place of complete ones; return the exit status."""
-    document = asdict(profiles) | {"directions": []}
+    document, place = profiles.document(), opened.run.path / PROFILES
     written = not _has_complete(opened)
     if written:
         add_to_run(opened.run.path, {PROFILES: json_document(document).encode()})
-    printed = document | {"out": str(opened.run.path / PROFILES)}
-    print_result(options, printed, _text(opened.fit, profiles, (), opened.run.path))
+    show_results(options, profiles, document=document | {"directions": [], "out": str(place)})
     where = "has the profiles so far" if written else "keeps the complete profiles that it has"
-    note(f"interrupted; {opened.run.path / PROFILES} {where}; run the same command again for all")
+    note(f"interrupted; {place} {where}; run the same command again for all")
     return 130
 
 
@@ -112,23 +103,3 @@ def _has_complete(opened: OpenedRun) -> bool:
     except RecordError:
         return False
     return earlier is not None and earlier.status == "finished"
-
-
-def _text(fit: Fit, profiles: Profiles, directions: Sequence[Direction], place: Path) -> str:
-    share = 100.0 * profiles.level
-    form = "" if profiles.model == fit.model else f", in the form {profiles.model}"
-    lines = [
-        f"{share:g} % intervals by profile likelihood{form}; {profiles.n_time} samples with correlated residuals "
-        f"count as {profiles.n_effective:.0f}",
-        "",
-        *result_lines(profiles),
-        "",
-    ]
-    sentences = [
-        *(each.sentence for each in directions),
-        *filter(None, [profiles.remark, verdicts_elsewhere(fit, "profile")]),
-    ]
-    if sentences:
-        lines += [*(f"- {sentence}" for sentence in sentences), ""]
-    lines += [f"{profiles.evaluations} simulations, {profiles.seconds:.1f} s. Report: {place / REPORT}"]
-    return "\n".join(lines)

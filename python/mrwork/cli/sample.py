@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import asdict
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mrwork.base.numbers import duration_in_words
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
@@ -16,17 +14,14 @@ from mrwork.cli.output import (
     end_addition,
     in_words,
     is_quiet,
-    named,
     progress_line,
-    result_lines,
     told_findings,
     verdicts_elsewhere,
 )
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
-from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import OpenedRun, fit_content
-from mrwork.store.run_folder import CHAIN, DRAWS, FIT
+from mrwork.identification.fit_file import OpenedRun
+from mrwork.store.run_folder import CHAIN, DRAWS
 from mrwork.store.run_writer import add_to_run, addition_journal, nothing_to_resume
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.target import Prior, Steps, Walkers, parse_prior
@@ -95,13 +90,11 @@ def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
     priors = dict(parse_prior(text) for text in options.prior)
     # SciPy is slow to load.
-    from mrwork.runs.load import judged_by_additions, read_profiles
+    from mrwork.runs.load import StoredRun, load
 
     opened = opened_run(options)
     findings = told_findings("sample", opened.tests, options)
     place = opened.run.path
-    # The file of the fit may have the intervals of the profiles: damaged ones are refused before the chain grows.
-    profiles = read_profiles(opened.run)
     with addition_journal(place, CHAIN, resume=options.resume, replace=options.replace, note=note) as journal:
         draws = _sample(opened, priors, journal, options)
         if draws is None:
@@ -112,10 +105,10 @@ def run(options: argparse.Namespace) -> int:
         # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws import draws_content
 
-        fit = judged_by_additions(place, opened.fit, draws=draws, profiles=profiles)
-        add_to_run(place, {DRAWS: draws_content(draws), FIT: fit_content(fit)}, grown=[CHAIN])
-        document = _summary(draws, place) | {"findings": findings}
-        return end_addition(options, document, _text(fit, draws, place))
+        add_to_run(place, {DRAWS: draws_content(draws)}, grown=[CHAIN])
+        fit = load(place, StoredRun).fit
+        below = [*verdicts_elsewhere(fit, "posterior"), f"Draws: {place / DRAWS}"]
+        return end_addition(options, draws, {"findings": findings, "out": str(place)}, below)
 
 
 def _sample(
@@ -160,33 +153,3 @@ def _sample(
             "run the same command with --resume to continue"
         )
         return None
-
-
-def _summary(draws: Draws, place: Path) -> dict[str, Any]:
-    return {
-        "model": draws.model,
-        "noise": draws.noise_model,
-        **named(draws, "status", "verdict", "temper"),
-        "parameters": {each.name: asdict(each) for each in draws.summaries},
-        "n_draws": len(draws.theta),
-        "steps": draws.n_steps,
-        "seconds": draws.seconds,
-        "rng": None if draws.provenance is None else draws.provenance.rng,
-        "out": str(place),
-    }
-
-
-def _text(fit: Fit, draws: Draws, folder: Path) -> str:
-    status = draws.status.replace("_", " ")
-    return "\n".join(
-        [
-            f"posterior of {draws.model} with {draws.noise_model} noise, {status}: {len(draws.theta)} draws kept of "
-            f"{draws.n_steps} steps, {draws.seconds:.1f} s",
-            "",
-            *result_lines(draws),
-            "",
-            *filter(None, [draws.verdict, verdicts_elsewhere(fit, "posterior")]),
-            "",
-            f"Draws: {folder / DRAWS}",
-        ]
-    )

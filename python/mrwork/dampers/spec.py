@@ -260,13 +260,18 @@ class DamperSpec(Summarised):
     def _summary(self) -> Summary:
         return Summary(
             title=f"Damper model {self.name}: {self.title}",
-            facts=(("equation", self.equation.replace("\n", "; ")), ("source", self.source)),
-            columns=("parameter", "nominal", "lower", "upper", "unit", "meaning"),
+            facts=(
+                ("equation", self.equation.replace("\n", "; ")),
+                ("meaning", self.description),
+                ("source", self.source),
+                ("nominal", self.nominal_source),
+            ),
+            columns=("parameter", "nominal", "lower", "upper", "scale", "unit", "meaning"),
             rows=[
                 (
                     each.name,
                     *map(format_rounded, (each.nominal, each.lower, each.upper)),
-                    *(each.unit, each.description),
+                    *(each.scale, each.unit, each.description),
                 )
                 for each in self.parameters
             ],
@@ -288,6 +293,14 @@ class Preset(Summarised):
     def _summary(self) -> Summary:
         return Summary(
             title=f"Preset {self.name} of {self.spec.name}, {self.status}: {self.source}",
+            facts=(
+                (
+                    "command",
+                    ""
+                    if self.spec.current is None or self.largest_command is None
+                    else f"0 to {self.largest_command:g} {self.spec.current.unit}",
+                ),
+            ),
             columns=("parameter", "value", "unit"),
             rows=[
                 (each.name, format_rounded(value, 6), each.unit)

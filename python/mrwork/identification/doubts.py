@@ -19,6 +19,7 @@ import numpy as np
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import law_named, other_form
+from mrwork.identification.covariance import Slopes, autocorrelation_time
 from mrwork.identification.fit import Fit
 from mrwork.identification.force_lag import force_lag_warnings
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
@@ -27,7 +28,6 @@ from mrwork.identification.minimise.polish import Polished, missing_lag
 from mrwork.identification.objective import Objective, observe_tests_by, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
-from mrwork.identification.result import Slopes, autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.motion import Smoother, spectrum
 from mrwork.records.window import excerpt
@@ -56,8 +56,12 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
         *((missing.in_words,) if missing is not None else ()),
         *needless_average_warnings(objective, form.box, polished.theta),
         *law_shape_warnings(excerpts, form.box, polished.theta),
-        *force_lag_warnings(problem, excerpts, polished.slopes, polished.standard_errors),
-        *motion_noise_warning(polished.slopes, polished.standard_errors, problem.spec.names),
+        *force_lag_warnings(
+            problem, excerpts, polished.covariance.slopes, polished.covariance.standard_errors
+        ),
+        *motion_noise_warning(
+            polished.covariance.slopes, polished.covariance.standard_errors, problem.spec.names
+        ),
     )
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, ClassVar, Literal, TypeVar
+from operator import attrgetter
+from statistics import median
+from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
 from mrwork.base.plotted import Plots
-from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.summary import Summarised, Summary, list_names, named
+from mrwork.base.table import TableColumn, declared, document_of, text_table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
@@ -26,24 +29,33 @@ from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import digest_of
 
-T = TypeVar("T")
+Verdict = Literal[
+    "identifiable",
+    "weakly identifiable",
+    "sign unknown",
+    "negligible",
+    "not identifiable",
+    "fixed",
+    "tied",
+    "",
+]
+"""What the data say of a parameter, decided in `identification/verdicts.py` alone; empty where nothing was judged."""
 
-# Decided in `uncertainty/identifiability/verdicts.py` alone, and read from `Fit.verdict_on`.
-VerdictName = Literal["identifiable", "weakly identifiable", "sign unknown", "negligible", "not identifiable"]
+Remark = Literal["", "fixed", "at lower bound", "at upper bound"]
+
+FINE: tuple[Verdict, ...] = ("", "identifiable", "fixed", "tied")
+"""Verdicts that need no caution."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Interval:
-    """Interval of one parameter in its unit; an end that the data do not bound is `None`.
-
-    `verdict` is `None` for a parameter of the noise.
-    """
+    """Interval of a parameter in its unit, and the verdict by it; an end that the data do not bound is `None`."""
 
     name: str
     lower: float | None
     upper: float | None
-    verdict: VerdictName | None
-    reason: str
+    verdict: Verdict = ""
+    reason: str = ""
 
     def in_words(self, shown: Callable[[float], str]) -> str:
         """Text such as "6317 to 7278", or "above 835.8" where one end is open; `shown` formats a number."""
@@ -73,22 +85,55 @@ class Intervals:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """Identifiability of one parameter, with the reason.
+class FittedParameter:
+    """One parameter of a fit, in SI: value, uncertainty, bounds, and what the data say of it.
 
-    `standard_error` is in the parameter's unit, for the effective number of samples; `None` where there is none.
+    `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
+    residuals are correlated. It is `None` where the parameter is not identifiable by the derivatives, was fixed, or is
+    on a bound (`remark`). `verdict` and `reason` are by the `interval`, if there is one, else by the standard error.
+    `tie` is the expression that the parameter is tied to, empty where it is not.
     """
 
-    name: str
-    verdict: VerdictName
-    standard_error: NotNegative | None
-    reason: str
+    _made_by: ClassVar[str] = "fit.parameters"
 
-    def by_interval(self, interval: Interval | None) -> Verdict:
-        """The verdict by the interval if it has one, else this verdict."""
-        if interval is None or interval.verdict is None:
+    name: str
+    value: float
+    unit: str
+    standard_error: NotNegative | None
+    lower: float
+    upper: float
+    remark: Remark = ""
+    verdict: Verdict = ""
+    reason: str = ""
+    tie: str = ""
+    interval: Interval | None = None
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the search could vary it."""
+        return self.remark != "fixed"
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether it is at one of its bounds."""
+        return self.remark in ("at lower bound", "at upper bound")
+
+    def with_interval(self, interval: Interval | None) -> FittedParameter:
+        """The parameter with an interval, and the verdict by it if it has one."""
+        if interval is None:
             return self
-        return replace(self, verdict=interval.verdict, reason=interval.reason)
+        verdict, reason = (
+            (interval.verdict, interval.reason) if interval.verdict else (self.verdict, self.reason)
+        )
+        return replace(self, interval=interval, verdict=verdict, reason=reason)
+
+    def in_words(self, *, by_interval: bool) -> tuple[str, str]:
+        """Value and uncertainty for a terminal: an interval, or a standard error with the digits that it leaves."""
+        if by_interval:
+            ends = "-" if self.interval is None else self.interval.in_words(format_rounded)
+            return format_rounded(self.value, 6), ends
+        value, error = map(in_plain, value_and_error(self.value, self.standard_error))
+        return (format_rounded(self.value, 6) if self.standard_error is None else value), error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,54 +168,6 @@ class Direction:
     sentence: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Identifiability(Summarised):
-    """A verdict for each free parameter, and the directions that the data determine weakly or not at all.
-
-    `n_effective` is the effective number of samples; it is below `n_time` where residuals are correlated. In a fit with
-    intervals the `verdicts` are by these, and `by_derivatives` keeps those that they replaced.
-    """
-
-    verdicts: tuple[Verdict, ...]
-    directions: tuple[Direction, ...]
-    n_time: Count
-    n_effective: Positive
-    by_derivatives: tuple[Verdict, ...] = ()
-
-    def with_intervals(self, intervals: Intervals | None) -> Identifiability:
-        """Identifiability with the verdicts of the intervals, or of the derivatives where there is no interval."""
-        own = self.by_derivatives or self.verdicts
-        if intervals is None:
-            return replace(self, verdicts=own, by_derivatives=())
-        return replace(
-            self,
-            verdicts=tuple(verdict.by_interval(intervals.of(verdict.name)) for verdict in own),
-            by_derivatives=own,
-        )
-
-    def verdict_on(self, name: str) -> Verdict | None:
-        """The verdict on a parameter; `None` where it was not free."""
-        return next((verdict for verdict in self.verdicts if verdict.name == name), None)
-
-    @property
-    def informative(self) -> tuple[Direction, ...]:
-        """The directions without those dominated by an identifiable or negligible parameter."""
-        harmless = ("identifiable", "negligible")
-        settled = {verdict.name for verdict in self.verdicts if verdict.verdict in harmless}
-        return tuple(way for way in self.directions if not way.seen or way.changes[0].name not in settled)
-
-    def _summary(self) -> Summary:
-        return Summary(
-            title=f"Identifiability from {self.n_time} samples, {self.n_effective:.0f} effective samples",
-            columns=("parameter", "standard error [SI]", "verdict", "reason"),
-            rows=[
-                (verdict.name, format_rounded(verdict.standard_error, 2), verdict.verdict, verdict.reason)
-                for verdict in self.verdicts
-            ],
-            notes=[direction.sentence for direction in self.informative],
-        )
-
-
 # Key of the record of settings that the command line adds to those of `FitSettings`.
 _READING = "reading"
 # Share by which a value may exceed its bound after a conversion between forms of a model.
@@ -180,70 +177,14 @@ NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
-Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """One parameter of a fit, in SI.
+class _ByName(dict[str, FittedParameter]):
+    """Parameters of a fit by name; an unknown name is refused with the similar ones."""
 
-    `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
-    residuals are correlated. It is `None` where the parameter is not identifiable by the derivatives, was fixed, or is
-    on a bound. The verdict on a parameter is that of `Fit.verdict_on`.
-    """
-
-    _made_by: ClassVar[str] = "fit.estimates"
-
-    name: str
-    unit: str
-    value: float
-    standard_error: NotNegative | None
-    lower: float
-    upper: float
-    remark: Remark = ""
-
-    def judge(self, verdict: Verdict | None) -> Estimate:
-        """The estimate with the standard error that belongs to its verdict; unchanged without a verdict."""
-        if verdict is None:
-            return self
-        undetermined = verdict.verdict == "not identifiable"
-        kept = "" if self.remark == "not identifiable" else self.remark
-        return replace(
-            self, standard_error=verdict.standard_error, remark="not identifiable" if undetermined else kept
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FittedParameter:
-    """One parameter of a fit, in SI, as a script asks for it.
-
-    `error` is the standard error, `None` where there is none, see `Estimate`; `verdict` and `reason` are those of
-    `Fit.verdict_on`. `tie` is the expression that the parameter is tied to, empty where it is not.
-    """
-
-    _made_by: ClassVar[str] = "fit.parameters"
-
-    name: str
-    value: float
-    error: float | None
-    unit: str
-    lower: float
-    upper: float
-    verdict: str
-    reason: str = ""
-    tie: str = ""
-
-
-class _ByParameter(dict[str, T]):
-    """Values by parameter name; an unknown name is refused with the similar ones."""
-
-    def __init__(self, model: str, values: Mapping[str, T]) -> None:
-        super().__init__(values)
-        self.model = model
-
-    def __missing__(self, name: str) -> T:
+    def __missing__(self, name: str) -> FittedParameter:
         raise UnknownNameError(
-            f"{self.model} has no parameter {name!r}{suggestion(name, [*self], otherwise='it has')}"
+            f"the fit has no parameter {name!r}{suggestion(name, [*self], otherwise='it has')}"
         )
 
 
@@ -315,7 +256,7 @@ class SingleCommand:
     """
 
     command: float
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[FittedParameter, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -339,29 +280,58 @@ def step_in_words(percent: float) -> str:
     return f"half the integration step changes the force by {percent:.2g} % of its deviation"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitSpread:
+    """Fits of several tests [%]: the median, and the worst with the name of its test."""
+
+    n_tests: int
+    median_percent: float
+    worst_percent: float
+    worst_test: str
+
+    @classmethod
+    def of(cls, names: Sequence[str], percents: Sequence[float]) -> FitSpread:
+        """Median and worst of the fits of the tests with these names."""
+        worst = min(range(len(percents)), key=percents.__getitem__)
+        return cls(
+            n_tests=len(percents),
+            median_percent=float(median(percents)),
+            worst_percent=float(percents[worst]),
+            worst_test=names[worst],
+        )
+
+    @property
+    def in_words(self) -> str:
+        """One line."""
+        return (
+            f"{self.n_tests} tests: fit median {self.median_percent:.2f} %, worst {self.worst_percent:.2f} % "
+            f"({self.worst_test})"
+        )
+
+
 @array_dataclass(repr=False)
 class Fit(WithAxes, Summarised):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
-    where there are no standard errors.
-    `intervals` are those of `profile` or `sample`; where there are any, tables show them and not the standard errors.
+    where there are no standard errors. `directions` are those in which the data determine the parameters weakly or not
+    at all. `intervals` are those of `profile` or `sample`; where there are any, tables show them and not the standard
+    errors.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
-    `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
-    the result of `uncertainty.identifiability_of`, `None` where it was not computed. `tests` are those of the fit, and
-    `forces` those of the free runs on them, [N], shape (n_time,); `warnings` are sentences on what could mislead in
-    the result, and `status_reason` says why it has not converged, or what a converged fit costs in a building;
-    `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the ranges of
-    motion, command and load of the tests; `live_settings` are the settings with the search that ran. A fit that was
-    read from its file has neither tests nor forces nor live settings. `half_step_percent` is the change of the force by
-    half the integration step, of a damper of the user. `single_commands` are fits at one command each, beside a fit
-    whose parameters follow the command.
+    `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `tests` are those of the
+    fit, and `forces` those of the free runs on them, [N], shape (n_time,); `warnings` are sentences on what could
+    mislead in the result, and `status_reason` says why it has not converged, or what a converged fit costs in a
+    building; `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the
+    ranges of motion, command and load of the tests; `live_settings` are the settings with the search that ran. A fit
+    that was read from its file has neither tests nor forces nor live settings. `half_step_percent` is the change of
+    the force by half the integration step, of a damper of the user. `single_commands` are fits at one command each,
+    beside a fit whose parameters follow the command.
     """
 
     _made_by: ClassVar[str] = "mr.identify(model, tests)"
 
     model: str
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[FittedParameter, ...]
     status: FitStatus
     stop_reason: str
     nrmse: NotNegative
@@ -379,7 +349,7 @@ class Fit(WithAxes, Summarised):
     own: DamperSpec | None = None
     nuisances: tuple[NuisanceName, ...] = ()
     n_effective: Positive | None = None
-    identifiability: Identifiability | None = None
+    directions: tuple[Direction, ...] = ()
     intervals: Intervals | None = None
     warnings: tuple[str, ...] = ()
     status_reason: str = ""
@@ -496,21 +466,7 @@ class Fit(WithAxes, Summarised):
         >>> fit.parameters["c0"].unit, fit.parameters["c0"].value > 0.0
         ('N s/m', True)
         """
-        return _ByParameter(self.model, {known.name: self._parameter(known) for known in self.estimates})
-
-    def _parameter(self, estimate: Estimate) -> FittedParameter:
-        verdict, reason = self.verdict_on(estimate.name)
-        return FittedParameter(
-            name=estimate.name,
-            value=estimate.value,
-            error=estimate.standard_error,
-            unit=estimate.unit,
-            lower=estimate.lower,
-            upper=estimate.upper,
-            verdict=verdict,
-            reason=reason,
-            tie=self.ties.get(estimate.name, ""),
-        )
+        return _ByName({each.name: each for each in self.estimates})
 
     @property
     def theta(self) -> tuple[float, ...]:
@@ -533,104 +489,61 @@ class Fit(WithAxes, Summarised):
         return outside_of(self.spec, self.theta, self.tested, demand)
 
     @checked
-    def with_intervals(self, intervals: Intervals | None) -> Fit:
-        """The fit with intervals in place of standard errors, and their verdicts in place of those by derivatives.
+    def with_intervals(self, intervals: Intervals) -> Fit:
+        """The fit with the intervals of `Profiles.intervals` or `Draws.intervals`, and the verdicts by them."""
+        estimates = tuple(each.with_interval(intervals.of(each.name)) for each in self.estimates)
+        return replace(self, intervals=intervals, estimates=estimates)
 
-        They are those of `Profiles.intervals` or `Draws.intervals`; `None` takes them away again.
-        """
-        known = self.identifiability
-        return replace(
-            self,
-            intervals=intervals,
-            identifiability=None if known is None else known.with_intervals(intervals),
-        )
-
-    @checked
-    def with_identifiability(self, identifiability: Identifiability) -> Fit:
-        """The fit with verdicts and their standard errors; verdicts of its intervals have precedence."""
-        own = identifiability.with_intervals(None)
-        return replace(
-            self,
-            identifiability=own.with_intervals(self.intervals),
-            n_effective=own.n_effective if self.n_effective is None else self.n_effective,
-            estimates=tuple(estimate.judge(own.verdict_on(estimate.name)) for estimate in self.estimates),
-        )
-
-    @checked
-    def verdict_on(self, name: str) -> tuple[str, str]:
-        """Verdict on a parameter with its reason, from its interval or else from the derivatives at the fit.
-
-        Instead of a verdict "fixed" or "tied", and empty where none is known.
-
-        Raises
-        ------
-        UnknownNameError
-            Where the model has no such parameter.
-        """
-        estimate = _ByParameter(self.model, {known.name: known for known in self.estimates})[name]
-        if estimate.remark == "fixed":
-            return "fixed", ""
-        if name in self.ties:
-            return "tied", f"it is {self.ties[name]}"
-        verdict = None if self.identifiability is None else self.identifiability.verdict_on(name)
-        interval = None if self.intervals is None else self.intervals.of(name)
-        if verdict is not None:
-            return verdict.verdict, verdict.reason
-        if interval is not None and interval.verdict is not None:
-            return interval.verdict, interval.reason
-        return ("not identifiable", "") if estimate.remark == "not identifiable" else ("", estimate.remark)
-
-    def _value(self, estimate: Estimate) -> str:
-        if self.intervals is None and estimate.standard_error is not None:
-            return in_plain(value_and_error(estimate.value, estimate.standard_error)[0])
-        return format_rounded(estimate.value, 6)
-
-    def _uncertainty(self, estimate: Estimate) -> str:
-        if self.intervals is None:
-            return in_plain(value_and_error(estimate.value, estimate.standard_error)[1])
-        interval = self.intervals.of(estimate.name)
-        return "-" if interval is None else interval.in_words(format_rounded)
+    @property
+    def informative(self) -> tuple[Direction, ...]:
+        """The directions without those dominated by an identifiable or negligible parameter."""
+        settled = {each.name for each in self.estimates if each.verdict in ("identifiable", "negligible")}
+        return tuple(way for way in self.directions if not way.seen or way.changes[0].name not in settled)
 
     @property
     def plot(self) -> Plots[Fit]:
         """Figures of the fit, see `mr.plots`."""
         return Plots(self)
 
-    def _named_arrays(self) -> NamedArrays:
-        parameters = columns_of(
-            self.estimates,
-            "parameter",
-            {
-                "value": ("", "value of the fit"),
-                "standard_error": ("", self.uncertainty_heading),
-                "lower": ("", "lower bound"),
-                "upper": ("", "upper bound"),
-            },
+    @property
+    def _columns(self) -> tuple[TableColumn, ...]:
+        """What the parameters have in tables, in JSON and in arrays."""
+        by_interval = self.intervals is not None
+        return (
+            TableColumn(heading="parameter", cell=attrgetter("name")),
+            TableColumn(
+                heading="value",
+                cell=lambda each: each.in_words(by_interval=by_interval)[0],
+                key="value",
+                long_name="value of the fit",
+            ),
+            TableColumn(
+                heading=self.uncertainty_heading,
+                cell=lambda each: each.in_words(by_interval=by_interval)[1],
+                key="standard_error",
+                long_name="standard error",
+            ),
+            TableColumn(heading="unit", cell=attrgetter("unit"), key="unit"),
+            TableColumn(key="lower", long_name="lower bound"),
+            TableColumn(key="upper", long_name="upper bound"),
+            TableColumn(key="remark"),
+            TableColumn(
+                heading="verdict", cell=attrgetter("verdict"), key="verdict", long_name="identifiability"
+            ),
+            TableColumn(heading="reason", cell=attrgetter("reason"), key="reason"),
         )
-        verdicts = [self.verdict_on(estimate.name)[0] for estimate in self.estimates]
-        intervals = [
-            None if self.intervals is None else self.intervals.of(known.name) for known in self.estimates
-        ]
+
+    def _named_arrays(self) -> NamedArrays:
+        parameters = columns_of(self.estimates, "parameter", declared(self._columns))
         ends = {
             f"interval_{end}": NamedArray.of(
-                [None if interval is None else getattr(interval, end) for interval in intervals],
+                [None if each.interval is None else getattr(each.interval, end) for each in self.estimates],
                 "parameter",
                 long_name=f"{end} end of the interval",
             )
             for end in (() if self.intervals is None else ("lower", "upper"))
         }
-        tests = columns_of(
-            self.quality,
-            "test",
-            {
-                "fit_percent": ("%", "fit"),
-                "nrmse": ("1", "error over the standard deviation of the force"),
-                "rmse_n": ("N", "root mean square error"),
-                "residual_autocorrelation": ("1", "autocorrelation of the residual"),
-                "n_time": ("1", "samples that are compared"),
-                "recorded_in_words": ("", "what the record adds to the model's force"),
-            },
-        )
+        tests = columns_of(self.quality, "test", declared(_QUALITY))
         search = {
             f"search_{name}": NamedArray.of(getattr(self.trace, name), "generation", long_name=words)
             for name, words in (
@@ -651,39 +564,92 @@ class Fit(WithAxes, Summarised):
             arrays={
                 **parameters,
                 **ends,
-                "verdict": NamedArray.of(verdicts, "parameter", long_name="identifiability"),
                 **tests,
                 **search,
             },
         )
 
+    @property
+    def spread(self) -> FitSpread | None:
+        """Median and worst of the fits of the tests; `None` for one test."""
+        if len(self.quality) == 1:
+            return None
+        return FitSpread.of([each.test for each in self.quality], [each.fit_percent for each in self.quality])
+
     def as_dict(self) -> dict[str, Any]:
-        """Nested dictionaries and lists for JSON, without the tests, the forces and the live settings."""
+        """Nested dictionaries and lists for the file of the fit, without tests, forces and live settings."""
         document = asdict(replace(self, tests=(), forces=(), live_settings=None))
         del document["tests"], document["forces"], document["live_settings"]
         return document
 
+    def document(self) -> dict[str, Any]:
+        """What `mrwork identify --json` prints; `files` name each test as `test` and, as `predict` does, as `file`."""
+        spread = self.spread
+        return {
+            "model": self.model,
+            "parameters": {each.name: document_of(self._columns, each) for each in self.estimates},
+            "uncertainty": self.uncertainty_heading,
+            "current_laws": None if self.current is None else asdict(self.current),
+            "directions": [asdict(each) for each in self.directions],
+            "nuisances": self.nuisances,
+            "observation": self.observation_in_words,
+            **named(self, "fit_percent", "nrmse", "rmse_n"),
+            "error_norms": asdict(self.error_norms),
+            **named(self, "status", "status_reason", "stop_reason"),
+            "tested_range": asdict(self.tested),
+            **named(self, "warnings", "evaluations", "refinement_steps", "seconds", "n_time", "n_effective"),
+            "rng": self.provenance.rng,
+            "files": [{"file": each.test, **asdict(each)} for each in self.quality],
+            "median_fit_percent": None if spread is None else spread.median_percent,
+            "worst_fit_percent": None if spread is None else spread.worst_percent,
+            "spread": None if spread is None else asdict(spread),
+        }
+
     def _summary(self) -> Summary:
         tests = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
+        parameters = text_table(self._columns, self.estimates)
         return Summary(
-            title=f"Fit of {self.model}{tests}: {self.fit_percent:.2f} %, {self.status.replace('_', ' ')}",
+            title=f"Fit of {self.model}{tests}: {self.fit_percent:.2f} %, {self.status_in_words}",
             facts=(
                 ("tests", list_names([quality.test for quality in self.quality])),
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
+                ("tested", self.tested.in_words),
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
                 ("ended", self.trace.ended),
                 ("step", "" if self.half_step_percent is None else step_in_words(self.half_step_percent)),
             ),
-            columns=("parameter", "value", self.uncertainty_heading, "unit", "verdict", "reason"),
-            rows=[
-                (
-                    estimate.name,
-                    self._value(estimate),
-                    self._uncertainty(estimate),
-                    estimate.unit,
-                    *self.verdict_on(estimate.name),
-                )
-                for estimate in self.estimates
-            ],
-            notes=[f"tested: {self.tested.in_words}", *(f"warning: {warning}" for warning in self.warnings)],
+            cautions=self.warnings,
+            columns=parameters.columns,
+            rows=parameters.rows,
+            tables=[text_table(_QUALITY, self.quality)] if len(self.quality) > 1 else [],
+            notes=[each.sentence for each in self.informative],
         )
+
+
+# What the tests of a fit have in tables and in arrays.
+_QUALITY = (
+    TableColumn(heading="test", cell=attrgetter("test")),
+    TableColumn(
+        heading="fit",
+        cell=lambda each: f"{each.fit_percent:.2f}",
+        unit="%",
+        key="fit_percent",
+        long_name="fit",
+    ),
+    TableColumn(unit="1", key="nrmse", long_name="error over the standard deviation of the force"),
+    TableColumn(
+        heading="RMSE",
+        cell=lambda each: f"{each.rmse_n:.4g}",
+        unit="N",
+        key="rmse_n",
+        long_name="root mean square error",
+    ),
+    TableColumn(unit="1", key="residual_autocorrelation", long_name="autocorrelation of the residual"),
+    TableColumn(unit="1", key="n_time", long_name="samples that are compared"),
+    TableColumn(
+        heading="the model force",
+        cell=attrgetter("recorded_in_words"),
+        key="recorded_in_words",
+        long_name="what the record adds to the model's force",
+    ),
+)

@@ -18,11 +18,11 @@ import numpy as np
 from mrwork.base.hints import SMALLEST
 from mrwork.base.numbers import estimate_in_words, significant
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.identification.covariance import Slopes, covariance, effective_samples, residuals_by_test
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.objective import Objective, observe_tests_by
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import scale_columns, without_nuisance
-from mrwork.identification.result import Slopes, covariance, effective_samples, residuals_by_test
 from mrwork.records.motion import spectrum
 from mrwork.records.repairs import DETECT, NONE
 

@@ -90,7 +90,7 @@ def identify(
         moved inside.
     ties
         Parameter name to an expression of others, such as {"k": "2*c"}: numbers, parameters, parentheses and
-        `+ - * / **`. A tied parameter is none of the search; it stays inside its bounds, and its standard error follows
+        `+ - * / **`. Tied parameters are not searched; each stays inside its bounds, and its standard error follows
         from those of the others.
     power
         The objective is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power gives
@@ -115,8 +115,8 @@ def identify(
     Returns
     -------
     Fit
-        Parameters with standard errors, quality per test, search trace, provenance; no standard errors where the run
-        was stopped.
+        Parameters with standard errors and verdicts, quality per test, search trace, provenance; no errors and no
+        verdicts where the run was stopped.
 
     Raises
     ------
@@ -271,7 +271,7 @@ class _Ending:
             return fit_at(
                 self.problem,
                 theta,
-                errors=None,
+                covariance=None,
                 trace=trace,
                 steps=0,
                 status=status,
@@ -310,8 +310,7 @@ class _Ending:
             fit = fit_at(
                 problem,
                 polished.theta,
-                errors=polished.standard_errors,
-                n_effective=polished.n_effective,
+                covariance=polished.covariance,
                 trace=points.trace,
                 steps=polished.steps,
                 status="not_converged" if reason else "converged",
@@ -348,7 +347,7 @@ class _Ending:
                 continue
             bounds = {name: ends for name, ends in settings.bounds.items() if name in model.names}
             own = replace(settings, bounds=bounds, starts=(), ties={}, search=None, engine="lanes")
-            # One that cannot be fitted is none to be named.
+            # Skip models that cannot be fitted.
             with suppress(MrworkError):
                 fits.append(
                     identify_with(

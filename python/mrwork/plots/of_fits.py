@@ -106,7 +106,7 @@ def _single_commands(fit: Fit, name: str) -> Floats:
             (single.command, each.value, np.nan if each.standard_error is None else each.standard_error)
             for single in fit.single_commands
             for each in single.estimates
-            if each.name == name and each.remark in ("", "not identifiable")
+            if each.name == name and not each.remark
         ]
     ).T
 

@@ -6,7 +6,7 @@ The observation model states how the recorded force follows from the force of th
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import combinations
 from math import ceil
 from typing import Annotated, Any, ClassVar, Final, Literal
@@ -19,7 +19,7 @@ from mrwork.base.hints import Within
 from mrwork.base.labelled import NamedArrays, WithAxes, over_axis, time_labels
 from mrwork.base.numbers import estimate_in_words
 from mrwork.base.plotted import Plots
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
 from mrwork.dampers.command import Command, CommandValues, command_level, levels_of_command
@@ -419,6 +419,28 @@ class DamperTest(WithAxes, Summarised):
             held = np.broadcast_to(command.values, self.force.shape)
             columns[command.quantity] = held, command.unit, words
         return over_axis(f"Damper test {self.name}", "time", time_labels(self.time), columns)
+
+    def document(self) -> dict[str, Any]:
+        """What `mrwork check --json` prints of a record; a command that varies has its range."""
+        commands = {
+            name: {"lowest": float(value.min()), "highest": float(value.max())}
+            if isinstance(value := getattr(self, name), np.ndarray)
+            else value
+            for name in ("current", "voltage", "command")
+        }
+        return {
+            "file": self.path,
+            **named(self, "n_time", "dt"),
+            "settle_seconds": self.n_settle * self.dt,
+            "amplitude_m": 0.5 * float(np.ptp(self.displacement)),
+            "peak_displacement_m": float(np.abs(self.displacement).max()),
+            "peak_velocity_mps": float(np.abs(self.velocity).max()),
+            "peak_force_n": float(np.abs(self.force).max()),
+            **{"current_a": commands["current"], "voltage_v": commands["voltage"]},
+            "command": commands["command"],
+            **named(self, "command_unit", "velocity_source", "synthetic"),
+            "findings": [asdict(finding) for finding in self.findings],
+        }
 
     def _summary(self) -> Summary:
         return Summary(

@@ -106,7 +106,7 @@ def refuse_bounds(fit: Fit) -> None:
     """
     admissible = Box.of(fit.spec)
     for index, (each, own) in enumerate(zip(fit.estimates, fit.spec.parameters, strict=True)):
-        if each.remark not in ("at lower bound", "at upper bound"):
+        if not each.at_bound:
             continue
         end = each.remark.removeprefix("at ")
         given, widest = (each.lower, own.lower) if end == "lower bound" else (each.upper, own.upper)
@@ -244,7 +244,7 @@ def opensees_damper(
     facts += [
         f"{each.name} is on the {each.remark.removeprefix('at ')} of the model, {of_unit(each.value, each.unit)}"
         for each in fit.estimates
-        if each.remark in ("at lower bound", "at upper bound")
+        if each.at_bound
     ]
     facts += _left_out(fit, command)
     if k and x0:

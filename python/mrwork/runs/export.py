@@ -179,11 +179,10 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
     parameters = {
         each.name: {
             **{key: getattr(each, key) for key in ("name", "value", "unit")},
-            "standard_error": np.nan if each.error is None else each.error,
-            **{key: getattr(each, key) for key in ("lower", "upper", "verdict", "reason", "tie")},
-            "remark": estimate.remark,
+            "standard_error": np.nan if each.standard_error is None else each.standard_error,
+            **{key: getattr(each, key) for key in ("lower", "upper", "verdict", "reason", "tie", "remark")},
         }
-        for each, estimate in zip(fit.parameters.values(), fit.estimates, strict=True)
+        for each in fit.estimates
     }
     content: dict[str, Any] = {
         "title": f"Fit of {fit.model}",

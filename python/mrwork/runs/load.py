@@ -10,11 +10,10 @@ from mrwork.base.arguments import checked
 from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import OutputError, RecordError
-from mrwork.identification.fit import Fit, Intervals
-from mrwork.identification.fit_file import fit_content, fit_of, manifest_of, read_others, write_run
+from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import fit_of, manifest_of, read_others, write_run
 from mrwork.store.run_folder import (
     DRAWS,
-    FIT,
     FIT_RUN,
     LAWS,
     PLAN,
@@ -81,6 +80,7 @@ class StoredRun(Summarised):
         return Summary(
             title=f"Run {self.place.name}: {fit.title}",
             facts=(("folder", str(self.place)), ("holds", ", ".join(present[1:])), *fit.facts),
+            cautions=fit.cautions,
             columns=fit.columns,
             rows=fit.rows,
             notes=fit.notes,
@@ -186,8 +186,7 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
             )
         if run.has(DRAWS):
             raise OutputError(f"{place} has draws, which are not replaced; choose another folder")
-        judged = judged_by_additions(place, fit, draws=result)
-        add_to_run(place, {DRAWS: draws_content(result), FIT: fit_content(judged)})
+        add_to_run(place, {DRAWS: draws_content(result)})
     return place
 
 
@@ -211,7 +210,7 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
     draws, profiles = read_draws(run, fit), read_profiles(run)
     return StoredRun(
         place=run.path,
-        fit=fit.with_intervals(_intervals(fit, draws, profiles)),
+        fit=_judged(fit, draws, profiles),
         draws=draws,
         profiles=profiles,
         bands=read_bands(run),
@@ -223,30 +222,21 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
     )
 
 
-def judged_by_additions(
-    place: Path, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
-) -> Fit:
-    """The fit with the intervals and verdicts of `draws` and `profiles`, or else of those in its folder by now."""
-    run = RunFolder.open(place)
-    return fit.with_intervals(
-        _intervals(
-            fit,
-            read_draws(run, fit) if draws is None else draws,
-            read_profiles(run) if profiles is None else profiles,
-        )
-    )
-
-
 def read_profiles(run: RunFolder) -> Profiles | None:
     """The profiles of the run folder of a fit, `None` where there are none."""
     return run.read(Profiles, PROFILES, verb="profile")
 
 
-def _intervals(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Intervals | None:
+def _judged(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Fit:
+    """The fit with the intervals of converged draws, else of finished profiles of every free parameter."""
     if draws is not None and draws.status == "converged":
-        return draws.intervals
-    free = {each.name for each in fit.estimates if each.remark != "fixed"}
+        return fit.with_intervals(draws.intervals)
+    free = {each.name for each in fit.estimates if each.is_free}
     # Profiles of a model with redundant parameters are in other parameters.
     if profiles is not None and profiles.model == fit.model and profiles.status == "finished":
-        return profiles.intervals if free <= {each.name for each in profiles.profiles} else None
-    return None
+        return (
+            fit.with_intervals(profiles.intervals)
+            if free <= {each.name for each in profiles.profiles}
+            else fit
+        )
+    return fit

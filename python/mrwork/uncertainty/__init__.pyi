@@ -16,7 +16,6 @@ from .choice.choose import choose_model as choose_model
 from .choice.laws import choose_laws as choose_laws
 from .identifiability.profile import Profiles as Profiles
 from .identifiability.profile import profile as profile
-from .identifiability.verdicts import identifiability_of as identifiability_of
 from .noise import Iid as Iid
 from .noise import noise_model as noise_model
 from .planning import plan as plan

@@ -14,24 +14,26 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import NotNegative, Threads, checked
 from mrwork.base.keys import suggestion
-from mrwork.base.numbers import NOTHING, format_rounded, of_unit, percent, significant
+from mrwork.base.numbers import NOTHING, of_unit, percent, significant
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import TableColumn
+from mrwork.base.table import TableColumn, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import Outcome, simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
+from mrwork.identification.covariance import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import NuisanceName, without_nuisance
-from mrwork.identification.result import effective_samples, residuals_by_test
+from mrwork.identification.verdicts import Scale
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.candidate_tests import Candidate, check_possible, harmonic_motion
 from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
-from mrwork.uncertainty.identifiability.verdicts import Scale
 
+# Rows of a plan that a summary has.
+_SHOWN = 15
 # Finite-difference step in scaled coordinates.
 _STEP = 1e-5
 
@@ -91,27 +93,21 @@ class Plan(Summarised):
         )
 
     def _summary(self) -> Summary:
+        table = text_table(gain_columns(self.command_unit), self.gains[:_SHOWN])
         return Summary(
             title=f"Next tests of {self.model}",
-            facts=(("band", f"{self.band}, present deviation {of_unit(self.deviation, self.unit, 3)}"),),
-            columns=(
-                "amplitude [mm]",
-                "frequency [Hz]",
-                "command",
-                "variance reduction",
-                f"deviation afterwards [{self.unit}]",
-            ),
-            rows=[
+            facts=(
+                ("band", self.band),
+                ("deviation now", of_unit(self.deviation, self.unit, 3)),
                 (
-                    format_rounded(1e3 * each.candidate.amplitude, 3),
-                    format_rounded(each.candidate.frequency, 3),
-                    format_rounded(each.candidate.command, 3),
-                    f"{100.0 * each.gain:.1f} %",
-                    format_rounded(each.deviation, 3),
-                )
-                for each in self.gains
-            ],
+                    "after the first",
+                    f"{of_unit(self.gains[0].deviation, self.unit, 3)}, if the model is valid there",
+                ),
+            ),
+            columns=table.columns,
+            rows=table.rows,
             notes=[
+                f"and {len(self.gains) - _SHOWN} more" if len(self.gains) > _SHOWN else "",
                 self.sentence,
                 f"{len(self.left_out)} candidates could not be simulated" if self.left_out else "",
             ],
@@ -347,22 +343,32 @@ _TRUTHS = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CheckedPlan(Summarised):
-    """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws."""
+    """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws.
+
+    `draws` says of which distribution they are.
+    """
 
     plan: Plan
     agreement: float | None
     least_effective: NotNegative
+    draws: str = "the posterior"
+
+    @property
+    def check_in_words(self) -> str:
+        """Whether the draws give the order of the plan."""
+        if self.agreement is None:
+            return (
+                f"Draws of {self.draws} could not check this order: almost none of them fits the simulated tests, as "
+                "the posterior is far from normal or the next test is very informative; use the order, not the numbers."
+            )
+        return (
+            f"Draws of {self.draws} rank the tests with a rank correlation of {self.agreement:.2f} to this order; "
+            f"the effective sample size stays at least {self.least_effective:.0f} after a test."
+        )
 
     def _summary(self) -> Summary:
         plan = self.plan._summary()
-        return replace(
-            plan,
-            facts=(
-                *plan.facts,
-                ("rank correlation with draws", format_rounded(self.agreement, 2)),
-                ("effective sample size after a test", f"at least {format_rounded(self.least_effective, 3)}"),
-            ),
-        )
+        return replace(plan, notes=(*plan.notes, self.check_in_words))
 
 
 def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> Floats:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
 from mrwork.dampers.command import steps_of_command
-from mrwork.identification.result import effective_samples
+from mrwork.identification.covariance import effective_samples
 from mrwork.records import DamperTest
 from mrwork.records.motion import reversals, whole_cycles
 from mrwork.uncertainty.bands.prediction import has_regular_cycles

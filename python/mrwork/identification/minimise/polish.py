@@ -16,6 +16,7 @@ import numpy as np
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.equivalent import bounds_of, change_laws, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import (
     Hopeless,
@@ -27,7 +28,6 @@ from mrwork.identification.minimise.levenberg_marquardt import (
 from mrwork.identification.minimise.multistart import StartingPoints, distinct_minima, minima_from, mirror
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
-from mrwork.identification.result import Slopes, covariance_at, standard_errors
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
 # takes this number of the best.
@@ -48,12 +48,10 @@ OnStep = Callable[[int, float], None]
 
 @array_dataclass()
 class Polished:
-    """A minimum: parameters and standard errors for `n_effective` samples, (n_params,), steps, whether it converged."""
+    """A minimum: parameters, (n_params,), with their covariance, steps, whether it converged."""
 
     theta: Floats
-    standard_errors: Floats
-    n_effective: float
-    slopes: Slopes
+    covariance: Covariance
     steps: int
     converged: bool
 
@@ -70,13 +68,10 @@ def polish(problem: Problem, points: StartingPoints, *, on_start: OnStart, on_st
     in_a_batch = points.minima and problem.settings.engine == "lanes"
     ended = (_in_a_batch if in_a_batch else _one_by_one)(problem, starts, on_step)
     # Of least squares for every power of the objective.
-    slopes = Slopes.at(problem.objective.plain, form, ended.theta)
-    cov, n_effective = covariance_at(slopes)
+    covariance = Covariance.of(Slopes.at(problem.objective.plain, form, ended.theta))
     return Polished(
         theta=ended.theta,
-        standard_errors=standard_errors(cov),
-        n_effective=n_effective,
-        slopes=slopes,
+        covariance=covariance,
         steps=ended.evaluations,
         converged=ended.converged,
     )
@@ -227,7 +222,7 @@ def polish_with_wanted_lag(
     )
     if _is_clear(lagged, points, starts):
         return lagged
-    # A start of the model without the lag is none of the fit that may be interrupted.
+    # Report no start of the model without the lag: an interrupt must return the fit with it.
     polished = polish(plain, starts, on_start=lambda _minimum, _share: None, on_step=on_step)
     without = FinalFit(problem=plain, polished=polished)
     missing = missing_lag(plain.form.spec, plain.objective, polished.theta)
@@ -277,7 +272,9 @@ def _is_clear(lagged: FinalFit, points: StartingPoints, without: StartingPoints)
 def _gain(lagged: FinalFit, with_it: float, without_it: float) -> float:
     """n_effective ln(squared misfit without the lag / with it)."""
     tiny = np.finfo(np.float64).tiny
-    return float(2.0 * lagged.polished.n_effective * np.log(max(without_it, tiny) / max(with_it, tiny)))
+    return float(
+        2.0 * lagged.polished.covariance.n_effective * np.log(max(without_it, tiny) / max(with_it, tiny))
+    )
 
 
 def _shortest_step(lagged: FinalFit) -> float:

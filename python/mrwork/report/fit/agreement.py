@@ -17,8 +17,7 @@ from mrwork.base import numbers
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.tested_range import half_cycle_ends
-from mrwork.identification.fit import Fit, FitQuality
-from mrwork.identification.result import FitSpread
+from mrwork.identification.fit import Fit, FitQuality, FitSpread
 from mrwork.plots.of_tests import Motion, data_label
 from mrwork.plots.samples import zoom_window
 from mrwork.records.damper_test import DamperTest

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import list_names
-from mrwork.identification.fit import Fit
-from mrwork.identification.result import FitSpread
+from mrwork.identification.fit import FINE, Fit, FitSpread
 from mrwork.plots import style
 from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
 from mrwork.plots.of_fits import laws as draw_laws
@@ -229,8 +228,7 @@ def _law_figure(fit: Fit, name: str, height: float) -> Figure:
 def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Prediction]) -> tuple[str, ...]:
     """Where the fit does not hold, what misleads most first; what does not fit is counted."""
     fit = run.fit
-    judged = fit.identifiability.verdicts if fit.identifiability else ()
-    doubtful = [each.name for each in judged if each.verdict not in ("identifiable", "negligible")]
+    doubtful = [each.name for each in fit.estimates if each.verdict not in (*FINE, "negligible")]
     said = [*fit.warnings[0 if fit.status in _BANNER else 1 :]]
     if evidence.drawn is predictions and len(predictions) == 1:
         said.append("One test cannot show how the damper behaves under another motion or command.")

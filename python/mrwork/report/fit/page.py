@@ -38,7 +38,6 @@ from mrwork.runs.load import StoredRun, with_additions
 from mrwork.store.run_folder import FIGURES, REPORT, SUMMARY
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.prediction import Prediction, predictions_of
-from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 SECTIONS = (HELD_OUT, BANDS, LAWS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
 """The sections between those on tests and parameters, and those on the search and its provenance, in their order."""
@@ -139,11 +138,7 @@ def _provenance_section(fit: Fit, predictions: Sequence[Prediction]) -> Section:
 def open_run(place: str | Path) -> tuple[StoredRun, tuple[Prediction, ...]]:
     """The run folder at `place` with everything that it holds, and the tests of its fit, for a page or for figures."""
     opened = reopen(place)
-    fit = opened.fit
-    if fit.identifiability is None:
-        # That of an interrupted run is not stored.
-        fit = fit.with_identifiability(identifiability_of(fit, opened.tests))
-    return with_additions(opened.run, fit), predictions_of(fit, opened.tests)
+    return with_additions(opened.run, opened.fit), predictions_of(opened.fit, opened.tests)
 
 
 def write_fit_page(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import get_args
 
 from markupsafe import Markup
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from mrwork.base import numbers
 from mrwork.base.table import Table
-from mrwork.identification.fit import Direction, Estimate, Fit, Interval, VerdictName, step_in_words
+from mrwork.identification.fit import FINE, Direction, Fit, FittedParameter, Interval, Verdict, step_in_words
 from mrwork.plots import style
 from mrwork.plots.canvas import SMALL_WIDTH, grid_of_axes
 from mrwork.plots.of_fits import profiles as draw_profiles
@@ -24,10 +24,9 @@ from mrwork.uncertainty.identifiability.profile import Profiles
 
 def parameters_section(run: StoredRun) -> Section:
     """The model, its parameters with their uncertainty, and what the data determine."""
-    fit, spec, judged = run.fit, run.fit.spec, run.fit.identifiability
-    verdicts = {} if judged is None else {each.name: fit.verdict_on(each.name) for each in judged.verdicts}
-    words = {verdict for verdict, _ in verdicts.values()}
-    advice = " ".join(_ADVICE[word] for word in get_args(VerdictName) if word in _ADVICE and word in words)
+    fit, spec = run.fit, run.fit.spec
+    words = {each.verdict for each in fit.estimates}
+    advice = " ".join(_ADVICE[word] for word in get_args(Verdict) if word in _ADVICE and word in words)
     model = Markup('<div class="equation">{}</div>').format(Markup(equation_html(spec.equation)))
     groups = [Group(markup=model + Markup('<p class="note">{}</p>').format(spec.source))]
     if spec.own is not None:
@@ -43,13 +42,13 @@ def parameters_section(run: StoredRun) -> Section:
         Group(
             table=_parameter_table(fit, run.profiles),
             prose=tuple(filter(None, (advice,))),
-            points=() if judged is None else tuple(_sentence(each) for each in judged.informative),
+            points=tuple(_sentence(each) for each in fit.informative),
         )
     )
     return Section(
         anchor="parameters",
         title="Parameters",
-        summary=_summary(verdicts) if verdicts else f"{len(fit.estimates)} parameters.",
+        summary=_summary(fit),
         groups=tuple(groups),
     )
 
@@ -65,9 +64,10 @@ def _parameter_table(fit: Fit, profiles: Profiles | None) -> Table:
     if fit.intervals is None:
         pairs = [numbers.value_and_error(each.value, each.standard_error) for each in estimates]
     else:
-        pairs = [_value_and_interval(each, fit.intervals.of(each.name)) for each in estimates]
+        pairs = [_value_and_interval(each, each.interval) for each in estimates]
     values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
-    verdicts, reasons = zip(*(_verdict(fit, each) for each in estimates), strict=True)
+    verdicts = [each.verdict for each in estimates]
+    reasons = [_reason(each) for each in estimates]
     relative = [_relative_error(each.value, each.standard_error) for each in estimates]
     columns: list[tuple[str, Sequence[str], bool]] = [
         ("Parameter", [_name_cell(each.name) for each in estimates], True),
@@ -87,7 +87,6 @@ def _parameter_table(fit: Fit, profiles: Profiles | None) -> Table:
     ]
     shown = [column for column in columns if column[1]]
     place = next((place for place, column in enumerate(shown) if column[0] == "Verdict"), 0)
-    fine = ("", "identifiable", "fixed")
     return Table(
         label="Parameters",
         columns=tuple(heading for heading, *_ in shown),
@@ -95,7 +94,7 @@ def _parameter_table(fit: Fit, profiles: Profiles | None) -> Table:
         words=tuple(number for number, (*_, words) in enumerate(shown) if words and number),
         strong=frozenset((row, 1) for row in range(len(estimates))),
         alarming=frozenset(
-            (row, place) for row, verdict in enumerate(verdicts) if place and verdict not in fine
+            (row, place) for row, verdict in enumerate(verdicts) if place and verdict not in FINE
         ),
         note=caution(fit),
     )
@@ -106,15 +105,14 @@ def _name_cell(name: str) -> Markup:
     return Markup('<span class="symbol">{}</span> <code>{}</code>').format(Markup(symbol(name)), name)
 
 
-def _verdict(fit: Fit, estimate: Estimate) -> tuple[str, str]:
-    """The verdict, and its reason behind what else is to be said of the estimate."""
-    verdict, reason = fit.verdict_on(estimate.name)
-    if estimate.remark in ("", "not identifiable", verdict, reason):
-        return verdict, reason
-    return verdict, "; ".join(filter(None, (estimate.remark, reason)))
+def _reason(estimate: FittedParameter) -> str:
+    """The reason of the verdict, behind the bound that the estimate is at."""
+    if not estimate.at_bound or estimate.reason.startswith(estimate.remark):
+        return estimate.reason
+    return "; ".join(filter(None, (estimate.remark, estimate.reason)))
 
 
-def _value_and_interval(estimate: Estimate, interval: Interval | None) -> tuple[str, str]:
+def _value_and_interval(estimate: FittedParameter, interval: Interval | None) -> tuple[str, str]:
     """An estimate and its interval to the second digit of a quarter of its width, about one standard error."""
     if interval is None:
         return numbers.significant(estimate.value, 5), numbers.NOTHING
@@ -160,7 +158,7 @@ def _align_texts(texts: Sequence[str]) -> list[Markup]:
     return [form.format(head, width, tail) for head, tail in parts]
 
 
-_ADVICE: dict[VerdictName, str] = {
+_ADVICE: dict[Verdict, str] = {
     "weakly identifiable": "Quote a weakly identifiable parameter with its interval only.",
     "sign unknown": "Of a parameter of unknown sign not even the direction of its force is known: fix it at zero if it "
     "may be left out.",
@@ -171,10 +169,12 @@ _ADVICE: dict[VerdictName, str] = {
 """What to do with a parameter, by its verdict."""
 
 
-def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
+def _summary(fit: Fit) -> str:
+    judged = [each for each in fit.estimates if each.verdict not in ("", "fixed", "tied")]
+    if not judged:
+        return f"{len(fit.estimates)} parameters."
     names = {
-        word: [name for name, (verdict, _) in judged.items() if verdict == word]
-        for word in get_args(VerdictName)
+        word: [each.name for each in judged if each.verdict == word] for word in get_args(Verdict) if word
     }
     certain = names.pop("identifiable")
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -14,19 +14,31 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import Positive, Whole
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import freeze_samples
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, SettingError
+from mrwork.identification.batch import FitBatch, FitTask
 from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import OpenedRun, fit_content
+from mrwork.identification.progress import Progress
 from mrwork.records import DamperTest, Observation
 from mrwork.records.likeness import RecordedMotion, alike_groups
 from mrwork.store.codec import built, digest_of, json_document
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run
-from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
-from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty.bands.conformal import (
+    LEVELS,
+    Calibration,
+    LeftOutCoverage,
+    calibrate,
+    measured_coverage,
+)
+from mrwork.uncertainty.bands.prediction import Fold, Prediction, folds_of, predict_left_out, rests_of
 
 _VERB = "calibrate"
+# Level of the coverage and the interval score that stand for a calibration.
+_LEVEL = 0.9
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5
 _CHANNELS = ("displacement", "velocity", "force")
@@ -42,10 +54,58 @@ class StoredBands(Summarised):
     coverage: tuple[LeftOutCoverage, ...]
     predictions: tuple[Prediction, ...]
 
+    @classmethod
+    def of(cls, predictions: Sequence[Prediction], *, held_out: str) -> StoredBands:
+        """Calibrate on predictions of held-out tests, and measure the coverage of each by the others."""
+        calibration = calibrate(predictions, held_out=held_out)
+        return cls(
+            calibration=calibration,
+            coverage=measured_coverage(predictions) if len(calibration.tests) > 1 else (),
+            predictions=tuple(each for each in predictions if each.seen is None),
+        )
+
+    def document(self) -> dict[str, Any]:
+        """What `mrwork calibrate --json` prints: `coverage_percent` is the mean at `level`, none of a single test."""
+        calibration = self.calibration
+        shares = [row.samples.coverage for row in self.coverage if row.level == _LEVEL]
+        return {
+            "level": _LEVEL,
+            "coverage_percent": 100.0 * float(np.mean(shares)) if shares else None,
+            **{"tests": calibration.tests, "held_out": calibration.held_out},
+            "seen": [asdict(each) for each in calibration.seen],
+            "shape": asdict(calibration.shape),
+            "coverage": [asdict(row) for row in self.coverage],
+        }
+
     def _summary(self) -> Summary:
         calibration = self.calibration._summary()
         return replace(
-            calibration, facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions))))
+            calibration,
+            facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions)))),
+            tables=[self._coverage_table] if self.coverage else [],
+        )
+
+    @property
+    def _coverage_table(self) -> Table:
+        """The share of samples of each test in the bands of the others, and its score."""
+        tests = [
+            self.coverage[first : first + len(LEVELS)] for first in range(0, len(self.coverage), len(LEVELS))
+        ]
+        main = LEVELS.index(_LEVEL)
+        values = np.array(
+            [
+                [*(100 * each.samples.coverage for each in rows), rows[main].samples.interval_score]
+                for rows in tests
+            ]
+        )
+        names = [*(rows[0].test for rows in tests), "mean"]
+        return Table(
+            title="Samples [%] of each test in the bands calibrated on the others, interval score of the 90 % band:",
+            columns=("test", *(f"in {100 * level:.0f} %" for level in LEVELS), "score"),
+            rows=[
+                (name, *(f"{share:.1f}" for share in shares), f"{score:.3f}")
+                for name, (*shares, score) in zip(names, [*values, values.mean(axis=0)], strict=True)
+            ],
         )
 
     def others(self, prediction: Prediction) -> list[Prediction]:
@@ -99,20 +159,17 @@ def read_bands(run: RunFolder) -> StoredBands | None:
     return StoredBands(calibration=calibration, coverage=covered.coverage, predictions=read_predictions(run))
 
 
-def write_bands(
-    place: Path,
-    calibration: Calibration,
-    coverage: Sequence[LeftOutCoverage],
-    predictions: Sequence[Prediction],
-) -> None:
+def write_bands(place: Path, bands: StoredBands) -> None:
     """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`."""
-    document = asdict(calibration) | {
-        "scores": [[float(f"{value:.{_DIGITS}g}") for value in scores] for scores in calibration.scores],
-        "coverage": [asdict(row) for row in coverage],
+    document = asdict(bands.calibration) | {
+        "scores": [
+            [float(f"{value:.{_DIGITS}g}") for value in scores] for scores in bands.calibration.scores
+        ],
+        "coverage": [asdict(row) for row in bands.coverage],
     }
     contents = {
         CALIBRATION: json_document(document).encode(),
-        PREDICTIONS: predictions_content(predictions),
+        PREDICTIONS: predictions_content(bands.predictions),
     }
     add_to_run(place, contents)
 
@@ -176,7 +233,51 @@ def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) 
     return Prediction(test=DamperTest(**stated | channels), model_force=model_force)
 
 
-def name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FoldProgress:
+    """Progress of a cross-validation: the fold that is fitted, of how many, and how far its fit is."""
+
+    number: int
+    total: int
+    progress: Progress | None
+
+
+def cross_validated(
+    opened: OpenedRun, fold: Fold, *, threads: int, on_progress: Callable[[FoldProgress], None]
+) -> tuple[Prediction, ...]:
+    """Predictions of the tests of a run, each by a fit to the others, which is kept in the run for another call.
+
+    Raises
+    ------
+    SettingError
+        Where a test cannot be predicted without itself.
+    """
+    rests = rests_of(opened.tests, folds_of(opened.tests, fold))
+    names = [_name_of_fold(opened.fit, rest) for rest in rests]
+    stored = {name: opened.run.read(Fit, name, verb=_VERB) for name in names}
+    fits = {name: fit for name, fit in stored.items() if fit is not None}
+    missing = [number for number, name in enumerate(names) if name not in fits]
+    settings = opened.fit.settings.again
+    batch = FitBatch(
+        tasks=[FitTask(spec=opened.fit.spec, tests=rests[number], settings=settings) for number in missing],
+        threads=threads,
+        on_progress=lambda number, progress: on_progress(
+            FoldProgress(number=missing[number] + 1, total=len(rests), progress=progress)
+        ),
+        on_fit=lambda number, fit: add_to_run(opened.run.path, {names[missing[number]]: fit_content(fit)}),
+    )
+    fits |= {names[number]: batch.fit(place) for place, number in enumerate(missing)}
+    every = iter([fits[name] for name in names])
+    left_out = predict_left_out(opened.tests, fold, lambda _: next(every))
+    if left_out.failures:
+        raise SettingError(
+            f"{len(left_out.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
+            f"{left_out.failures[0]}; leave out less at a time"
+        )
+    return left_out.predictions
+
+
+def _name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
     """Name in a run folder of the fit of cross-validation to these tests."""
     seen = [
         digest_of(
@@ -186,8 +287,3 @@ def name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
         for test in tests
     ]
     return f"{FOLDS}/{digest_of(fit.model, fit.theta, seen)[:16]}.json"
-
-
-def stored_fold(run: RunFolder, name: str) -> Fit | None:
-    """The fit of that name in a run folder, from which a calibration resumes; `None` where it is not there."""
-    return run.read(Fit, name, verb=_VERB)

@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
 from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import SettingError
-from mrwork.identification.fit import Fit
-from mrwork.identification.result import FitSpread
+from mrwork.identification.fit import Fit, FitSpread
 from mrwork.records import DamperTest
 from mrwork.records.rig_table import Use
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import HELD_OUT, HELD_OUT_FORCES, RunFolder
-from mrwork.store.run_writer import add_to_run
+from mrwork.store.run_writer import add_to_run, adding
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import (
     predictions_content,
@@ -24,6 +25,7 @@ from mrwork.uncertainty.bands.calibration_files import (
 )
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, folds_of
+from mrwork.uncertainty.bands.predictions import Predictions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +118,15 @@ def write_held_out(run: RunFolder, fit: Fit, predictions: Sequence[Prediction]) 
         HELD_OUT_FORCES: predictions_content(merged),
     }
     add_to_run(run.path, contents)
+
+
+def keep_held_out(place: Path, predictions: Predictions) -> bool:
+    """Write the predictions of held-out tests into a run folder that can be written; whether there were any."""
+    if not predictions.held_out or not os.access(place, os.W_OK):
+        return False
+    with adding(place, HELD_OUT):
+        write_held_out(RunFolder.open(place), predictions.fit, predictions.held_out)
+    return True
 
 
 def read_held_out(run: RunFolder, fit: Fit) -> HeldOutTests | None:

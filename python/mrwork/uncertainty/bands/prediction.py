@@ -10,7 +10,7 @@ from warnings import warn
 
 import numpy as np
 
-from mrwork.base.arguments import checked
+from mrwork.base.arguments import Count, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.plotted import Plots
 from mrwork.base.summary import Summarised, Summary
@@ -18,10 +18,10 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.tested_range import Outside
 from mrwork.errors import MrworkWarning, SettingError, SimulationError
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.problem import prediction_warning
-from mrwork.identification.residual import NuisanceName, ObservedTest
-from mrwork.identification.result import explain_failures, free_run, rms
+from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
+from mrwork.identification.result import explain_failures, fit_quality, free_run, rms
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
@@ -60,6 +60,7 @@ class Prediction(WithAxes, Summarised):
     only then is the error that of a test which the fit has not seen. `outside` is what of the test lies outside the
     tested ranges of the fit. `other_forces` are those of other sets of laws [N], shape (n_sets, n_time), and
     `sets_apart` how far they are apart where the tests of the fit end, `None` where the test does not reach there.
+    `substeps` are those of a sample, `nuisance` the parameters that were estimated from the test itself.
     Properties are of the counted samples, shape (n_counted,).
     """
 
@@ -69,6 +70,8 @@ class Prediction(WithAxes, Summarised):
     model_force: Floats
     seen: Likeness | None = None
     outside: Outside = field(default=Outside(known=False), repr=False)
+    substeps: Count = 1
+    nuisance: Nuisance = NONE
     other_forces: Floats = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     sets_apart: SetsApart | None = None
 
@@ -107,6 +110,11 @@ class Prediction(WithAxes, Summarised):
         x = x - 0.5 * (x.max() + x.min())
         # Of a damper that rests while it is compared, the phase is zero.
         return np.asarray(np.arctan2(v / (np.max(np.abs(v)) or 1.0), x / (np.max(np.abs(x)) or 1.0)))
+
+    @property
+    def quality(self) -> FitQuality:
+        """The errors of the prediction, as those of the tests of a fit."""
+        return fit_quality(self.test, self.model_force, substeps=self.substeps, nuisance=self.nuisance)
 
     @property
     def nrmse(self) -> float:
@@ -244,13 +252,25 @@ def predict_tests(
     return tuple(predict_test(fit, test, nuisances) for test in tests)
 
 
-def predict_test(fit: Fit, test: DamperTest, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
-    """`predict` without its warning."""
+def predict_test(
+    fit: Fit,
+    test: DamperTest,
+    nuisances: tuple[NuisanceName, ...] | None = None,
+    substep_factor: int = 1,
+) -> Prediction:
+    """`predict` without its warning, with `substep_factor` times as many integration steps."""
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
     with explain_failures(fit, test):
-        force, _, _ = observed.predict_force(np.array(fit.theta))
-    return Prediction(test=test, model_force=force, seen=fit.seen(test), outside=fit.outside(test, force))
+        force, nuisance, substeps = observed.predict_force(np.array(fit.theta), substep_factor=substep_factor)
+    return Prediction(
+        test=test,
+        model_force=force,
+        seen=fit.seen(test),
+        outside=fit.outside(test, force),
+        substeps=substeps,
+        nuisance=nuisance,
+    )
 
 
 def mean_cycle(test: DamperTest) -> float:

@@ -36,6 +36,7 @@ from mrwork.errors import (
     WorkerError,
 )
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf, with_journal
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.minimise.level_search import (
@@ -46,7 +47,7 @@ from mrwork.identification.minimise.level_search import (
 )
 from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
-from mrwork.identification.result import BuildingCost, effective_samples
+from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests

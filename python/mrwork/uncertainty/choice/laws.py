@@ -123,7 +123,7 @@ class RunningLawChoice:
         fit = fit_at(
             problem,
             problem.inside(candidate.fit.theta[0]),
-            errors=None,
+            covariance=None,
             trace=replace(self.firsts[search.name].trace, stop_reason="interrupted"),
             steps=0,
             status="interrupted",

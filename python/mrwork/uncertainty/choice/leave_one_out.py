@@ -15,9 +15,9 @@ import numpy as np
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
+from mrwork.identification.covariance import autocorrelation_time, effective_samples
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.result import autocorrelation_time, effective_samples
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.store.codec import digest_of

@@ -21,9 +21,9 @@ from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
+from mrwork.identification.verdicts import Scale
 from mrwork.records import DamperTest
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
-from mrwork.uncertainty.identifiability.verdicts import Scale
 
 # Residuals of each test, in deviations of its force, shape (n_counted,).
 Residuals = Sequence[Floats]
@@ -87,13 +87,13 @@ def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, l
     """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
     scale = Scale.of(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
-    free = [(index, each) for index, each in enumerate(fit.estimates) if each.remark != "fixed"]
+    free = [(index, each) for index, each in enumerate(fit.estimates) if each.is_free]
     return {
-        "on a bound": [each.name for _, each in free if each.remark.startswith("at ")],
+        "on a bound": [each.name for _, each in free if each.at_bound],
         "undetermined": [
             each.name
             for index, each in free
-            if each.remark == "not identifiable"
+            if each.verdict == "not identifiable"
             or (each.standard_error is not None and each.standard_error > scale.size[index])
         ],
     }

@@ -18,7 +18,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.objective import Objective, linearise_residuals
-from mrwork.uncertainty.identifiability.verdicts import Scale
+from mrwork.identification.verdicts import Scale
 
 # Largest number of residual entries in one batch.
 _LARGEST_BATCH = 2**24

@@ -26,11 +26,12 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.fit import Fit, Interval, Intervals, VerdictName
+from mrwork.identification.covariance import effective_samples, residuals_by_test
+from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
-from mrwork.identification.result import effective_samples, residuals_by_test
 from mrwork.identification.settings import ROOT_MEAN_SQUARE
+from mrwork.identification.verdicts import ParameterScale, Scale, judge_interval
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.identifiability.curvature import (
@@ -47,7 +48,6 @@ from mrwork.uncertainty.identifiability.curvature import (
     run_together,
     signed_root,
 )
-from mrwork.uncertainty.identifiability.verdicts import ParameterScale, Scale, judge_interval
 
 _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"
@@ -74,7 +74,7 @@ class Profile(WithAxes, Summarised):
     upper: float | None
     lower_end: End
     upper_end: End
-    verdict: VerdictName
+    verdict: Verdict
     reason: str
 
     @property
@@ -178,7 +178,10 @@ class Profiles(WithAxes, Summarised):
     def _summary(self) -> Summary:
         return Summary(
             title=f"Profiles of {self.model}: intervals at {100.0 * self.level:g} %, {self.status}",
-            facts=(("samples", f"{self.n_time}, {self.n_effective:.0f} effective"),),
+            facts=(
+                ("samples", f"{self.n_time}, {self.n_effective:.0f} effective"),
+                ("profiled by", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
+            ),
             columns=("parameter", "estimate", "lower", "upper", "unit", "verdict", "reason"),
             rows=[
                 (

@@ -17,13 +17,13 @@ from mrwork.base.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
 from mrwork.base.numbers import format_rounded, with_decimals
 from mrwork.base.plotted import Plots
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, VerdictName
+from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, Verdict
+from mrwork.identification.verdicts import DEVIATIONS, ParameterScale, judge_interval
 from mrwork.store.codec import built
 from mrwork.store.members import Member, members_of
 from mrwork.store.run_folder import DRAWS, RunFolder
-from mrwork.uncertainty.identifiability.verdicts import DEVIATIONS, ParameterScale, judge_interval
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import NOISE
 
@@ -172,7 +172,7 @@ class DrawSummary:
     lower: float
     upper: float
     remark: Remark = ""
-    verdict: VerdictName | None = None
+    verdict: Verdict | None = None
     reason: str = ""
 
     @property
@@ -193,7 +193,7 @@ class DrawSummary:
             name=self.name,
             lower=None if at_both or self.remark == "piles up at its lower bound" else self.lower,
             upper=None if at_both or self.remark == "piles up at its upper bound" else self.upper,
-            verdict=self.verdict,
+            verdict=self.verdict or "",
             reason=self.reason,
         )
 
@@ -335,14 +335,22 @@ class Draws(WithAxes, Summarised):
             arrays=posterior | {"log_posterior": density},
         )
 
+    def document(self) -> dict[str, Any]:
+        """What `mrwork sample --json` prints."""
+        return {
+            **{"model": self.model, "noise": self.noise_model},
+            **named(self, "status", "verdict", "temper"),
+            "parameters": {each.name: asdict(each) for each in self.summaries},
+            **{"n_draws": len(self.theta), "steps": self.n_steps, "seconds": self.seconds},
+            "rng": None if self.provenance is None else self.provenance.rng,
+        }
+
     def _summary(self) -> Summary:
         made = "{} walkers x {} draws".format(*self.chains.shape)
         return Summary(
             title=f"Draws of {self.model} with {self.noise_model} noise: {self.status.replace('_', ' ')}",
-            facts=(
-                ("draws", f"{made}, {self.n_steps} steps, {self.seconds:.1f} s"),
-                ("verdict", self.verdict),
-            ),
+            facts=(("draws", f"{made}, {self.n_steps} steps, {self.seconds:.1f} s"),),
+            notes=(self.verdict,),
             columns=("parameter", "median", "2.5 %", "97.5 %", "unit", "R-hat", "ESS", "verdict", "reason"),
             rows=[
                 (
@@ -418,7 +426,7 @@ class _OfVariable:
     median: float
     lower: float
     upper: float
-    verdict: VerdictName | None = None
+    verdict: Verdict | None = None
     reason: str = ""
 
 

@@ -15,8 +15,8 @@ from mrwork.base.arguments import Count, Seed, Threads, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, number_labels
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
+from mrwork.identification.covariance import autocorrelation_time
 from mrwork.identification.fit import Fit
-from mrwork.identification.result import autocorrelation_time
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.choice.leave_one_out import block_densities, blocks_of

@@ -27,14 +27,14 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, SettingError
+from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import provenance_with
-from mrwork.identification.result import Slopes
+from mrwork.identification.verdicts import Scale
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import array_of, digest_of, package_version
 from mrwork.store.journal import Journal
-from mrwork.uncertainty.identifiability.verdicts import Scale
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import (
     LARGEST_RHAT,

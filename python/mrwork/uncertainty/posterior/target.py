@@ -25,11 +25,11 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
-from mrwork.identification.result import effective_samples
 from mrwork.records import DamperTest
 from mrwork.uncertainty.noise import Noise
 

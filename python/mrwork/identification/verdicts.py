@@ -1,4 +1,4 @@
-"""Identifiability of the parameters of a fit from its tests, and the rule of every verdict on a parameter.
+"""The parameters of a fit with their standard errors and verdicts, and the rule of every verdict on a parameter.
 
 Standard errors, profiles and posterior draws are judged by the one rule, which measures them by the size of a relevant
 change of the parameter. Directions in parameter space follow from the Fisher information, with reasons in words.
@@ -14,17 +14,15 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.covariance import INSENSITIVE, Covariance, remarks_of
 from mrwork.identification.equivalent import search_box
-from mrwork.identification.fit import Direction, Fit, Identifiability, ParameterChange, Verdict, VerdictName
+from mrwork.identification.fit import Direction, FittedParameter, ParameterChange, Verdict
 from mrwork.identification.problem import Problem
-from mrwork.identification.result import INSENSITIVE, Slopes, covariance_at, remarks_of
 from mrwork.records import DamperTest
-from mrwork.records.damper_test import as_tests
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25
@@ -117,7 +115,7 @@ def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], th
 
 
 # A verdict on a parameter, with the reason.
-ReasonedVerdict = tuple[VerdictName, str]
+ReasonedVerdict = tuple[Verdict, str]
 
 
 def judge_error(error: float, scale: ParameterScale) -> ReasonedVerdict:
@@ -260,18 +258,19 @@ _APPROXIMATE = 0.05
 _STRONG_CORRELATION = 0.9
 
 
-def identifiability_from(
+def judged(
+    parameters: Sequence[FittedParameter],
     jacobian: Floats,
     covariance: Floats,
     *,
     scales: Sequence[ParameterScale],
-    n_effective: float,
     held: set[str] | frozenset[str] = frozenset(),
-) -> Identifiability:
-    """Verdicts and directions from the derivative of the residuals, (n_residuals, n_params), in units of the scales.
+) -> tuple[tuple[FittedParameter, ...], tuple[Direction, ...]]:
+    """Parameters with standard errors and verdicts, and the directions that the data determine weakly or not at all.
 
-    A direction is unidentifiable if its singular value, parameters scaled to unit sensitivity, is below `INSENSITIVE`
-    of the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Parameters that
+    From the derivative of the residuals, (n_residuals, n_params), and the covariance, both in units of the scales. A
+    direction is unidentifiable if its singular value, parameters scaled to unit sensitivity, is below `INSENSITIVE` of
+    the largest, and weakly identifiable if the standard error along it exceeds `WEAK` of the scale. Parameters that
     were `held` get no verdict, but where an unidentifiable direction has one, its others are determined.
     """
     null = _null_space(jacobian)
@@ -289,17 +288,15 @@ def identifiability_from(
         [each.name in open_names for each in own], dtype=bool
     )
     determined = ~undetermined
-    return Identifiability(
-        verdicts=tuple(_verdict(number, own, cov, free, undetermined) for number in range(counted.size)),
-        directions=unseen
-        + _weak_directions(
-            cov[np.ix_(determined, determined)],
-            free[:, determined],
-            [each for each, is_determined in zip(own, determined, strict=True) if is_determined],
-        ),
-        n_time=len(jacobian),
-        n_effective=n_effective,
+    rows = list(parameters)
+    for number, index in enumerate(counted):
+        rows[index] = _judged(parameters[index], number, own, cov, free, undetermined)
+    directions = unseen + _weak_directions(
+        cov[np.ix_(determined, determined)],
+        free[:, determined],
+        [each for each, is_determined in zip(own, determined, strict=True) if is_determined],
     )
+    return tuple(rows), directions
 
 
 def _null_space(jacobian: Floats) -> Floats:
@@ -381,13 +378,14 @@ def _effect(changes: Sequence[ParameterChange], jacobian: Floats, scales: Sequen
     return float(np.linalg.norm(moved))
 
 
-def _verdict(
+def _judged(
+    parameter: FittedParameter,
     number: int,
     scales: Sequence[ParameterScale],
     cov: Floats,
     jacobian: Floats,
     undetermined: NDArray[np.bool_],
-) -> Verdict:
+) -> FittedParameter:
     scale = scales[number]
     if undetermined[number]:
         others = [
@@ -398,7 +396,7 @@ def _verdict(
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
             reason = f"identifiable only in combination with {join_parts(others)}"
-        return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
+        return replace(parameter, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
     verdict, reason = judge_error(error * scale.size, scale)
     if verdict in ("weakly identifiable", "sign unknown"):
@@ -413,50 +411,62 @@ def _verdict(
             reason += (
                 f"; mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
             )
-    return Verdict(name=scale.name, verdict=verdict, standard_error=error * scale.size, reason=reason)
+    return replace(parameter, verdict=verdict, standard_error=error * scale.size, reason=reason)
 
 
-@checked
-def identifiability_of(
-    fit: Fit, tests: DamperTest | Sequence[DamperTest], *, threads: Threads = 0
-) -> Identifiability:
-    """Verdict on each parameter of a fit, and the directions in which its tests do not determine the parameters.
+def fitted_parameters(
+    problem: Problem, theta: Floats, covariance: Covariance | None
+) -> tuple[tuple[FittedParameter, ...], tuple[Direction, ...]]:
+    """Parameters of the requested model at `theta` of the problem's form, (n_params,), and directions; see `judged`.
 
-    A parameter that was held fixed to remove a redundant scale, such as `A` of the Spencer Bouc-Wen, gets no verdict,
-    but the redundant direction is named. A parameter on its bound counts as known for the others.
+    Nothing is judged without a covariance. A parameter that was held fixed to remove a redundant scale, such as `A` of
+    the Spencer Bouc-Wen, gets no verdict, but the redundant direction is named. A parameter on its bound counts as
+    known for the others.
     """
-    problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
-    spec, form, theta = problem.spec, problem.form, np.array(fit.theta)
-    at_form = np.clip(form.from_model(theta), form.box.lower, form.box.upper)
+    spec, form, ties = problem.spec, problem.form, problem.settings.ties
     box = Box.of(spec).with_bounds(problem.settings.bounds)
-    slopes = Slopes.at(problem.objective, form, at_form)
-    covariance, n_effective = covariance_at(slopes)
-    derivative = slopes.by_model()
-    remarks = remarks_of(form, at_form)
-    # Fixed by the form for the sake of a redundant scale, not by the user.
-    held = {each.name for each in fit.estimates if each.remark == "fixed"} & set(form.fixed)
-    # What is tied follows from the others, and has no verdict of its own.
-    free = [index for index in box.free if spec.names[index] not in problem.settings.ties]
-    taken = [index for index in free if remarks[index] == "" or spec.names[index] in form.fixed]
-    scale = Scale.of(spec, box, problem.objective.tests, theta)
-    # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
-    size = (np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0) * scale.size)[taken]
-    identifiability = identifiability_from(
-        derivative[:, taken] * size,
-        covariance[np.ix_(taken, taken)] / np.outer(size, size),
-        scales=[scale.of_parameter(spec, index, derivative[:, index]) for index in taken],
-        n_effective=n_effective,
-        held=held,
-    )
-    on_bound = (
-        Verdict(
-            name=spec.names[index],
-            verdict="weakly identifiable",
-            standard_error=None,
-            reason=f"{remarks[index]}: the data bound it from one side only",
+    values, remarks = np.asarray(form.to_model(theta)), remarks_of(form, theta)
+    errors = None if covariance is None else covariance.standard_errors
+    rows: list[FittedParameter] = []
+    for index, (parameter, remark) in enumerate(zip(spec.parameters, remarks, strict=True)):
+        tie = ties.get(parameter.name, "")
+        verdict: Verdict = "tied" if tie else "fixed" if remark == "fixed" else ""
+        known = errors is not None and not remark and np.isfinite(errors[index])
+        rows.append(
+            FittedParameter(
+                name=parameter.name,
+                value=float(values[index]),
+                unit=parameter.unit,
+                standard_error=float(errors[index]) if errors is not None and known else None,
+                lower=box.lower[index],
+                upper=box.upper[index],
+                remark=remark,
+                verdict=verdict,
+                reason=f"it is {tie}" if tie else "" if remark == "fixed" else remark,
+                tie=tie,
+            )
         )
-        for index in free
-        if remarks[index].startswith("at ")
+    if covariance is None:
+        return tuple(rows), ()
+    # What is tied follows from the others, and has no verdict of its own.
+    free = [index for index in box.free if spec.names[index] not in ties]
+    for index in free:
+        if rows[index].at_bound:
+            reason = f"{remarks[index]}: the data bound it from one side only"
+            rows[index] = replace(rows[index], verdict="weakly identifiable", reason=reason)
+    taken = [index for index in free if remarks[index] == "" or spec.names[index] in form.fixed]
+    scale = Scale.of(spec, box, problem.objective.tests, values)
+    # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
+    size = (np.where(scale.of_range | (values >= 0.0), 1.0, -1.0) * scale.size)[taken]
+    derivative = covariance.slopes.by_model()
+    judged_rows, directions = judged(
+        [rows[index] for index in taken],
+        derivative[:, taken] * size,
+        covariance.matrix[np.ix_(taken, taken)] / np.outer(size, size),
+        scales=[scale.of_parameter(spec, index, derivative[:, index]) for index in taken],
+        # Fixed by the form for the sake of a redundant scale, not by the user.
+        held={each.name for each in rows if not each.is_free} & set(form.fixed),
     )
-    verdicts = sorted((*identifiability.verdicts, *on_bound), key=lambda each: spec.names.index(each.name))
-    return replace(identifiability, verdicts=tuple(verdicts))
+    for index, row in zip(taken, judged_rows, strict=True):
+        rows[index] = row
+    return tuple(rows), directions

@@ -1,0 +1,221 @@
+"""Predictions of several tests by one fit, with the bands of a calibration: what `mrwork predict` shows and keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
+
+from mrwork.base.arguments import Level
+from mrwork.base.summary import Summarised, Summary, named
+from mrwork.dampers.spec import worst_laws
+from mrwork.dampers.tested_range import worst_of
+from mrwork.identification.fit import Fit, FitSpread
+from mrwork.identification.problem import prediction_warning
+from mrwork.identification.residual import NuisanceName, estimated_in_words, missing_warnings
+from mrwork.records import DamperTest, Likeness
+from mrwork.records.likeness import likenesses_in_words
+from mrwork.uncertainty.bands.band import BandScore, score
+from mrwork.uncertainty.bands.conformal import BEYOND_TESTED, Calibration
+from mrwork.uncertainty.bands.prediction import Prediction, predict_test, with_others
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictionBand:
+    """The band of a prediction at a `level`, as its score against the measured force; `basis` says what it rests on."""
+
+    level: Level
+    scored: BandScore
+    basis: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Predictions(Summarised):
+    """Predictions of tests by a fit, each with its band where a `calibration` and a `level` are given.
+
+    `used` are the tests of the calibration that the predicted ones are alike to, `None` for others.
+    """
+
+    _made_by: ClassVar[str] = "mr.predict(fit, tests)"
+
+    fit: Fit
+    predictions: tuple[Prediction, ...]
+    nuisances: tuple[NuisanceName, ...]
+    used: tuple[Likeness | None, ...]
+    bands: tuple[PredictionBand, ...] = ()
+    basis: str = ""
+
+    @classmethod
+    def of(
+        cls,
+        fit: Fit,
+        tests: Sequence[DamperTest],
+        *,
+        nuisances: tuple[NuisanceName, ...] | None = None,
+        others: Sequence[Fit] = (),
+        substep_factor: int = 1,
+        calibration: Calibration | None = None,
+        level: float | None = None,
+    ) -> Predictions:
+        """Simulate every test; `others` as in `predict`."""
+        chosen = fit.nuisances if nuisances is None else nuisances
+        predictions = tuple(
+            with_others(predict_test(fit, test, chosen, substep_factor), fit, others, chosen)
+            for test in tests
+        )
+        bands: tuple[PredictionBand, ...] = ()
+        if calibration is not None and level is not None:
+            made = [calibration.band(each, level) for each in predictions]
+            bands = tuple(
+                PredictionBand(level=band.level, scored=score(band, each.measured), basis=band.basis)
+                for band, each in zip(made, predictions, strict=True)
+            )
+        return cls(
+            fit=fit,
+            predictions=predictions,
+            nuisances=chosen,
+            used=tuple(None if calibration is None else calibration.knows(test) for test in tests),
+            bands=bands,
+            basis=calibration.basis if calibration is not None and bands else "",
+        )
+
+    @property
+    def held_out(self) -> tuple[Prediction, ...]:
+        """Those of tests that neither the fit nor the calibration has seen."""
+        pairs = zip(self.predictions, self.used, strict=True)
+        return tuple(each for each, used in pairs if each.seen is None and used is None)
+
+    @property
+    def spread(self) -> FitSpread | None:
+        """Median and worst of all tests; `None` for one test."""
+        return _spread(self.predictions) if len(self.predictions) > 1 else None
+
+    @property
+    def spread_unseen(self) -> FitSpread | None:
+        """Median and worst of the tests that the fit has not seen; `None` where these are none or all."""
+        unseen = [each for each in self.predictions if each.seen is None]
+        return _spread(unseen) if 0 < len(unseen) < len(self.predictions) else None
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the command, the nuisance parameters and the tested ranges of the fit say against the predictions."""
+        exceeded = [(each.test.label, one) for each in self.predictions for one in each.outside.exceedances]
+        worst = [
+            f"{one.in_words}, {label}"
+            + (f"; outside on {count} of {len(self.predictions)} files" if len(self.predictions) > 1 else "")
+            for one, label, count in worst_of(exceeded)
+        ]
+        laws = worst_laws(one for each in self.predictions for one in each.outside.laws)
+        conditions = [self.fit.other_condition(each.test) for each in self.predictions]
+        return (
+            *missing_warnings(self.fit.nuisances, self.nuisances),
+            *prediction_warning(self.fit.spec, [each.test for each in self.predictions]),
+            *(
+                f"{each}; test there before you rely on it"
+                for each in (*worst, *(one.in_words for one in laws))
+            ),
+            *(each.condition_in_words for each in conditions if each is not None),
+        )
+
+    @property
+    def sets_apart(self) -> str:
+        """The test on which sets of laws are farthest apart, and on how many they reach the end of the tests."""
+        apart = [
+            (each.test.label, each.sets_apart) for each in self.predictions if each.sets_apart is not None
+        ]
+        if not apart:
+            return ""
+        label, worst = max(apart, key=lambda each: each[1].percent)
+        files = f"; the farthest of {len(apart)} files" if len(apart) > 1 else ""
+        return f"{worst.in_words}, {label}{files}"
+
+    def document(self) -> dict[str, Any]:
+        """What `mrwork predict --json` prints."""
+        spreads = {"spread": self.spread, "spread_unseen": self.spread_unseen}
+        return {
+            "model": self.fit.model,
+            "files": [self._file(number) for number in range(len(self.predictions))],
+            "nuisances": self.nuisances,
+            "warnings": list(self.warnings),
+            **{name: asdict(each) for name, each in spreads.items() if each is not None},
+            **{name: text for name, text in named(self, "sets_apart", "basis").items() if text},
+        }
+
+    def _file(self, number: int) -> dict[str, Any]:
+        """A prediction, with its band where there is one."""
+        each, used, quality = self.predictions[number], self.used[number], self.predictions[number].quality
+        condition = self.fit.other_condition(each.test)
+        entry = {
+            "file": each.test.label,
+            **named(quality, "fit_percent", "nrmse", "rmse_n"),
+            "error_norms": asdict(quality.error_norms),
+            **named(quality, "n_time", "settle_seconds", "substeps"),
+            "seen": None if each.seen is None else asdict(each.seen),
+            "other_condition": None if condition is None else asdict(condition),
+            "nuisance": asdict(quality.nuisance) if self.nuisances else None,
+            "outside_tested_range": list(each.outside.names) if each.outside.known else None,
+            "warnings": list(each.outside.sentences),
+            "sets_apart_percent": None if each.sets_apart is None else each.sets_apart.percent,
+        }
+        if not self.bands:
+            return entry
+        band = self.bands[number]
+        return entry | {
+            "coverage_percent": 100.0 * band.scored.coverage,
+            "mean_width_n": band.scored.width,
+            "interval_score": band.scored.interval_score,
+            "band": {
+                "level": band.level,
+                "half_width_n": 0.5 * band.scored.width,
+                "inside": band.scored.coverage,
+                "basis": band.basis,
+                "calibrated_on": None if used is None else asdict(used),
+            },
+        }
+
+    def _summary(self) -> Summary:
+        heads = ("file", "fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps", "+- [N]", "inside %")
+        rows = []
+        for number, each in enumerate(self.predictions):
+            quality = each.quality
+            band = ("", "")
+            if self.bands:
+                scored = self.bands[number].scored
+                band = (f"{0.5 * scored.width:.4g}", f"{100.0 * scored.coverage:.1f}")
+            rows.append(
+                (
+                    *(each.test.label, f"{quality.fit_percent:.2f}", f"{quality.nrmse:.4f}"),
+                    *(f"{quality.rmse_n:.2f}", str(quality.n_time), str(quality.substeps), *band),
+                )
+            )
+        notes = [] if self.spread is None else [self.spread.in_words]
+        if self.nuisances:
+            notes.append(
+                f"Estimated from the measured force of each test: {estimated_in_words(self.nuisances)}."
+            )
+        notes += [f"{self.sets_apart}."] if self.sets_apart else []
+        if self.bands:
+            notes.append(f"Bands of {100.0 * self.bands[0].level:g} %, {self.basis}.")
+            beyond = sum(bool(each.outside.names) for each in self.predictions)
+            if beyond:
+                notes.append(
+                    f"{beyond} of {len(rows)} files are outside the tested range of the fit: {BEYOND_TESTED}."
+                )
+        if seen := [each.seen for each in self.predictions if each.seen is not None]:
+            notes.append(f"Seen by the fit: {likenesses_in_words(seen)}.")
+        notes += [] if self.spread_unseen is None else [f"Not seen by the fit: {self.spread_unseen.in_words}"]
+        if self.bands and (used := [each for each in self.used if each is not None]):
+            notes.append(f"Used for the calibration of the bands: {likenesses_in_words(used)}.")
+        return Summary(
+            title=f"Predictions by a fit of {self.fit.model}",
+            cautions=self.warnings,
+            columns=heads,
+            rows=rows,
+            notes=notes,
+        )
+
+
+def _spread(predictions: Sequence[Prediction]) -> FitSpread:
+    return FitSpread.of(
+        [each.test.label for each in predictions], [each.quality.fit_percent for each in predictions]
+    )
