@@ -194,6 +194,7 @@ def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
     return Table(
         columns=tuple(f"{each.heading} [{each.unit}]" if each.unit else each.heading for each in columns),
         rows=tuple(tuple(each.cell(item) for each in columns) for item in items),
+        words=tuple(number for number, each in enumerate(columns) if each.words),
     )
 
 

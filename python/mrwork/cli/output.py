@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from mrwork.base.progress import ProgressLine, ProgressReport, display_here
 from mrwork.base.summary import Summarised
-from mrwork.base.table import Table
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError, reason_of
 from mrwork.records import DamperTest
@@ -111,11 +110,6 @@ def told_findings(
     for each in () if options.json else findings:
         note(each.in_words)
     return as_plain(findings)
-
-
-def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Aligned and indented lines of a table; the first row has the headings."""
-    return Table(columns=rows[0], rows=rows[1:]).lines("  ")
 
 
 def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> list[str]:

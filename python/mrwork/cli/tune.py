@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.base.numbers import counted, with_decimals
+from mrwork.base.table import Table
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_repeated, add_seed, add_threads, end_parser
-from mrwork.cli.output import is_quiet, table_lines
+from mrwork.cli.output import is_quiet
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.workers import add_workers
 from mrwork.errors import Interrupted
@@ -144,7 +145,7 @@ def _text(results: TunedStudy, place: Path, *, page: bool) -> str:
     lines = [
         *([] if (places := places_table(tuned)) is None else [places.title, *places.lines("  "), ""]),
         f"Found on {counted(len(tuned.training), 'training motion')}:",
-        *table_lines([head, *rows]),
+        *Table(columns=head, rows=rows).lines("  "),
         "",
     ]
     lines += [f"{each.label}: {each.certificate or 'no certificate'}" for each in tuned.laws]

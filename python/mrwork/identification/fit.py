@@ -606,10 +606,11 @@ class Fit(WithAxes, Summarised):
         }
 
     def _summary(self) -> Summary:
-        tests = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
-        parameters = text_table(self._columns, self.estimates)
+        on_tests = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
+        tables = [text_table(self._columns, self.estimates)]
+        tables += [text_table(_QUALITY, self.quality)] if len(self.quality) > 1 else []
         return Summary(
-            title=f"Fit of {self.model}{tests}: {self.fit_percent:.2f} %, {self.status_in_words}",
+            title=f"Fit of {self.model}{on_tests}: {self.fit_percent:.2f} %, {self.status_in_words}",
             facts=(
                 ("tests", list_names([quality.test for quality in self.quality])),
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
@@ -619,9 +620,7 @@ class Fit(WithAxes, Summarised):
                 ("step", "" if self.half_step_percent is None else step_in_words(self.half_step_percent)),
             ),
             cautions=self.warnings,
-            columns=parameters.columns,
-            rows=parameters.rows,
-            tables=[text_table(_QUALITY, self.quality)] if len(self.quality) > 1 else [],
+            tables=tables,
             notes=[each.sentence for each in self.informative],
         )
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from mrwork.base import numbers as numbers
 from mrwork.base.arguments import checked
 from mrwork.base.progress import ProgressReport
-from mrwork.base.summary import Summarised
+from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table as Table
 from mrwork.plots.canvas import inline_svg
 from mrwork.plots.drawn import drawn_csv
@@ -74,10 +74,12 @@ class Panel(Summarised):
 class Group:
     """Part of a section: paragraphs, a table, points, figures and facts; `synthetic` where its data were not measured.
 
-    `markup` is a `Markup` of its own, such as an equation, below the paragraphs. A fact is a name and a text.
+    The `summary` of a result comes first. `markup` is a `Markup` of its own, such as an equation, below the
+    paragraphs. A fact is a name and a text.
     """
 
     title: str = ""
+    summary: Summary | None = None
     prose: tuple[str, ...] = ()
     markup: str = ""
     points: tuple[str, ...] = ()

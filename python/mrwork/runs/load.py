@@ -81,8 +81,7 @@ class StoredRun(Summarised):
             title=f"Run {self.place.name}: {fit.title}",
             facts=(("folder", str(self.place)), ("holds", ", ".join(present[1:])), *fit.facts),
             cautions=fit.cautions,
-            columns=fit.columns,
-            rows=fit.rows,
+            tables=fit.tables,
             notes=fit.notes,
         )
 

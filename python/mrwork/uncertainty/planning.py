@@ -93,7 +93,6 @@ class Plan(Summarised):
         )
 
     def _summary(self) -> Summary:
-        table = text_table(gain_columns(self.command_unit), self.gains[:_SHOWN])
         return Summary(
             title=f"Next tests of {self.model}",
             facts=(
@@ -104,8 +103,7 @@ class Plan(Summarised):
                     f"{of_unit(self.gains[0].deviation, self.unit, 3)}, if the model is valid there",
                 ),
             ),
-            columns=table.columns,
-            rows=table.rows,
+            tables=[text_table(gain_columns(self.command_unit), self.gains[:_SHOWN])],
             notes=[
                 f"and {len(self.gains) - _SHOWN} more" if len(self.gains) > _SHOWN else "",
                 self.sentence,

@@ -12,15 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.base import numbers
-from mrwork.base.table import page_table
 from mrwork.plots import style
 from mrwork.plots.canvas import blank, grid_of_axes, name_above, room_for
-from mrwork.report.section import Group, Panel, Section, SectionKind, panel
+from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
-from mrwork.uncertainty.planning import Gain, Plan, gain_columns
+from mrwork.uncertainty.planning import Gain, Plan
 
 _ROW = 0.27
 _AROUND = 1.35
@@ -48,7 +46,7 @@ def _models_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
         title="Choice of model",
         summary=f"{chosen.title}{provisionally} of {len(ranking.standings)} families, left-out fit "
         f"{chosen.left_out_in_words} %.",
-        groups=(_group(ranking, ranking.remarks, drawn),),
+        groups=(Group(summary=ranking._summary(), points=ranking.definitions, panels=(drawn,)),),
     )
 
 
@@ -64,16 +62,7 @@ def _laws_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
         title="Choice of current laws",
         summary=f"{in_words}, of {len(laws.tried)} sets of laws; left-out fit "
         f"{chosen.left_out_percent:.2f} %.",
-        groups=(_group(laws, laws.notes),),
-    )
-
-
-def _group(choice: Ranking | LawTable, remarks: Sequence[str], *panels: Panel) -> Group:
-    return Group(
-        prose=(choice.sentence, *(f"{remark}." for remark in remarks)),
-        table=choice.page_table,
-        points=choice.definitions,
-        panels=panels,
+        groups=(Group(summary=laws._summary(), points=laws.definitions),),
     )
 
 
@@ -141,8 +130,6 @@ LAWS = SectionKind(
 )
 
 
-# Rows of the table.
-_SHOWN = 8
 _MAP_COLUMNS = 3
 _MAP_WIDTH, _MAP_HEIGHT = 3.6, 3.0
 # From white to the blue of the models: the darker, the larger the reduction.
@@ -157,31 +144,20 @@ def _test_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     if check is None:
         return None
     plan, unit = check.plan, check.plan.command_unit
-    best = plan.gains[0]
-    name = best.candidate.in_words(unit)
-    shown = plan.gains[:_SHOWN]
-    note = f"The best {len(shown)} of {len(plan.gains)}." if len(plan.gains) > len(shown) else ""
+    name = plan.gains[0].candidate.in_words(unit)
     what = f"Variance reduction by each of {len(plan.gains)} tests, best {name}"
     drawn = panel("plan", "", plan_figure(plan), what)
-    agreement = (
-        "The check with draws failed: almost none of them fits the simulated tests. Use the order of the candidates, "
-        "not the numbers."
-        if check.agreement is None
-        else f"A check with draws ranks the candidates with a rank correlation of {check.agreement:.2f} to this order."
-    )
     return Section(
         anchor="next-test",
         title="Next test",
-        summary=plan.sentence,
+        summary=f"{name}, of {len(plan.gains)} candidates.",
         groups=(
             Group(
+                summary=check._summary(),
                 prose=(
-                    f"{name[:1].upper()}{name[1:]} is expected to reduce the variance of the band of "
-                    f"{plan.band} by {numbers.format_fixed(100 * best.gain, 1)} %. This assumes that the model is "
-                    "valid there; a test in which it is not shows the error of the model instead.",
-                    agreement,
+                    "This assumes that the model is valid there; a test in which it is not shows the error of the "
+                    "model instead.",
                 ),
-                table=page_table("Candidates for the next test", gain_columns(unit), shown, note=note),
             ),
             Group(title="All candidates", panels=(drawn,), layout="whole"),
         ),

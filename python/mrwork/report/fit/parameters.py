@@ -206,20 +206,20 @@ def _profiles_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None
         title="Profile likelihood",
         summary=f"{100 * profiles.level:g} % intervals of {count} parameters, {ends_in_words}.",
         groups=(
-            Group(title="Likelihood ratio", prose=_profiles_prose(profiles), panels=(drawn,), layout="whole"),
+            Group(
+                title="Likelihood ratio",
+                summary=profiles._summary(),
+                prose=(
+                    "Each panel holds one parameter at values around its estimate and fits all others again. The line "
+                    "is the likelihood ratio; the values below the dashed threshold form the "
+                    f"{100 * profiles.level:g} % interval (shaded). Where the line does not reach the threshold, the "
+                    "data do not bound the parameter on that side.",
+                ),
+                panels=(drawn,),
+                layout="whole",
+            ),
         ),
     )
-
-
-def _profiles_prose(profiles: Profiles) -> tuple[str, ...]:
-    text = (
-        "Each panel holds one parameter at values around its estimate and fits all others again. The line is the "
-        f"likelihood ratio; the values below the dashed threshold form the {100 * profiles.level:g} % interval "
-        "(shaded). Where the line does not reach the threshold, the data do not bound the parameter on that side."
-    )
-    remark = f"{profiles.remark[0].upper()}{profiles.remark[1:]}." if profiles.remark else ""
-    cut = "Profiling was interrupted: ends may be missing." if profiles.status == "interrupted" else ""
-    return tuple(filter(None, (text, remark, cut)))
 
 
 @style.drawn_in_style()

@@ -49,7 +49,7 @@ def _section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
         summary=f"{draws.status.replace('_', ' ')} after {draws.n_steps} steps, "
         f"{format_fixed(len(draws.theta), 0)} draws.",
         groups=(
-            Group(prose=_prose(draws)),
+            Group(summary=draws._summary(), prose=_prose(draws)),
             Group(
                 title="Parameters in pairs",
                 prose=(
@@ -91,7 +91,6 @@ def _prose(draws: Draws) -> tuple[str, ...]:
         else f"The noise model is {draws.noise_model}; every sample counts in full. "
     )
     return (
-        draws.verdict,
         f"{draws.n_steps} steps, one of {draws.thinning} kept after the burn-in; the diagnostics refer to the draws "
         f"kept. Required: an effective sample size (ESS) of {LEAST_ESS:g} and an R-hat below {LARGEST_RHAT:g}.",
         f"{counted}The intervals of the parameters hold if the model is right. They do not bound the error of the "

@@ -12,7 +12,7 @@ from mrwork.base.arguments import NotNegative, Whole
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table, TableColumn, page_table, text_table
+from mrwork.base.table import Table, TableColumn, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.parameters import LawName
@@ -210,13 +210,8 @@ class LawTable(WithAxes, Summarised):
 
     @property
     def table(self) -> Table:
-        """The laws for a terminal, the longest column last."""
+        """The laws, the longest column last."""
         return text_table((*self._model, *_COLUMNS, _LAWS), self.tried)
-
-    @property
-    def page_table(self) -> Table:
-        """The laws for a page, where they name the row."""
-        return page_table("Laws that were tried", (*self._model, _LAWS, *_COLUMNS), self.tried)
 
     @property
     def _model(self) -> tuple[TableColumn, ...]:
@@ -235,12 +230,10 @@ class LawTable(WithAxes, Summarised):
         )
 
     def _summary(self) -> Summary:
-        table = self.table
         return Summary(
             title=f"Choice of current laws: {f'{len(self.models)} models' if self.is_of_several else self.model}",
             facts=(("evaluated on", self.held_out),),
-            columns=table.columns,
-            rows=table.rows,
+            tables=[self.table],
             notes=(self.sentence, *self.notes),
         )
 

@@ -15,7 +15,7 @@ from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, WithAxes, columns_of, labels_of
 from mrwork.base.numbers import counted, format_fixed
 from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.table import Table, TableColumn, page_table, text_table
+from mrwork.base.table import Table, TableColumn, text_table
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
@@ -206,7 +206,6 @@ def _with_error(value: float | None, error: float | None, decimals: int) -> str:
 
 
 _MODEL = TableColumn(heading="model", cell=lambda each: each.model)
-_TITLE = TableColumn(heading="model", cell=lambda each: each.title)
 _COLUMNS = (
     TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
     TableColumn(heading="fit %", cell=lambda each: format_fixed(each.fit_percent, 2)),
@@ -405,22 +404,15 @@ class Ranking(WithAxes, Summarised):
 
     @property
     def table(self) -> Table:
-        """The families by name, for a terminal."""
+        """The families by name."""
         return text_table((_MODEL, *_COLUMNS), self.standings)
-
-    @property
-    def page_table(self) -> Table:
-        """The families by title, for a page."""
-        return page_table("Ranking of models", (_TITLE, *_COLUMNS), self.standings)
 
     def _summary(self) -> Summary:
         provisional = ", provisional" if self.chosen_standing.verdict == "provisional" else ""
-        table = self.table
         return Summary(
             title=f"Choice of model: {self.chosen}{provisional}",
             facts=(("evaluated on", self.held_out),),
-            columns=table.columns,
-            rows=table.rows,
+            tables=[self.table],
             notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
         )
 
