@@ -10,8 +10,8 @@ from command_line import mrwork, printed
 
 import mrwork as mr
 from mrwork import buildings, control
-from mrwork.cli.cite import references_in, references_of
 from mrwork.dampers.spec import PUBLISHED_SETS  # of all models at once
+from mrwork.runs.citations import references_in, references_of
 from mrwork.search.registry import ALL_OPTIMISERS  # with those that other libraries bring
 
 SOURCES = {

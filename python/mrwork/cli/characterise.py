@@ -21,7 +21,7 @@ from mrwork.cli.options import add_out, add_seed, add_threads, command_unit, end
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
-from mrwork.errors import MrworkError, OutputError, RecordError, SettingError, escape_text
+from mrwork.errors import MrworkError, OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import fit_of, read_fit
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table, write_test_table
@@ -163,6 +163,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
     # SciPy is slow to load.
     from mrwork.cli.identified import Identification
     from mrwork.cli.identify import fit_best_laws, fit_best_model, fit_model
+    from mrwork.uncertainty.choice.law_search import can_leave_out
 
     reading = _reading(_of_use(rows, "fit"))
     tests = _read(reading)
@@ -175,7 +176,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
     several = len({test.command_in_words for test in tests if test.commands}) > 1
     if several:
         _refuse_lone_commands(options.folder, rows, tests)
-        if not any(map(_is_enough, combinations(tests, len(tests) - 1))):
+        if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
         fit = partial(fit_best_laws, verb, models, settings, unit=command_unit(tests))
     elif len(models) > 1:
@@ -285,7 +286,7 @@ def _table(folder: Path) -> tuple[tuple[ListedTest, ...], str]:
         if row.doubt:
             note(f"{escape_text(row.file)}: {row.doubt}")
     note(f"written: {path}, {counted(len(rows), 'file')}; its uses may be changed before the next run")
-    asked = [row for row in rows if _is_open(row)]
+    asked = [row for row in rows if row.is_open]
     if not asked:
         return rows, ""
     names = list_names([Path(row.file).name for row in asked], _NAMED)
@@ -296,16 +297,12 @@ def _table(folder: Path) -> tuple[tuple[ListedTest, ...], str]:
     )
 
 
-def _is_open(row: ListedTest) -> bool:
-    return any(UNKNOWN in entry for entry in row.columns.values())
-
-
 def _with_uses(rows: Sequence[ListedTest]) -> tuple[ListedTest, ...]:
     """Rows whose tests are fitted, set aside or kept by their motions, as far as they can be read."""
     # The tests of prediction bands load SciPy.
     from mrwork.uncertainty.bands.held_out import uses_of
 
-    read = [row for row in rows if row.use is not None and not _is_open(row)]
+    read = [row for row in rows if row.use is not None and not row.is_open]
     uses = dict(zip([row.file for row in read], uses_of(_read(_reading(read))), strict=True)) if read else {}
     return tuple(replace(row, use=uses.get(row.file, row.use)) for row in rows)
 
@@ -326,23 +323,13 @@ def _read(reading: Reading) -> tuple[DamperTest, ...]:
 
 def _refuse_lone_commands(folder: Path, rows: Sequence[ListedTest], tests: Sequence[DamperTest]) -> None:
     """Refuse fitted tests of which those that remain without one motion run at one command, if a kept one helps."""
-    if _is_enough(tests):
+    from mrwork.uncertainty.choice.law_search import can_leave_out  # loads SciPy
+
+    if can_leave_out(tests):
         return
     for row in rows:
-        if row.use in ("calibration", "test") and _is_enough([*tests, *_read(_reading([row]))]):
+        if row.use in ("calibration", "test") and can_leave_out([*tests, *_read(_reading([row]))]):
             raise RecordError(
                 f"{folder / TABLE_NAME}: the choice of laws leaves out tests in turn, and the others then "
                 f"run at one command; set the use of {Path(row.file).name} back to fit, and type: {command_line()}"
             )
-
-
-def _is_enough(tests: Sequence[DamperTest]) -> bool:
-    """Whether the tests run at two commands without any that the choice of laws leaves out together."""
-    from mrwork.uncertainty.bands.prediction import folds_of, rests_of  # loads SciPy
-    from mrwork.uncertainty.choice.law_search import default_fold
-
-    try:
-        folds = folds_of(tests, default_fold(tests))
-    except SettingError:
-        return False
-    return all(len({test.command_in_words for test in rest}) > 1 for rest in rests_of(tests, folds))

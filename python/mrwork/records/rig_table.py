@@ -59,6 +59,11 @@ class ListedTest(Summarised):
     facts: Mapping[str, str] = field(default_factory=dict)
     doubt: str = ""
 
+    @property
+    def is_open(self) -> bool:
+        """Whether one of its entries is to be filled in."""
+        return any(UNKNOWN in entry for entry in self.columns.values())
+
 
 def facts_of(rows: Iterable[ListedTest]) -> dict[str, str]:
     """Facts on the tests of a run by their names: several values in a row, of dates and temperatures the range."""

@@ -42,7 +42,7 @@ from mrwork.records.repairs import NONE
 from mrwork.records.window import middle_excerpt
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.uncertainty.bands.prediction import Fold, folds_of
+from mrwork.uncertainty.bands.prediction import Fold, folds_of, rests_of
 from mrwork.uncertainty.choice.folded_tests import FoldedFit, FoldedTests
 from mrwork.uncertainty.choice.law_promise import LinearisedTests
 from mrwork.uncertainty.choice.law_table import TriedLaws, laws_in_words
@@ -490,3 +490,12 @@ def default_fold(tests: Sequence[DamperTest]) -> Fold:
     except SettingError:
         motions = 1
     return "motion" if motions >= _MOTIONS else "test"
+
+
+def can_leave_out(tests: Sequence[DamperTest]) -> bool:
+    """Whether the tests run at two commands without any that are left out together."""
+    try:
+        folds = folds_of(tests, default_fold(tests))
+    except SettingError:
+        return False
+    return all(len({test.command_in_words for test in rest}) > 1 for rest in rests_of(tests, folds))
