@@ -28,7 +28,7 @@ def folder(runs: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_what_was_predicted_is_kept(folder: Path) -> None:
     held_out = mr.load(folder / "one", mr.StoredRun).held_out
     assert held_out is not None
-    assert [each.name for each in held_out.tests] == ["synthetic spencer1997_slow"]
+    assert [each.test.name for each in held_out.predictions] == ["synthetic spencer1997_slow"]
     assert held_out.predictions[0].test.name == held_out.spread.worst_test
 
 

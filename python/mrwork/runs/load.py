@@ -26,7 +26,8 @@ from mrwork.store.run_folder import (
 from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, adding
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
-from mrwork.uncertainty.bands.held_out import HeldOutTests, read_held_out
+from mrwork.uncertainty.bands.held_out import read_held_out
+from mrwork.uncertainty.bands.predictions import Predictions
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
@@ -62,7 +63,7 @@ class StoredRun(Summarised):
     ranking: Ranking | None = None
     laws: LawTable | None = None
     others: tuple[Fit, ...] | None = None
-    held_out: HeldOutTests | None = None
+    held_out: Predictions | None = None
 
     @property
     def calibration(self) -> Calibration | None:

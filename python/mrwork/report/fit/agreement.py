@@ -17,7 +17,7 @@ from mrwork.base import numbers
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.tested_range import half_cycle_ends
-from mrwork.identification.fit import Fit, FitQuality, FitSpread
+from mrwork.identification.fit import Fit, FitQuality
 from mrwork.plots.of_tests import Motion, data_label
 from mrwork.plots.samples import zoom_window
 from mrwork.records.damper_test import DamperTest
@@ -38,6 +38,7 @@ from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty.bands.predictions import spread_of
 
 # Up to so many tests are all drawn in full.
 _ALL_IN_FULL = 4
@@ -112,11 +113,6 @@ def _agreement_table(fit: Fit, predictions: Sequence[Prediction]) -> Table:
 
 def _norm(letter: str) -> Markup:
     return Markup("<i>E<sub>{}</sub></i>").format(letter)
-
-
-def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
-    """Median and worst of the fits of these tests."""
-    return FitSpread.of([each.test.name for each in predictions], [each.fit_percent for each in predictions])
 
 
 def _count_findings(predictions: Sequence[Prediction]) -> str:
@@ -362,15 +358,14 @@ def _held_out_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None
     """A table of the held-out tests of every prediction; `None` where there are none."""
     if run.held_out is None:
         return None
-    summary = run.held_out._summary()
-    table = Table(
-        label="Predictions of held-out tests",
-        columns=tuple(summary.columns),
-        rows=tuple(map(tuple, summary.rows)),
-        note="Neither the fit nor its calibration has seen these tests; one that is predicted again counts once.",
+    group = Group(
+        summary=run.held_out._summary(),
+        prose=(
+            "Neither the fit nor its calibration has seen these tests; one that is predicted again counts once.",
+        ),
     )
     said = f"{run.held_out.spread.in_words}."
-    return Section(anchor="held-out", title="Held-out tests", summary=said, groups=(Group(table=table),))
+    return Section(anchor="held-out", title="Held-out tests", summary=said, groups=(group,))
 
 
 HELD_OUT = SectionKind(

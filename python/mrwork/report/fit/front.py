@@ -16,13 +16,14 @@ from mrwork.plots import style
 from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
 from mrwork.plots.of_fits import laws as draw_laws
 from mrwork.plots.of_tests import Motion
-from mrwork.report.fit.agreement import loop_panel, spread_of
+from mrwork.report.fit.agreement import loop_panel
 from mrwork.report.fit.bands import coverage_summary
 from mrwork.report.fit.figures import common_unit, small_loop
 from mrwork.report.section import Lead, Number, Panel, first_sentences, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.held_out import median_place
 from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN, Prediction
+from mrwork.uncertainty.bands.predictions import spread_of
 
 _STATUS = {
     "converged": "Converged",
@@ -72,11 +73,11 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
     )
     bands, laws, ranking = run.bands, run.laws, run.ranking
     if run.held_out is not None:
-        outside = sum(bool(each.outside) for each in run.held_out.tests)
-        lying = "It lies" if len(run.held_out.tests) == 1 else f"{outside} of them"
+        outside = sum(bool(each.outside.names) for each in run.held_out.predictions)
+        lying = "It lies" if len(run.held_out.predictions) == 1 else f"{outside} of them"
         return _Evidence(
             title="Kept for test",
-            opening=f"Predicts {_tests(len(run.held_out.tests))} kept for test",
+            opening=f"Predicts {_tests(len(run.held_out.predictions))} kept for test",
             drawn=run.held_out.predictions,
             spread=run.held_out.spread,
             remark=f"{lying} outside the tested ranges." if outside else "",

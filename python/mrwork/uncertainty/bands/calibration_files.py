@@ -146,9 +146,12 @@ class _Facts:
     uncompared: tuple[tuple[Whole, Whole], ...] = ()
     command: float | None = None
     command_unit: CommandUnit | None = None
+    substeps: Whole = 1
 
 
-_FACTS = tuple(each.name for each in fields(_Facts) if each.name not in (*_COMMANDS, "observation"))
+_FACTS = tuple(
+    each.name for each in fields(_Facts) if each.name not in (*_COMMANDS, "observation", "substeps")
+)
 
 
 def read_bands(run: RunFolder) -> StoredBands | None:
@@ -194,7 +197,7 @@ def predictions_content(predictions: Sequence[Prediction]) -> bytes:
     facts = [
         {fact: getattr(each.test, fact) for fact in _FACTS}
         | {name: None if name in _channels(each.test) else getattr(each.test, name) for name in _COMMANDS}
-        | {"observation": asdict(each.test.observation)}
+        | {"observation": asdict(each.test.observation), "substeps": each.substeps}
         for each in predictions
     ]
     arrays = {
@@ -230,7 +233,8 @@ def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) 
     }
     model_force = channels.pop("model")
     stated = {each.name: getattr(facts, each.name) for each in fields(facts)}
-    return Prediction(test=DamperTest(**stated | channels), model_force=model_force)
+    substeps = stated.pop("substeps")
+    return Prediction(test=DamperTest(**stated | channels), model_force=model_force, substeps=substeps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

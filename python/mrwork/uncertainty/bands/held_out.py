@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import SettingError
-from mrwork.identification.fit import Fit, FitSpread
+from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.records.rig_table import Use
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import HELD_OUT, HELD_OUT_FORCES, RunFolder
 from mrwork.store.run_writer import add_to_run, adding
-from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import (
     predictions_content,
     read_predictions,
@@ -26,61 +24,6 @@ from mrwork.uncertainty.bands.calibration_files import (
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, folds_of
 from mrwork.uncertainty.bands.predictions import Predictions
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOutTest:
-    """A predicted test by its name: fit [%], RMSE [N], what of it lies outside the tested ranges.
-
-    `inside` is the share of its samples in the calibrated 90 % band, `None` without one.
-    """
-
-    name: str
-    fit_percent: float
-    rmse_n: float
-    outside: tuple[str, ...] = ()
-    inside: float | None = None
-
-    @classmethod
-    def of(cls, prediction: Prediction, fit: Fit, calibration: Calibration | None = None) -> HeldOutTest:
-        """A test as a fit predicts it, with its share in the band of a calibration."""
-        band = None if calibration is None else calibration.band(prediction, _LEVEL)
-        return cls(
-            name=prediction.test.name,
-            fit_percent=prediction.fit_percent,
-            rmse_n=prediction.rmse_n,
-            outside=fit.outside(prediction.test, prediction.model_force).names,
-            inside=None if band is None else score(band, prediction.measured).coverage,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class HeldOutTests(Summarised):
-    """Tests that neither a fit nor its calibration has seen, and the prediction of each."""
-
-    _made_by = "mrwork predict RUN TESTS"
-
-    tests: tuple[HeldOutTest, ...]
-    predictions: tuple[Prediction, ...]
-
-    @property
-    def spread(self) -> FitSpread:
-        """Median and worst."""
-        return FitSpread.of([each.name for each in self.tests], [each.fit_percent for each in self.tests])
-
-    def _summary(self) -> Summary:
-        return Summary(
-            title=f"Held-out {self.spread.in_words}",
-            columns=("test", "fit %", "RMSE [N]", "in 90 % band [%]", "outside the tested ranges in"),
-            rows=[
-                (
-                    *(each.name, f"{each.fit_percent:.2f}", f"{each.rmse_n:.4g}"),
-                    "-" if each.inside is None else f"{100.0 * each.inside:.1f}",
-                    ", ".join(each.outside),
-                )
-                for each in self.tests
-            ],
-        )
 
 
 def median_place(count: int) -> int:
@@ -102,22 +45,22 @@ def _is_same(one: DamperTest, other: DamperTest) -> bool:
 _SAME = 1e-3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Document:
-    tests: tuple[HeldOutTest, ...]
-
-
 def write_held_out(run: RunFolder, fit: Fit, predictions: Sequence[Prediction]) -> None:
     """Write predicted tests into the run folder of a fit, beside those that it has; of the same the last counts."""
     merged: list[Prediction] = []
     for each in (*read_predictions(run, HELD_OUT_FORCES, verb=_VERB), *predictions):
         merged = [*(other for other in merged if not _is_same(other.test, each.test)), each]
-    document = _Document(tests=tuple(HeldOutTest.of(each, fit) for each in merged))
     contents = {
-        HELD_OUT: json_document(asdict(document)).encode(),
+        HELD_OUT: json_document(_held_out(fit, merged, None).document()).encode(),
         HELD_OUT_FORCES: predictions_content(merged),
     }
     add_to_run(run.path, contents)
+
+
+def _held_out(fit: Fit, predictions: Sequence[Prediction], calibration: Calibration | None) -> Predictions:
+    """Predictions of held-out tests that were read from a file, which has nothing of the fit."""
+    judged = [replace(each, outside=fit.outside(each.test, each.model_force)) for each in predictions]
+    return Predictions.about(fit, judged, nuisances=fit.nuisances, calibration=calibration, level=_LEVEL)
 
 
 def keep_held_out(place: Path, predictions: Predictions) -> bool:
@@ -129,16 +72,15 @@ def keep_held_out(place: Path, predictions: Predictions) -> bool:
     return True
 
 
-def read_held_out(run: RunFolder, fit: Fit) -> HeldOutTests | None:
-    """The tests of the run folder of a fit, without those of its calibration; `None` without any."""
+def read_held_out(run: RunFolder, fit: Fit) -> Predictions | None:
+    """The predictions in the run folder of a fit of tests that its calibration has not seen; `None` without any."""
     calibration = stored_calibration(run)
-    kept = tuple(
+    kept = [
         each
         for each in read_predictions(run, HELD_OUT_FORCES, verb=_VERB)
         if calibration is None or not calibration.knows(each.test)
-    )
-    tests = tuple(HeldOutTest.of(each, fit, calibration) for each in kept)
-    return HeldOutTests(tests=tests, predictions=kept) if kept else None
+    ]
+    return _held_out(fit, kept, calibration) if kept else None
 
 
 _VERB = "predict"

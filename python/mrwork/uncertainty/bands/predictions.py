@@ -59,10 +59,23 @@ class Predictions(Summarised):
     ) -> Predictions:
         """Simulate every test; `others` as in `predict`."""
         chosen = fit.nuisances if nuisances is None else nuisances
-        predictions = tuple(
+        predictions = [
             with_others(predict_test(fit, test, chosen, substep_factor), fit, others, chosen)
             for test in tests
-        )
+        ]
+        return cls.about(fit, predictions, nuisances=chosen, calibration=calibration, level=level)
+
+    @classmethod
+    def about(
+        cls,
+        fit: Fit,
+        predictions: Sequence[Prediction],
+        *,
+        nuisances: tuple[NuisanceName, ...],
+        calibration: Calibration | None,
+        level: float | None,
+    ) -> Predictions:
+        """Predictions that were made already, with the bands of a calibration."""
         bands: tuple[PredictionBand, ...] = ()
         if calibration is not None and level is not None:
             made = [calibration.band(each, level) for each in predictions]
@@ -72,9 +85,9 @@ class Predictions(Summarised):
             )
         return cls(
             fit=fit,
-            predictions=predictions,
-            nuisances=chosen,
-            used=tuple(None if calibration is None else calibration.knows(test) for test in tests),
+            predictions=tuple(predictions),
+            nuisances=nuisances,
+            used=tuple(None if calibration is None else calibration.knows(each.test) for each in predictions),
             bands=bands,
             basis=calibration.basis if calibration is not None and bands else "",
         )
@@ -86,15 +99,15 @@ class Predictions(Summarised):
         return tuple(each for each, used in pairs if each.seen is None and used is None)
 
     @property
-    def spread(self) -> FitSpread | None:
-        """Median and worst of all tests; `None` for one test."""
-        return _spread(self.predictions) if len(self.predictions) > 1 else None
+    def spread(self) -> FitSpread:
+        """Median and worst of all tests."""
+        return spread_of(self.predictions)
 
     @property
     def spread_unseen(self) -> FitSpread | None:
         """Median and worst of the tests that the fit has not seen; `None` where these are none or all."""
         unseen = [each for each in self.predictions if each.seen is None]
-        return _spread(unseen) if 0 < len(unseen) < len(self.predictions) else None
+        return spread_of(unseen) if 0 < len(unseen) < len(self.predictions) else None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -131,7 +144,8 @@ class Predictions(Summarised):
 
     def document(self) -> dict[str, Any]:
         """What `mrwork predict --json` prints."""
-        spreads = {"spread": self.spread, "spread_unseen": self.spread_unseen}
+        several = self.spread if len(self.predictions) > 1 else None
+        spreads = {"spread": several, "spread_unseen": self.spread_unseen}
         return {
             "model": self.fit.model,
             "files": [self._file(number) for number in range(len(self.predictions))],
@@ -188,7 +202,7 @@ class Predictions(Summarised):
                     *(f"{quality.rmse_n:.2f}", str(quality.n_time), str(quality.substeps), *band),
                 )
             )
-        notes = [] if self.spread is None else [self.spread.in_words]
+        notes = [self.spread.in_words] if len(self.predictions) > 1 else []
         if self.nuisances:
             notes.append(
                 f"Estimated from the measured force of each test: {estimated_in_words(self.nuisances)}."
@@ -215,7 +229,6 @@ class Predictions(Summarised):
         )
 
 
-def _spread(predictions: Sequence[Prediction]) -> FitSpread:
-    return FitSpread.of(
-        [each.test.label for each in predictions], [each.quality.fit_percent for each in predictions]
-    )
+def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
+    """Median and worst of the fits of these tests."""
+    return FitSpread.of([each.test.name for each in predictions], [each.fit_percent for each in predictions])
