@@ -64,6 +64,7 @@ class Summary:
             lines += ["", *([f"  {table.title}"] if table.title else []), *shown.lines("  ")]
             more = len(table.rows) - len(shown.rows)
             lines += [f"  ... {more} more rows"] if more else []
+            lines += _wrapped(table.note)
         if not whole:
             lines = [
                 line if len(line) <= _MOST_CHARACTERS else f"{line[: _MOST_CHARACTERS - 3]}..."
@@ -71,9 +72,8 @@ class Summary:
             ]
         if whole and self.sentences and self.shown_tables:
             lines.append("")
-        for sentence in self.sentences:
-            # A caution must be read to its end.
-            lines += wrap(sentence, _MOST_CHARACTERS, initial_indent="  ", subsequent_indent="    ")
+        # A caution must be read to its end.
+        lines += [line for sentence in self.sentences for line in _wrapped(sentence)]
         return "\n".join(lines)
 
     def html(self) -> str:
@@ -93,6 +93,10 @@ class Summary:
             parts += [f"<p>... {more} more rows</p>"] if more else []
         parts += [f"<p>{escape(sentence)}</p>" for sentence in self.sentences]
         return f"<div class='mrwork-summary'>{''.join(parts)}</div>"
+
+
+def _wrapped(sentence: str) -> list[str]:
+    return wrap(sentence, _MOST_CHARACTERS, initial_indent="  ", subsequent_indent="    ")
 
 
 def _first_rows(table: Table) -> Table:

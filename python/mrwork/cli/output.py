@@ -117,7 +117,7 @@ def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> list[
     if fit.intervals is not None and fit.intervals.kind == kind:
         return []
     source = "standard errors" if fit.intervals is None else f"{fit.intervals.heading}s"
-    return [f"the verdicts of the fit, and of its page, stay those by its {source}"]
+    return [f"  the verdicts of the fit, and of its page, stay those by its {source}"]
 
 
 def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:

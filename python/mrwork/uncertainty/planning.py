@@ -93,6 +93,8 @@ class Plan(Summarised):
         )
 
     def _summary(self) -> Summary:
+        table = text_table(gain_columns(self.command_unit), self.gains[:_SHOWN])
+        more = len(self.gains) - _SHOWN
         return Summary(
             title=f"Next tests of {self.model}",
             facts=(
@@ -103,9 +105,8 @@ class Plan(Summarised):
                     f"{of_unit(self.gains[0].deviation, self.unit, 3)}, if the model is valid there",
                 ),
             ),
-            tables=[text_table(gain_columns(self.command_unit), self.gains[:_SHOWN])],
+            tables=[replace(table, note=f"and {more} more" if more > 0 else "")],
             notes=[
-                f"and {len(self.gains) - _SHOWN} more" if len(self.gains) > _SHOWN else "",
                 self.sentence,
                 f"{len(self.left_out)} candidates could not be simulated" if self.left_out else "",
             ],

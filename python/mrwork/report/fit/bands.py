@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrwork.base.numbers import format_fixed, percent
+from mrwork.base.numbers import percent
 from mrwork.base.summary import list_names
-from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, finish_signed
 from mrwork.plots.of_fits import bands as draw_bands
@@ -40,14 +39,13 @@ def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | Non
     bands = run.bands
     if bands is None:
         return None
-    covered = _by_test(bands)
+    covered = bands.by_test
     conditions = [(each.test.name, ", ".join(excitation(each.test))) for each in bands.predictions]
     names = [f"{name} ({known})" if known else name for name, known in conditions]
     prose = (
         "The prediction band (light blue) should contain the stated share of a measurement. It is "
         f"{bands.calibration.basis}: {'; '.join(names or bands.calibration.tests)}. It is valid for excitations and "
         "commands like these, not beyond them.",
-        *bands.calibration.remarks,
         _verdict([*covered.values()]),
     )
     return Section(
@@ -56,25 +54,17 @@ def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | Non
         summary=coverage_summary(bands),
         groups=(
             Group(
+                summary=bands._summary(),
                 prose=prose,
-                table=_table(bands, covered) if covered else None,
                 panels=_left_out_panels(bands, covered, common_unit(predictions)),
             ),
         ),
     )
 
 
-def _by_test(bands: StoredBands) -> dict[str, _Levels]:
-    """The tests whose coverage is known at every level."""
-    by_test: dict[str, _Levels] = {}
-    for row in bands.coverage:
-        by_test.setdefault(row.test, {})[row.level] = row
-    return {test: row for test, row in by_test.items() if set(LEVELS) <= set(row)}
-
-
 def coverage_summary(bands: StoredBands) -> str:
     """What the 90 % bands hold of tests left out, a sentence; of few tests the extremes, not a mean."""
-    shares = [row[_LEVEL].samples.coverage for row in _by_test(bands).values()]
+    shares = [row[_LEVEL].samples.coverage for row in bands.by_test.values()]
     if not shares:
         return "calibrated on one test, so their coverage is not known."
     span = f"{percent(min(shares), 0)} to {percent(max(shares), 0)} % of the samples of {len(shares)} tests left out"
@@ -98,32 +88,6 @@ def _verdict(tests: Sequence[_Levels]) -> str:
     elif not said:
         said.append(f"On average over {len(tests)} tests the bands have about their nominal coverage.")
     return " ".join(said)
-
-
-def _table(bands: StoredBands, covered: dict[str, _Levels]) -> Table:
-    def column(heading: str, cell: Callable[[LeftOutCoverage], str], unit: str = "") -> TableColumn:
-        return TableColumn(heading=heading, unit=unit, cell=lambda row: cell(row[_LEVEL]))
-
-    def share(level: float) -> TableColumn:
-        heading = f"in {100 * level:.0f} % band"
-        return TableColumn(heading=heading, unit="%", cell=lambda row: percent(row[level].samples.coverage))
-
-    names = {each.test.label: each.test.name for each in bands.predictions}
-    return page_table(
-        "Coverage of tests left out",
-        (
-            column("test", lambda row: names.get(row.test, row.test)),
-            *map(share, LEVELS),
-            column("cycles in 90 %", lambda row: percent(row.cycles_inside), "%"),
-            column("width of 90 %", lambda row: format_fixed(row.samples.width, 3)),
-            column("interval score", lambda row: format_fixed(row.samples.interval_score, 3)),
-        ),
-        covered.values(),
-        note="The band of each test is calibrated on the others only. A cycle is inside where its dissipated energy "
-        "lies in the 90 % band of the energy; the cycles of one test are alike, so nearly all or nearly none are. "
-        "Width and interval score are in standard deviations of the test's force. The score is the mean width plus "
-        "twenty times the mean distance of samples outside; lower is better.",
-    )
 
 
 def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: str) -> tuple[Panel, ...]:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import Positive, Whole
+from mrwork.base.numbers import format_fixed, percent
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.units import CommandUnit
@@ -35,6 +36,11 @@ from mrwork.uncertainty.bands.conformal import (
     measured_coverage,
 )
 from mrwork.uncertainty.bands.prediction import Fold, Prediction, folds_of, predict_left_out, rests_of
+
+
+def _thousandths(value: float) -> str:
+    return format_fixed(value, 3)
+
 
 _VERB = "calibrate"
 # Level of the coverage and the interval score that stand for a calibration.
@@ -86,26 +92,40 @@ class StoredBands(Summarised):
         )
 
     @property
+    def by_test(self) -> dict[str, dict[float, LeftOutCoverage]]:
+        """The coverage of each test at every level."""
+        by_test: dict[str, dict[float, LeftOutCoverage]] = {}
+        for row in self.coverage:
+            by_test.setdefault(row.test, {})[row.level] = row
+        return by_test
+
+    @property
     def _coverage_table(self) -> Table:
-        """The share of samples of each test in the bands of the others, and its score."""
-        tests = [
-            self.coverage[first : first + len(LEVELS)] for first in range(0, len(self.coverage), len(LEVELS))
+        """The share of samples of each test in the bands of the others, its score, and their means."""
+        rows = self.by_test.values()
+        names = {each.test.label: each.test.name for each in self.predictions}
+        columns: list[tuple[list[float], Callable[[float], str]]] = [
+            *(([row[level].samples.coverage for row in rows], percent) for level in LEVELS),
+            ([row[_LEVEL].cycles_inside for row in rows], percent),
+            ([row[_LEVEL].samples.width for row in rows], _thousandths),
+            ([row[_LEVEL].samples.interval_score for row in rows], _thousandths),
         ]
-        main = LEVELS.index(_LEVEL)
-        values = np.array(
-            [
-                [*(100 * each.samples.coverage for each in rows), rows[main].samples.interval_score]
-                for rows in tests
-            ]
-        )
-        names = [*(rows[0].test for rows in tests), "mean"]
         return Table(
-            title="Samples [%] of each test in the bands calibrated on the others, interval score of the 90 % band:",
-            columns=("test", *(f"in {100 * level:.0f} %" for level in LEVELS), "score"),
+            title="Coverage of tests left out",
+            columns=(
+                "test",
+                *(f"in {100 * level:.0f} % [%]" for level in LEVELS),
+                *("cycles in 90 % [%]", "width of 90 %", "score of 90 %"),
+            ),
             rows=[
-                (name, *(f"{share:.1f}" for share in shares), f"{score:.3f}")
-                for name, (*shares, score) in zip(names, [*values, values.mean(axis=0)], strict=True)
+                (names.get(test, test), *(shown(values[number]) for values, shown in columns))
+                for number, test in enumerate(self.by_test)
             ],
+            foot=("mean", *(shown(float(np.mean(values))) for values, shown in columns)),
+            note="The band of each test is calibrated on the others only. A cycle is inside where its dissipated "
+            "energy lies in the 90 % band of the energy; the cycles of one test are alike, so nearly all or nearly "
+            "none are. Width and interval score are in standard deviations of the test's force. The score is the mean "
+            "width plus twenty times the mean distance of samples outside; lower is better.",
         )
 
     def others(self, prediction: Prediction) -> list[Prediction]:
