@@ -164,7 +164,7 @@ def test_damage_before_a_sound_line_and_a_missing_line_are_refused_by_number(pat
     lines, second = whole.splitlines(keepends=True), whole.index(b"\n") + 1
     flipped = whole[:second] + bytes([whole[second] ^ 1]) + whole[second + 1 :]
     refuses(path, flipped, "damaged in line 2, with sound lines after it")
-    refuses(path, b"".join([lines[0], *lines[2:]]), "lacks a line before its line 2")
+    refuses(path, b"".join([lines[0], *lines[2:]]), "descent where this run comes to another descent")
     refuses(path, 2 * b'{"generation": 1, "best": 0.5}\n', "not a journal that this version can resume")
     # The last line is dropped instead.
     path.write_bytes(whole[:-30] + b"x" + whole[-29:])

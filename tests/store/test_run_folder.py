@@ -51,9 +51,9 @@ KINDS = pytest.mark.parametrize("kind", RUN_KINDS, ids=lambda kind: kind.verb)
 
 
 def named(kind: RunKind) -> list[str]:
-    """A name for each pattern of what a verb writes, without its manifest and its journals."""
-    names = (name.replace("*", "a") for name in sorted(kind.written - {MANIFEST}))
-    return [name for name in names if not name.endswith(".jsonl")]
+    """A name for each file and folder that a verb writes, without its manifest and its journal."""
+    names = sorted((kind.written | kind.redrawn) - {MANIFEST, JOURNAL})
+    return [name if "." in name else f"{name}/a.npz" for name in names]
 
 
 def written(place: Path, kind: RunKind, *, text: str = "first", allowed: bool = False) -> RunFolder:
@@ -244,10 +244,10 @@ def test_a_folder_of_another_program_is_never_replaced(tmp_path: Path, manifest:
     place.mkdir()
     (place / RESULTS).write_text("not of mrwork")
     destination = Destination(path=place, kind=STUDY_RUN, replace=allowed)
-    refusal(destination.check, match=f"holds files but no {MANIFEST}")
+    refusal(destination.run, match=f"holds files but no {MANIFEST}")
     (place / MANIFEST).write_text(manifest)
     before = contents(place)
-    for call in (destination.check, lambda: written(place, STUDY_RUN, allowed=allowed)):
+    for call in (destination.run, lambda: written(place, STUDY_RUN, allowed=allowed)):
         refusal(call, match="is not that of a run of mrwork|is not JSON")
     assert contents(place) == before
 

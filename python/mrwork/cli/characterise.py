@@ -93,7 +93,7 @@ def _characterise(options: argparse.Namespace) -> int:
     place = options.out or Path("out") / options.folder.resolve().name
     # What the steps would refuse, before anything is written.
     destination = Destination(path=place, kind=FIT_RUN, replace=options.replace, resume=options.resume)
-    destination.check()
+    destination.run()
     begun = (place / FIT).exists() and not (place / SUMMARY).exists()
     if begun and not (options.resume or options.replace) and is_complete(place):
         raise OutputError(

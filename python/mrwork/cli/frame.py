@@ -38,7 +38,7 @@ class Frame:
         """That of the folder of the command line, or of `default` in `out`, which is refused if it is of another."""
         folder = options.out or Path("out") / default
         destination = Destination(path=folder, kind=kind, replace=options.replace, resume=options.resume)
-        destination.check()
+        destination.run()
         return cls(options=options, destination=destination, kept=kept)
 
     @property

@@ -7,6 +7,7 @@ changed by its owner, and becomes NAME~.
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -15,7 +16,7 @@ from typing import Any, Final
 
 from mrwork.errors import OutputError
 from mrwork.store.codec import json_document
-from mrwork.store.input_file import digest_of_content, digest_of_file, exists
+from mrwork.store.input_file import exists
 from mrwork.store.output_file import make_folder, new_file
 
 MANIFEST: Final = "manifest.json"
@@ -25,18 +26,23 @@ FILES, REPLACED, OWN = "files", "replaced", "digest"
 """Keys of a manifest: digests of the files by name; of those before, until each file has its name; its own digest."""
 
 _TEXTS: Final = frozenset({".json", ".jsonl", ".toml", ".csv", ".html", ".svg"})
-# Bytes of a file that is read whole.
-_SMALL: Final = 4 << 20
+_DIGEST: Final = "sha256"
+SMALL: Final = 4 << 20
+"""Bytes up to which a file is read whole, whatever its time says."""
 
 
 def digest_of(name: str, content: bytes) -> str:
     """Digest of the content of a file; of a text it does not depend on how lines end, which some programs change."""
-    return digest_of_content(content.replace(b"\r\n", b"\n") if PurePath(name).suffix in _TEXTS else content)
+    whole = content.replace(b"\r\n", b"\n") if PurePath(name).suffix in _TEXTS else content
+    return f"{_DIGEST}:{hashlib.new(_DIGEST, whole).hexdigest()}"
 
 
 def digest_at(name: str, path: Path) -> str:
     """Digest of a file that has, or will have, a name."""
-    return digest_of_file(path) if path.stat().st_size > _SMALL else digest_of(name, path.read_bytes())
+    if path.stat().st_size <= SMALL:
+        return digest_of(name, path.read_bytes())
+    with path.open("rb") as stream:
+        return f"{_DIGEST}:{hashlib.file_digest(stream, _DIGEST).hexdigest()}"
 
 
 def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:
@@ -44,16 +50,15 @@ def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:
     return {name: digest_of(name, content) for name, content in contents.items()}
 
 
-def manifest_document(stated: Mapping[str, object], files: Mapping[str, str], **further: object) -> bytes:
-    """The content of a manifest with these facts and files."""
-    document = {**stated, FILES: files, **further}
-    return json_document({**document, OWN: digest_of_manifest(document)}).encode()
-
-
 def digest_of_manifest(stated: Mapping[str, object]) -> str:
     """Digest of what a manifest states, without itself."""
     own = {key: value for key, value in stated.items() if key != OWN}
     return digest_of(MANIFEST, json_document(own).encode(errors="surrogatepass"))
+
+
+def manifest_document(stated: Mapping[str, object]) -> bytes:
+    """The content of a manifest that states this, and its own digest."""
+    return json_document({**stated, OWN: digest_of_manifest(stated)}).encode()
 
 
 def make_folders(place: Path, name: str) -> Path:
@@ -82,11 +87,11 @@ def commit(
     NAME has; digests of the files that are `replaced`, of which those that are not written go. `flush`: whether to wait
     until the contents are on the disk.
     """
-    files = {**grown, **digests_of(contents)}
+    manifest = {**stated, FILES: {**grown, **digests_of(contents)}, REPLACED: replaced}
     for name, content in contents.items():
         _write(place, name + NEW, content, flush=flush)
-    _replace_manifest(place, manifest_document(stated, files, **{REPLACED: replaced}))
-    end_commit(place, {**stated, FILES: files, REPLACED: replaced})
+    _replace_manifest(place, manifest)
+    end_commit(place, manifest)
 
 
 def end_commit(place: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
@@ -105,7 +110,7 @@ def end_commit(place: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
                 # A folder that is empty now, and not that of the run, which has a manifest.
                 path.parent.rmdir()
     ended = {key: value for key, value in manifest.items() if key not in (REPLACED, OWN)}
-    _replace_manifest(place, manifest_document(ended, files))
+    _replace_manifest(place, ended)
     return {**ended, OWN: digest_of_manifest(ended)}
 
 
@@ -118,8 +123,8 @@ def _keep_changed(path: Path, name: str, replaced: Mapping[str, str | None]) -> 
         path.rename(kept)
 
 
-def _replace_manifest(place: Path, content: bytes) -> None:
-    _write(place, MANIFEST + NEW, content, flush=True)
+def _replace_manifest(place: Path, stated: Mapping[str, object]) -> None:
+    _write(place, MANIFEST + NEW, manifest_document(stated), flush=True)
     (place / (MANIFEST + NEW)).replace(place / MANIFEST)
 
 

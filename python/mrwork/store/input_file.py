@@ -5,17 +5,14 @@ Every reader of the package asks this module for the bytes of a file; `tests/sto
 
 from __future__ import annotations
 
-import errno
-import hashlib
 import io
-import math
 import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +30,12 @@ _RATIO: Final = 10
 _MOST: Final = 1 << 30
 
 
-def compute_allowance(size: int, *, least: int = LEAST) -> int:
-    """Bytes that the contents of a file of `size` bytes may take: 10 times its size, from `least` to 1 GiB."""
-    return min(_MOST, max(least, _RATIO * size))
-
-
 class Allowance:
-    """Bytes that are left of those `allowed` for the contents of the file at `path`, which has `size` bytes itself."""
+    """Bytes that are left for the contents of the file at `path`: 10 times its `size`, from `least` to 1 GiB."""
 
     def __init__(self, path: Path, size: int, *, least: int = LEAST) -> None:
         self._path = path
-        self._whole = self._left = compute_allowance(size, least=least)
+        self._whole = self._left = min(_MOST, max(least, _RATIO * size))
 
     def take(self, count: int, what: str) -> None:
         """Count the bytes of `what`."""
@@ -56,11 +48,6 @@ class Allowance:
 
 
 _MIB: Final = 1 << 20
-_DIGEST: Final = "sha256"
-# Without O_NONBLOCK, a pipe that has taken the place of the file since it was checked would wait for a writer.
-_FLAGS: Final = os.O_RDONLY | sum(
-    getattr(os, name, 0) for name in ("O_BINARY", "O_CLOEXEC", "O_NOCTTY", "O_NONBLOCK")
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,28 +93,12 @@ def bytes_of(path: Path, kind: FileKind) -> bytes:
 
 def start_of(path: Path, kind: FileKind, count: int) -> bytes:
     """The first bytes of a file, at most `count`."""
+    size = check_file(path, kind)
     try:
-        _check(os.stat(path), path, kind)  # noqa: PTH116 - `Path` refuses some names with other errors
-        descriptor = os.open(path, _FLAGS)
-        with os.fdopen(descriptor, "rb") as stream:
-            status = os.fstat(descriptor)
-            _check(status, path, kind)
-            return stream.read(min(status.st_size, count))
-    except RecordError:
-        raise
-    except (OSError, ValueError) as reason:
-        _refuse(path, kind, reason)
-
-
-def digest_of_file(path: Path) -> str:
-    """Digest of an ordinary file of any size, as `digest_of_content`; a link is followed."""
-    with os.fdopen(os.open(path, _FLAGS), "rb") as stream:
-        return f"{_DIGEST}:{hashlib.file_digest(stream, _DIGEST).hexdigest()}"
-
-
-def digest_of_content(content: bytes) -> str:
-    """Digest of the content of a file, as the manifest of a run folder lists it."""
-    return f"{_DIGEST}:{hashlib.new(_DIGEST, content).hexdigest()}"
+        with path.open("rb") as stream:
+            return stream.read(min(size, count))
+    except OSError as reason:
+        raise _refusal(path, reason) from reason
 
 
 def text_of(path: Path, kind: FileKind) -> str:
@@ -149,22 +120,34 @@ def text_in(content: bytes, path: Path, kind: FileKind) -> str:
 
 
 def is_there(path: Path, kind: FileKind) -> bool:
-    """Whether there is a file at `path`."""
+    """Whether there is a file at `path`, which must be one of this kind."""
+    return exists(path) and check_file(path, kind) >= 0
+
+
+def check_file(path: Path, kind: FileKind) -> int:
+    """Size of the ordinary file at `path`, which is not too large."""
     try:
-        _check(os.stat(path), path, kind)  # noqa: PTH116 - as in `start_of`
-    except (FileNotFoundError, NotADirectoryError):
-        return False
-    except RecordError:
-        raise
+        status = os.stat(path)  # noqa: PTH116 - `Path` refuses some names with other errors
     except (OSError, ValueError) as reason:
-        _refuse(path, kind, reason)
-    return True
+        raise _refusal(path, reason) from reason
+    if not stat.S_ISREG(status.st_mode):
+        what = "a directory" if stat.S_ISDIR(status.st_mode) else "a pipe, a device or a socket"
+        raise RecordError(f"{path}: is {what} where {kind.name} was expected; {kind.remedy}")
+    if status.st_size > kind.largest:
+        raise RecordError(
+            f"{path}: has {status.st_size / 1e6:,.0f} MB where {kind.name} has {kind.largest / 1e6:,.0f} MB at most; "
+            f"{kind.smaller or kind.remedy}"
+        )
+    return status.st_size
 
 
-def check_file(path: Path, kind: FileKind) -> None:
-    """Check that there is an ordinary file at `path` that is not too large."""
-    if not is_there(path, kind):
-        _refuse(path, kind, FileNotFoundError())
+def _refusal(path: Path, reason: OSError | ValueError) -> RecordError:
+    if isinstance(reason, ValueError):
+        # With NUL, or half of a surrogate pair.
+        return RecordError(f"{str(path)!a} cannot be the name of a file; check it")
+    if isinstance(reason, FileNotFoundError | NotADirectoryError):
+        return RecordError(f"{path}: there is no such file; check the path")
+    return RecordError(f"{path}: cannot be read ({reason.strerror}); check the file and its permissions")
 
 
 def is_file(path: str | Path) -> bool:
@@ -182,43 +165,10 @@ def exists(path: str | Path) -> bool:
     return os.path.exists(path)  # noqa: PTH110 - as in `is_file`
 
 
-def _check(status: os.stat_result, path: Path, kind: FileKind) -> None:
-    if not stat.S_ISREG(status.st_mode):
-        what = "a directory" if stat.S_ISDIR(status.st_mode) else "a pipe, a device or a socket"
-        raise RecordError(f"{path}: is {what} where {kind.name} was expected; {kind.remedy}")
-    if status.st_size > kind.largest:
-        raise RecordError(
-            f"{path}: has {status.st_size / 1e6:,.0f} MB where {kind.name} has {kind.largest / 1e6:,.0f} MB at most; "
-            f"{kind.smaller or kind.remedy}"
-        )
-
-
-def _refuse(path: Path, kind: FileKind, reason: OSError | ValueError) -> NoReturn:
-    if not isinstance(reason, OSError):
-        # With NUL, or half of a surrogate pair.
-        raise RecordError(f"{str(path)!a} cannot be the name of a file; check it") from None
-    if isinstance(reason, FileNotFoundError | NotADirectoryError):
-        sentence = "there is no such file; check the path"
-    elif reason.errno == errno.ENAMETOOLONG:
-        sentence = "the name is longer than that of any file; check it"
-    elif reason.errno == errno.ELOOP:
-        sentence = f"is a symbolic link that leads back to itself; {kind.remedy}"
-    else:
-        sentence = f"cannot be read ({reason.strerror or reason}); check the file and its permissions"
-    raise RecordError(f"{path}: {sentence}") from reason
-
-
 def read_array(path: Path, kind: FileKind) -> NDArray[Any]:
-    """The array of a .npy file; one of Python objects, or of more numbers than the file has, is refused."""
-    data = bytes_of(path, kind)
+    """The array of a .npy file; one of Python objects is refused."""
     with _refuse_damage(path, kind):
-        stream = io.BytesIO(data)
-        first = np.lib.format.read_magic(stream) == (1, 0)
-        read_header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read_header(stream)
-        if math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
-            raise ValueError(f"it claims the shape {shape}")
-        array: NDArray[Any] = np.load(io.BytesIO(data), allow_pickle=False)
+        array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(bytes_of(path, kind)), allow_pickle=False)
         return array
 
 

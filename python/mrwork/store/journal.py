@@ -9,18 +9,20 @@ from __future__ import annotations
 
 import errno
 import json
-import math
 import os
 import threading
 import time
 import zlib
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final, Protocol, TypeVar, runtime_checkable
 
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import counted
-from mrwork.errors import JournalError, MrworkError
+from mrwork.errors import JournalError
 from mrwork.store.codec import built, differences, plain
 from mrwork.store.input_file import FileKind, bytes_of, is_there, start_of
 from mrwork.store.output_file import Lock, explain_failure, open_to_write
@@ -106,14 +108,13 @@ class Journal:
         # After an interrupt, a refinement may still run on its thread; it must not write to a closed journal.
         self._writing = threading.Lock()
         self._closed = False
-        self._lock: Lock | None = None
         self._locks = locks
+        # The lock, and the file above it.
+        self._held = ExitStack()
         self._file: int | None = None
         self._synced, self._pause, self._began = 0.0, 0.0, time.perf_counter()
         self.lines = b""
         """The lines that were there when a file was resumed."""
-        self.has_grown = False
-        """Whether a step was added."""
 
     @property
     def seconds_before(self) -> float:
@@ -158,15 +159,9 @@ class Journal:
             return None
         if recorded.get("inputs") != inputs:
             raise self._mismatch(recorded, step)
-        try:
-            if self._counters is not None and "counters" in recorded:
-                self._counters.restore(recorded["counters"])
-            return read(recorded["result"])
-        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as reason:
-            raise JournalError(
-                f"line {recorded['line']} of {self.path} does not hold the result of a {step} "
-                f"({type(reason).__name__}: {reason}); {_ANEW}"
-            ) from reason
+        if self._counters is not None and "counters" in recorded:
+            self._counters.restore(recorded["counters"])
+        return read(recorded["result"])
 
     @checked
     def record(self, step: str, inputs: str, result: Mapping[str, object]) -> None:
@@ -177,27 +172,9 @@ class Journal:
         self._append(step, entry)
 
     @checked
-    def once(
-        self,
-        step: str,
-        inputs: str,
-        kind: type[T],
-        compute: Callable[[], T],
-        *,
-        agrees: Callable[[T], bool] | None = None,
-    ) -> T:
-        """Return the recorded result of a step, or compute and record it; `kind` is a dataclass, see `built`.
-
-        A recorded result that does not agree with the inputs is none.
-        """
-
-        def read(record: dict[str, Any]) -> T:
-            result: T = built(kind, record)
-            if agrees is not None and not agrees(result):
-                raise ValueError("it is of another size than its inputs")
-            return result
-
-        recalled = self.recall(step, inputs, read)
+    def once(self, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
+        """Return the recorded result of a step, or compute and record it; `kind` is a dataclass, see `built`."""
+        recalled: T | None = self.recall(step, inputs, partial(built, kind))
         if recalled is not None:
             return recalled
         result = compute()
@@ -212,20 +189,9 @@ class Journal:
 
     def close(self) -> None:
         """Close the file and release it; a later step is refused."""
-        try:
-            with self._writing:
-                self._closed = True
-                if self._file is not None:
-                    file, self._file = self._file, None
-                    try:
-                        with explain_failure(f"write the journal {self.path}", _NOT_LOST):
-                            os.fsync(file)
-                    finally:
-                        os.close(file)
-        finally:
-            if self._lock is not None:
-                self._lock.release()
-                self._lock = None
+        with self._writing, explain_failure(f"write the journal {self.path}", _NOT_LOST):
+            self._closed, self._file = True, None
+            self._held.close()
 
     def _next(self, step: str) -> dict[str, Any] | None:
         """Next recorded line, which must be of this step; `None` after the last."""
@@ -245,14 +211,13 @@ class Journal:
 
     def _resume(self, path: Path, note: Callable[[str], None] | None) -> None:
         """Read the steps of the file at `path`, which is not damaged before its end."""
-        if self.path.parent.is_dir():
-            self._take_lock()
+        if not is_there(path, JOURNAL_FILE):
+            raise JournalError(f"there is no journal at {path} to resume; run without --resume")
+        self._take_lock()
+        content = bytes_of(path, JOURNAL_FILE)
         try:
-            if not is_there(path, JOURNAL_FILE):
-                raise JournalError(f"there is no journal at {path} to resume; run without --resume")
-            content = bytes_of(path, JOURNAL_FILE)
             self._recorded, length = read_lines(content, path)
-        except MrworkError:
+        except JournalError:
             self.close()
             raise
         if length < len(content) and note is not None:
@@ -261,19 +226,20 @@ class Journal:
         self._began -= self.seconds_before
 
     def _take_lock(self) -> None:
-        if self._locks and self._lock is None:
-            self._lock = Lock(self.path.parent, self.path.name)
+        if self._locks:
+            self._held.enter_context(Lock(self.path.parent, self.path.name))
+            self._locks = False
 
     def _open(self) -> int:
         """Open the file, which has the lines that were resumed and no others."""
         self._take_lock()
         with explain_failure(f"write {self.path}", "choose another folder"):
-            file = open_to_write(self.path, _FLAGS)
+            self._file = file = open_to_write(self.path, _FLAGS)
+        self._held.callback(os.close, file)
+        self._held.callback(os.fsync, file)
         size = os.fstat(file).st_size
         os.ftruncate(file, min(size, len(self.lines)))
-        if size < len(self.lines):
-            os.write(file, self.lines[size:])
-        self._file, self.has_grown = file, True
+        os.write(file, self.lines[size:])
         return file
 
     def _append(self, step: str, entry: Mapping[str, object]) -> None:
@@ -322,14 +288,13 @@ JOURNAL_FILE: Final = FileKind(
     name="a journal", largest=1 << 30, remedy="move it away, and run again without --resume"
 )
 _START = b'{"line": '
-_SUM = ', "crc32": "'
-_END = '"}\n'
+_SUM = b', "crc32": "'
 
 
 def line_of(entry: Mapping[str, object]) -> bytes:
     """Line of an entry; its last key is the CRC-32 of the text before it."""
-    text = json.dumps(plain(entry), allow_nan=False, ensure_ascii=False)[:-1]
-    return f"{text}{_SUM}{zlib.crc32(text.encode()):08x}{_END}".encode()
+    text = json.dumps(plain(entry), allow_nan=False, ensure_ascii=False)[:-1].encode()
+    return b'%s%s%08x"}\n' % (text, _SUM, zlib.crc32(text))
 
 
 def is_journal(path: Path) -> bool:
@@ -342,8 +307,7 @@ def n_steps(path: Path) -> int:
     """Number of recorded steps in a journal of any format, of which the header is none; 0 where there is no file."""
     if not is_there(path, JOURNAL_FILE):
         return 0
-    entries = map(_entry_of, bytes_of(path, JOURNAL_FILE).splitlines(keepends=True))
-    return sum(entry is not None and "result" in entry for entry in entries)
+    return sum("result" in _entry_of(line) for line in bytes_of(path, JOURNAL_FILE).splitlines(keepends=True))
 
 
 def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
@@ -352,42 +316,22 @@ def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
     A dead process leaves the last line incomplete, a power cut damages the last few: a damaged end is ignored; damage
     before an intact line is an error.
     """
-    lines = content.split(b"\n")
-    # An intact last line ends with a newline, after which `split` returns an empty item.
-    lines = [line + b"\n" for line in lines[:-1]] + ([lines[-1]] if lines[-1] else [])
+    lines = content.splitlines(keepends=True)
     entries = [_entry_of(line) for line in lines]
-    sound = entries.index(None) if None in entries else len(entries)
-    kept = [entry for entry in entries[:sound] if entry is not None]
+    sound = [*takewhile(bool, entries)]
     fault = ""
-    if any(entry is not None for entry in entries[sound:]):
-        fault = f"is damaged in line {sound + 1}, with sound lines after it"
-    elif not kept and len(lines) > 1:
+    if any(entries[len(sound) :]):
+        fault = f"is damaged in line {len(sound) + 1}, with sound lines after it"
+    elif not sound and len(lines) > 1:
         fault = "is not a journal that this version can resume"
-    elif kept and kept[0].get("format") != FORMAT:
-        fault = f"has format {kept[0].get('format')}, this version reads {FORMAT}"
-    elif odd := [
-        each for each in enumerate((entry.get("line") for entry in kept), start=1) if each[0] != each[1]
-    ]:
-        fault = f"lacks a line before its line {odd[0][0]}, which says it is line {odd[0][1]}"
+    elif sound and sound[0].get("format") != FORMAT:
+        fault = f"has format {sound[0].get('format')}, this version reads {FORMAT}"
     if fault:
         raise JournalError(f"{path} {fault}; {_ANEW}")
-    return kept, sum(len(line) for line in lines[:sound])
+    return sound, sum(map(len, lines[: len(sound)]))
 
 
-def _entry_of(line: bytes) -> dict[str, Any] | None:
-    """Entry of an intact line; `None` if the line is damaged."""
-    try:
-        text = line.decode()
-    except UnicodeDecodeError:
-        return None
-    body, _, rest = text.rpartition(_SUM)
-    if rest != f"{zlib.crc32(body.encode()):08x}{_END}":
-        return None
-    try:
-        entry: dict[str, Any] = json.loads(body + "}")
-    except ValueError:
-        return None
-    # The checksum is no proof that this package has written the line.
-    seconds = entry.get("seconds")
-    sound = isinstance(seconds, int | float) and math.isfinite(seconds) and isinstance(entry.get("step"), str)
-    return entry if sound else None
+def _entry_of(line: bytes) -> dict[str, Any]:
+    """Entry of an intact line; empty if the line is damaged."""
+    text, _, end = line.rpartition(_SUM)
+    return json.loads(text + b"}") if end == b'%08x"}\n' % zlib.crc32(text) else {}

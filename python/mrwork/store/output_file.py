@@ -18,7 +18,7 @@ import socket
 import stat
 import sys
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -63,7 +63,6 @@ def open_to_write(path: Path, flags: int) -> int:
 
 def new_file(path: Path) -> BinaryIO:
     """A new file at `path`, open for writing; an earlier one, or a link, is removed first."""
-    refuse_special(path)
     path.unlink(missing_ok=True)
     return os.fdopen(os.open(path, _NEW, 0o666), "wb")
 
@@ -86,8 +85,6 @@ def explain_failure(what: str, remedy: str, *, full: str = "") -> Iterator[None]
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
     """A file open for writing under a temporary name, which is renamed to `path` at the end of the block."""
-    if "\0" in str(path):
-        raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     with explain_failure(f"write {path}", "make room, or give leave to write there"):
         refuse_special(path)
@@ -102,16 +99,13 @@ def replacing(path: Path) -> Iterator[BinaryIO]:
             raise
 
 
-def write_files(
-    folder: Path, contents: Mapping[str, bytes], *, then: Callable[[], None] = lambda: None
-) -> None:
-    """Write files into a folder by name; when all are written, `then` is called, and they are renamed."""
+def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Write files into a folder by name, which they get when all are written."""
     with ExitStack() as renamed:
         for name, content in contents.items():
             stream = renamed.enter_context(replacing(folder / name))
             stream.write(content)
             stream.flush()
-        then()
 
 
 _LONGEST = 300

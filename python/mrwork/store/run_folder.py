@@ -96,8 +96,7 @@ _NAMED: Final = 5
 class RunKind:
     """Kind of run folder that a verb writes, with its `kind` in the manifest.
 
-    `written`: patterns of paths that the verb writes. `added`: names that later verbs add. `redrawn`: files that later
-    verbs write again from the others, and folders of such files.
+    Names in the folder: `written` by the verb; `added` by later verbs; `redrawn` by later verbs from the other files.
     """
 
     verb: str
@@ -107,7 +106,7 @@ class RunKind:
     redrawn: frozenset[str] = frozenset({REPORT, SUMMARY, DATA})
 
     def redraws(self, name: str) -> bool:
-        """Whether a file of the folder is one that later verbs write again, or within a folder of such files."""
+        """Whether a file of the folder is one that later verbs write again."""
         return name.partition("/")[0] in self.redrawn
 
     def adds(self, name: str) -> bool:
@@ -117,47 +116,32 @@ class RunKind:
     @property
     def entries(self) -> frozenset[str]:
         """Names in the folder that the verb, or a later one, may use; all others are the user's."""
-        return self.added | {pattern.partition("/")[0] for pattern in self.written}
+        return self.written | self.added | self.redrawn
 
 
-# The page, and what is beside it.
-_PAGE: Final = frozenset({REPORT, SUMMARY, f"{DATA}/*.csv"})
-_STEPS: Final = f"{MODELS}/*/*.jsonl"
-_HISTORIES: Final = f"{HISTORIES}/*.nc"
-GROWING: Final = (JOURNAL, _STEPS, _HISTORIES)
-"""Patterns of the files that grow while a run is made, of any kind."""
+JOURNALS: Final = (JOURNAL, f"{MODELS}/*/*.jsonl")
+"""Patterns of the journals that grow while a run is made."""
 
 FIT_RUN: Final = RunKind(
     verb="identify",
     kind="identification",
-    written=frozenset({MANIFEST, JOURNAL, REPORT, FIT, RANKING, LAWS, NEAR_SETS, f"{MODELS}/*/{FIT}", _STEPS})
-    | _PAGE,
+    written=frozenset({MANIFEST, JOURNAL, FIT, RANKING, LAWS, NEAR_SETS, MODELS}),
     added=ADDITIONS | {FIGURES},
 )
 STUDY_RUN: Final = RunKind(
     verb="respond",
     kind="study",
-    written=_PAGE
-    | {MANIFEST, JOURNAL, REPORT, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE}
-    | {_HISTORIES, ENSEMBLE, RUNS},
-)
+    written=frozenset({
+        MANIFEST, JOURNAL, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE, HISTORIES, ENSEMBLE, RUNS,
+    }),
+)  # fmt: skip
 TUNING_RUN: Final = RunKind(
     verb="tune",
     kind="tuning",
     written=STUDY_RUN.written | {CHOSEN, SCORES_TABLE, TUNED},
 )
-
-
 RUN_KINDS: Final = (FIT_RUN, STUDY_RUN, TUNING_RUN)
 """Every kind of run folder."""
-
-
-def kind_of(manifest: Mapping[str, Any]) -> RunKind | None:
-    """The kind of the run folder that has a manifest; `None` where no verb of `mrwork` has written it."""
-    for known in RUN_KINDS:
-        if manifest.get("verb") == known.verb and manifest.get("kind") == known.kind:
-            return known
-    return None
 
 
 def real_place(path: str | Path) -> Path:
@@ -200,7 +184,7 @@ class RunFolder:
         place = Path(path)
         kinds = (wanted,) if wanted else RUN_KINDS
         verbs = [f"`mrwork {each.verb}`" for each in kinds]
-        give = f"give a folder that {', '.join(verbs[:-1])} or {verbs[-1]} has written".replace("  or", "")
+        give = f"give a folder that {' or '.join(verbs)} has written"
         if not (is_folder(place) and exists(place / MANIFEST)):
             raise RecordError(_no_run(place, give))
         run = cls._at(place, RecordError)
@@ -233,8 +217,10 @@ class RunFolder:
             stated = json.loads(text_of(manifest, make_stored_kind("identify", name="the manifest")))
         except ValueError as reason:
             raise error(f"{manifest} is not JSON ({reason}); restore it, or choose another folder") from None
-        kind = kind_of(stated) if isinstance(stated, Mapping) else None
-        return None if kind is None else cls(path=path, kind=kind, manifest=stated)
+        for kind in RUN_KINDS if isinstance(stated, Mapping) else ():
+            if (stated.get("verb"), stated.get("kind")) == (kind.verb, kind.kind):
+                return cls(path=path, kind=kind, manifest=stated)
+        return None
 
     @property
     def place(self) -> Path:
@@ -327,15 +313,7 @@ class RunFolder:
             yield
         except MrworkError:
             raise
-        except (
-            ArithmeticError,
-            AttributeError,
-            LookupError,
-            OSError,
-            StopIteration,
-            TypeError,
-            ValueError,
-        ) as reason:
+        except Exception as reason:  # whatever a changed value leads to
             raise RecordError(
                 f"{self.path / name} cannot be read ({type(reason).__name__}: {reason}); restore it, or run "
                 f"`mrwork {self.kind.verb}` again"
@@ -383,7 +361,7 @@ def _no_run(place: Path, give: str) -> str:
         return f"{place} does not exist; {give}"
     if not is_folder(place):
         return f"{place} is a file; {give}"
-    if any(next(place.glob(pattern), None) for pattern in GROWING):
+    if any(next(place.glob(pattern), None) for pattern in (*JOURNALS, f"{HISTORIES}/*.npz")):
         return f"{place} has an unfinished run; run the command that began it again with --resume"
     runs: list[str] = []
     with suppress(OSError):

@@ -12,12 +12,10 @@ name. What replaces a run excludes all else, what adds to it excludes the same a
 
 from __future__ import annotations
 
-import errno
-import os
 import shutil
 import stat
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -32,6 +30,7 @@ from mrwork.store.commit import (
     MANIFEST,
     NEW,
     OWN,
+    SMALL,
     commit,
     digest_at,
     digest_of,
@@ -52,6 +51,7 @@ from mrwork.store.run_folder import (
     FORMAT,
     HISTORIES,
     JOURNAL,
+    JOURNALS,
     MODELS,
     RUN_KINDS,
     RunFolder,
@@ -62,9 +62,6 @@ from mrwork.store.run_folder import (
 )
 
 _TO_RESUME: Final = "run the same command with --resume to continue"
-_JOURNALS: Final = (JOURNAL, f"{MODELS}/*/*.jsonl")
-# Bytes up to which a file is read, whatever its time says.
-_SMALL: Final = 4 << 20
 # Files that a message names.
 _NAMED: Final = 10
 
@@ -101,20 +98,7 @@ class Destination:
     @property
     def continues(self) -> bool:
         """Whether the run that the folder has is resumed, and not one that was begun in its place."""
-        return self.resume and not any(next(self.place.glob(each + NEW), None) for each in _JOURNALS)
-
-    def check(self) -> None:
-        """Check that a run can be written there, before any input is read; `RunAtWork` asks what would be lost."""
-        place = self.place
-        if not place.name:
-            raise OutputError(
-                f"{self.path} is the root of all folders, where no run is written; name a folder below it"
-            )
-        self.run()
-        with _explained(self.path):
-            folder = next(each for each in (place, *place.parents) if each.is_dir())
-            if not os.access(folder, os.W_OK | os.X_OK):
-                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        return self.resume and not any(next(self.place.glob(each + NEW), None) for each in JOURNALS)
 
     def check_losses(self) -> None:
         """Check that nothing is lost there without leave."""
@@ -123,32 +107,23 @@ class Destination:
             return
         if run.format != FORMAT:
             raise OutputError(run.of_before)
-        self._check_losses_of(run)
-
-    def _check_losses_of(self, run: RunFolder) -> None:
+        names = _files_in(run.place, run.owns)
         if run.kind != self.kind:
-            names = _files_in(run.place, run.owns)
-            lost = f"the results of `mrwork {run.kind.verb}`, {list_names(_entries_of(names), _NAMED)}"
+            lost = {f", the results of `mrwork {run.kind.verb}`": _entries_of(names)}
         else:
-            added = [name for name in _files_in(run.place, run.owns) if run.kind.adds(name)]
-            changed = [] if self.continues else _changes(run)
-            if not added and not changed:
-                return
-            parts = {
-                ", which other verbs or you have added": _entries_of(added),
-                ", changed since the run was written": changed,
+            lost = {
+                ", which other verbs or you have added": _entries_of(filter(run.kind.adds, names)),
+                ", changed since the run was written": [] if self.continues else _changes(run),
             }
-            lost = "; and ".join(f"{list_names(names, _NAMED)}{why}" for why, names in parts.items() if names)
-        raise OutputError(
-            f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {lost}; "
-            "choose another folder, or give --replace"
-        )
+        if listed := [f"{list_names(names, _NAMED)}{why}" for why, names in lost.items() if names]:
+            raise OutputError(
+                f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {'; and '.join(listed)}; "
+                "choose another folder, or give --replace"
+            )
 
     def run(self) -> RunFolder | None:
         """The run at the destination, `None` for an absent, an empty or an unfinished folder; others are refused."""
         place = self.place
-        if "\0" in str(self.path):
-            raise OutputError(f"{str(self.path)!r} has a zero, which no name can have; choose another name")
         refuse_place_in_run(self.path)
         if not place.is_dir():
             if exists(place):
@@ -170,26 +145,22 @@ class Destination:
 
 def _is_free(place: Path) -> bool:
     """Whether a folder without manifest is empty, or has the journal of an unfinished run."""
-    journals = (path for pattern in _JOURNALS for path in place.glob(pattern))
+    journals = (path for pattern in JOURNALS for path in place.glob(pattern))
     return any(map(is_journal, journals)) or all(is_lock(entry.name) for entry in place.iterdir())
 
 
 def _files_in(place: Path, owned: Callable[[str], bool]) -> list[str]:
     """Paths of the files in a folder, and below it, whose first name is an `owned` one; links are not followed."""
-    names: list[str] = []
-    for entry in place.iterdir():
-        if owned(entry.name):
-            names += _names_below(entry, entry.name)
-    return sorted(names)
+    owned_entries = [entry for entry in place.iterdir() if owned(entry.name)]
+    paths = [
+        path for entry in owned_entries for path in (entry, *(() if entry.is_symlink() else entry.rglob("*")))
+    ]
+    return sorted(
+        path.relative_to(place).as_posix() for path in paths if path.is_symlink() or not path.is_dir()
+    )
 
 
-def _names_below(entry: Path, name: str) -> list[str]:
-    if entry.is_symlink() or not entry.is_dir():
-        return [name]
-    return [each for below in entry.iterdir() for each in _names_below(below, f"{name}/{below.name}")]
-
-
-def _entries_of(names: Sequence[str]) -> list[str]:
+def _entries_of(names: Iterable[str]) -> list[str]:
     """Files, and folders in the place of the files in them."""
     return list(dict.fromkeys(first + slash for first, slash, _ in (name.partition("/") for name in names)))
 
@@ -206,7 +177,7 @@ def _changes(run: RunFolder) -> list[str]:
         if run.kind.redraws(name) or run.kind.adds(name) or not exists(path):
             return False
         file = path.lstat()
-        if file.st_size > _SMALL and file.st_mtime_ns < written:
+        if file.st_size > SMALL and file.st_mtime_ns < written:
             return False
         return not stat.S_ISREG(file.st_mode) or digest_of(name, path.read_bytes()) != run.files[name]
 
@@ -248,7 +219,7 @@ class RunAtWork:
             self.destination.check_losses()
             self._refuse_unfinished()
             if not self.destination.resume:
-                _sweep(place, self._listed())
+                _sweep(place, self._listed)
             self._locked = locked.pop_all()
         return self
 
@@ -260,7 +231,7 @@ class RunAtWork:
         if isinstance(error, KeyboardInterrupt):
             error.add_note(_TO_RESUME)
         elif error is not None and not (self.destination.resume or self._committing or self._has_steps):
-            _sweep(self._place, self._listed())
+            _sweep(self._place, self._listed)
         self._locked.close()
 
     @property
@@ -304,7 +275,7 @@ class RunAtWork:
     @property
     def step_journals(self) -> list[str]:
         """Names of the journals of the steps of a comparison, as far as it has come."""
-        names = {path.relative_to(self._place).as_posix() for path in self._place.glob(_JOURNALS[1] + "*")}
+        names = {path.relative_to(self._place).as_posix() for path in self._place.glob(JOURNALS[1] + "*")}
         return sorted({name.removesuffix(NEW) for name in names})
 
     @property
@@ -338,6 +309,7 @@ class RunAtWork:
             _sweep(self._place, {**listed, **contents})
         self._locked.close()
 
+    @property
     def _listed(self) -> Mapping[str, str]:
         return {} if self._earlier is None else self._earlier.files
 
@@ -352,28 +324,18 @@ class RunAtWork:
 
     def _refuse_unfinished(self) -> None:
         """Refuse to begin where an unfinished run has steps, beside a run or in the one of an interrupted run."""
-        destination, steps = self.destination, 0
-        if destination.resume or destination.replace:
-            return
-        interrupted = self._earlier is not None and not self._earlier.is_complete
-        for pattern in _JOURNALS:
-            begun = pattern if self._earlier is None else pattern + NEW
-            for path in (*self._place.glob(begun), *(self._place.glob(pattern) if interrupted else ())):
-                steps += n_steps(path)
-        if steps:
-            raise JournalError(
-                f"{destination.path} has an unfinished run of {counted(steps, 'step')}; run the same command with "
-                "--resume to continue it, or with --replace to begin anew"
-            )
+        endings = (NEW,) if self._earlier is not None and self._earlier.is_complete else (NEW, "")
+        names = [f"{pattern}{ending}" for pattern in JOURNALS for ending in endings]
+        if not (self.destination.resume or self.destination.replace):
+            _refuse_steps(self.destination.path, [path for name in names for path in self._place.glob(name)])
 
 
-def _remove_empty(folder: Path) -> None:
-    """Remove a folder and those in it, as far as they are empty."""
-    if is_folder(folder) and not folder.is_symlink():
-        for each in folder.iterdir():
-            _remove_empty(each)
-        with suppress(OSError):
-            folder.rmdir()
+def _refuse_steps(path: Path, journals: Sequence[Path]) -> None:
+    if steps := sum(map(n_steps, journals)):
+        raise JournalError(
+            f"{path} has an unfinished run of {counted(steps, 'step')}; run the same command with --resume to "
+            "continue it, or with --replace to begin anew"
+        )
 
 
 def _remove_if_empty(folder: Path) -> None:
@@ -414,11 +376,8 @@ def addition_journal(
     place = real_place(path)
     growing, kept = place / (name + NEW), place / name
     with adding(place, name):
-        if not (resume or replace) and (steps := n_steps(growing)):
-            raise JournalError(
-                f"{kept} has an unfinished run of {counted(steps, 'step')}; run the same command with --resume to "
-                "continue it, or with --replace to begin anew"
-            )
+        if not (resume or replace):
+            _refuse_steps(kept, [growing])
         if resume and not (growing.is_file() or kept.is_file()):
             raise JournalError(f"there is no {kept} to resume; run without --resume")
         journal = journal_in_run(growing, committed=kept, resume=resume, note=note)
@@ -452,7 +411,7 @@ def with_manifest(
     contents: Mapping[str, bytes], facts: Mapping[str, object], kind: RunKind
 ) -> dict[str, bytes]:
     """The files of a run with the manifest that lists them, for a folder that is written with others."""
-    return {**contents, MANIFEST: manifest_document(_stated(facts, kind), digests_of(contents))}
+    return {**contents, MANIFEST: manifest_document({**_stated(facts, kind), FILES: digests_of(contents)})}
 
 
 def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:
@@ -466,16 +425,22 @@ def _sweep(place: Path, listed: Collection[str] | None = None) -> None:
     owned = frozenset().union(*(kind.entries for kind in RUN_KINDS))
     with suppress(OSError):
         for name in _files_in(place, lambda name: name.removesuffix(NEW) in owned):
-            # Journals grow, and histories.
+            # Journals grow, and histories; a copy that is kept of a changed one is the owner's.
             kind = PurePath(name.removesuffix(NEW))
             grows = kind.suffix == ".jsonl" or (kind.suffix == ".nc" and kind.parts[0] == HISTORIES)
             at_work = name.endswith(NEW) or (grows and name != CHAIN)
             if at_work and (not grows if listed is None else name not in listed):
                 (place / name).unlink(missing_ok=True)
+        for name in ADDITIONS:
+            if exists(place / f".{name}.lock"):
+                # It is that of a verb at work, or was left by one that was killed.
+                with suppress(JournalError):
+                    Lock(place, name).release()
         if listed is not None:
             shutil.rmtree(chunks_beside(place / JOURNAL), ignore_errors=True)
             for folder in (HISTORIES, MODELS):
-                _remove_empty(place / folder)
+                for path in sorted((place / folder).glob("**"), reverse=True):
+                    _remove_if_empty(path)
 
 
 def _explained(path: str | Path) -> AbstractContextManager[None]:

@@ -217,7 +217,6 @@ def _finish(plan: LawPlan, bench: Bench, chosen: LawCandidate) -> tuple[LawCandi
         digest_of(plan.label, chosen),
         Finish,
         lambda: follow_gradients(plan.space, bench, plan.objective, start, plan.table.gradient_steps),
-        agrees=lambda finish: finish.unit.shape == start.shape,
     )
     candidate = plan.space.candidate(point.unit)
     inputs = digest_of(plan.label, candidate)

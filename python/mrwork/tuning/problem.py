@@ -142,7 +142,6 @@ class Bench(Summarised):
             inputs,
             Scores,
             lambda: score_candidates(self, objective, law, candidates),
-            agrees=lambda scores: len(scores.objective) == len(candidates),
         )
 
     def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
