@@ -14,7 +14,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -28,26 +28,31 @@ _LITTLE_ENDIAN = "<f8"
 _LACKING = ("nan", "inf", "-inf")
 
 
-def plain(value: object) -> Any:
-    """Exact JSON form of a value: dataclasses and mappings as objects, arrays and sequences as lists."""
+def plain(value: object, *, packs: bool = True, lacking: Callable[[float], object] = repr) -> Any:
+    """Exact JSON form of a value: dataclasses and mappings as objects, arrays and sequences as lists.
+
+    `packs`: whether an array of several dimensions is the text of its bytes. `lacking` is the form of a number that
+    JSON does not have.
+    """
     if isinstance(value, np.ndarray) and value.dtype.kind == "f":
-        if value.ndim > 1:
+        if packs and value.ndim > 1:
             return {"shape": value.shape, _HEX: value.astype(_LITTLE_ENDIAN).tobytes().hex()}
         if np.isfinite(value).all():
             return value.tolist()
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        value = value.tolist()
     if isinstance(value, float):
-        return value if math.isfinite(value) else repr(value)
+        return value if math.isfinite(value) else lacking(value)
     if isinstance(value, int | str | None):
         return value
+    part = partial(plain, packs=packs, lacking=lacking)
     if isinstance(value, Mapping):
-        return {str(key): plain(entry) for key, entry in value.items()}
+        return {str(key): part(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
+        return [part(entry) for entry in value]
     if dataclasses.is_dataclass(value):
-        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-    return repr(value)
+        return {field.name: part(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    return str(value) if isinstance(value, PurePath) else repr(value)
 
 
 def array_of(numbers: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
@@ -78,7 +83,11 @@ def _built(node: Node, value: Any) -> Any:
                 **{name: _built(known[name], entry) for name, entry in value.items() if name in known}
             )
         case nodes.Either():
-            return None if value is None else _built(next(filter(_takes(value), node.parts)), value)
+            return (
+                None
+                if value is None
+                else _built(next(part for part in node.parts if _takes(part, value)), value)
+            )
         case nodes.Fixed():
             return tuple(map(_built, node.of(len(value)), value))
         case nodes.ByName(_, (name, inner)):
@@ -92,48 +101,32 @@ def _built(node: Node, value: Any) -> Any:
     return value
 
 
-def _takes(value: Any) -> Callable[[Node], bool]:
+def _takes(node: Node, value: Any) -> bool:
     """Whether a member of a union is that of a value, by what it is in JSON."""
-
-    def takes(node: Node) -> bool:
-        match node:
-            case nodes.Record(kind):
-                return isinstance(value, Mapping) and value.keys() <= fields_of(kind).keys()
-            case nodes.ByName():
-                return isinstance(value, Mapping)
-            case nodes.Array() | nodes.Fixed():
-                return isinstance(value, list | tuple) or (isinstance(value, Mapping) and _HEX in value)
-            case nodes.Enumerated(choices):
-                return value in choices
-            case nodes.Scalar(kind) if kind is float:
-                return isinstance(value, int | float) or value in _LACKING
-            case nodes.Scalar(kind):
-                return isinstance(value, kind)
-        return True
-
-    return takes
+    match node:
+        case nodes.Record(kind):
+            return isinstance(value, Mapping) and value.keys() <= fields_of(kind).keys()
+        case nodes.ByName():
+            return isinstance(value, Mapping)
+        case nodes.Array() | nodes.Fixed():
+            return isinstance(value, list | tuple) or (isinstance(value, Mapping) and _HEX in value)
+        case nodes.Enumerated(choices):
+            return value in choices
+        case nodes.Scalar(kind) if kind is float:
+            return isinstance(value, int | float) or value in _LACKING
+        case nodes.Scalar(kind):
+            return isinstance(value, kind)
+    return True
 
 
 def json_document(value: object) -> str:
     """Readable JSON form of a value for a file, indented; numbers that JSON lacks are "nan", "inf" and "-inf"."""
-    return json.dumps(_in_json(value, repr), allow_nan=False, ensure_ascii=False, indent=2) + "\n"
+    return json.dumps(plain(value, packs=False), allow_nan=False, ensure_ascii=False, indent=2) + "\n"
 
 
 def finite(value: object) -> Any:
     """`value` for stdout, with `None` in place of numbers that JSON lacks."""
-    return _in_json(value, lambda _: None)
-
-
-def _in_json(value: object, lacking: Callable[[float], object]) -> Any:
-    if isinstance(value, np.generic | np.ndarray):
-        return _in_json(value.tolist(), lacking)
-    if isinstance(value, float):
-        return value if math.isfinite(value) else lacking(value)
-    if isinstance(value, Mapping):
-        return {str(key): _in_json(entry, lacking) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_in_json(entry, lacking) for entry in value]
-    return str(value) if isinstance(value, PurePath) else value
+    return plain(value, packs=False, lacking=lambda _: None)
 
 
 # Half of a SHA-256: two different inputs have the same digest with a probability of 1e-38.
@@ -158,28 +151,14 @@ def digest_of(*inputs: object) -> str:
 
 def package_version(name: str) -> str:
     """Version of an installed package; "unknown" if it is not installed."""
-    if listed := _list_installed().get(name):
-        return listed
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"
+    return _list_installed().get(name.replace("-", "_"), "unknown")
 
 
 @cache
 def _list_installed() -> Mapping[str, str]:
-    """Versions of the installed packages, from the names of their `dist-info` folders.
-
-    `importlib.metadata` parses whole package descriptions instead, a tenth of a second for five packages.
-    """
-    versions: dict[str, str] = {}
-    for folder in sys.path:
-        for path in Path(folder).glob("*-*.dist-info"):
-            name, _, version = path.stem.partition("-")
-            versions.setdefault(name, version)
-    return versions
+    """Versions of the installed packages, from the names of their folders; `importlib.metadata` takes 40 ms more."""
+    folders = (path.stem for place in reversed(sys.path) for path in Path(place).glob("*-*.dist-info"))
+    return {name: version for name, _, version in (folder.partition("-") for folder in folders)}
 
 
 def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
@@ -201,8 +180,5 @@ def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
 
 
 def _shorten_value(value: Any) -> str:
-    return _cut_text("none" if value is None else str(value))
-
-
-def _cut_text(text: str) -> str:
+    text = "none" if value is None else str(value)
     return f"{text[:_LONGEST]}…" if len(text) > _LONGEST else text

@@ -27,8 +27,8 @@ FILES, REPLACED, OWN = "files", "replaced", "digest"
 
 _TEXTS: Final = frozenset({".json", ".jsonl", ".toml", ".csv", ".html", ".svg"})
 _DIGEST: Final = "sha256"
-SMALL: Final = 4 << 20
-"""Bytes up to which a file is read whole, whatever its time says."""
+# Bytes up to which a file is read whole.
+_SMALL: Final = 4 << 20
 
 
 def digest_of(name: str, content: bytes) -> str:
@@ -39,7 +39,7 @@ def digest_of(name: str, content: bytes) -> str:
 
 def digest_at(name: str, path: Path) -> str:
     """Digest of a file that has, or will have, a name."""
-    if path.stat().st_size <= SMALL:
+    if path.stat().st_size <= _SMALL:
         return digest_of(name, path.read_bytes())
     with path.open("rb") as stream:
         return f"{_DIGEST}:{hashlib.file_digest(stream, _DIGEST).hexdigest()}"

@@ -19,8 +19,6 @@ from mrwork.errors import RecordError, reason_of
 from mrwork.store.input_file import LEAST, Allowance
 
 _DEEPEST: Final = 2
-_MOST: Final = 10_000
-_LONGEST: Final = 100_000
 # Bytes of XML in which a workbook has a byte of its cells, with room.
 _MARKUP: Final = 4
 _WORKBOOK: Final = "xl/workbook.xml"
@@ -79,9 +77,7 @@ def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
     """Members of a group; links to other files and MATLAB's own tables (`#refs#`) are not followed."""
     import h5py
 
-    for number, name in enumerate(group):
-        if number == _MOST:
-            raise ValueError(f"more than {_MOST} entries")
+    for name in group:
         if name.startswith("#") or not isinstance(group.get(name, getlink=True), h5py.HardLink):
             continue
         member, path = group[name], f"{prefix}{name}"
@@ -116,7 +112,7 @@ def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
             continue
         value = value.decode(errors="replace") if isinstance(value, bytes) else value
         value = value.item() if isinstance(value, np.generic) else value
-        if isinstance(value, int | float | str) and not (isinstance(value, str) and len(value) > _LONGEST):
+        if isinstance(value, int | float | str):
             yield name, value
 
 

@@ -103,9 +103,7 @@ def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
     """Write files into a folder by name, which they get when all are written."""
     with ExitStack() as renamed:
         for name, content in contents.items():
-            stream = renamed.enter_context(replacing(folder / name))
-            stream.write(content)
-            stream.flush()
+            renamed.enter_context(replacing(folder / name)).write(content)
 
 
 _LONGEST = 300

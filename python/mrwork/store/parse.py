@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections import deque
 from typing import Any, Final
 
 from mrwork.base.places import KeyPath
@@ -14,17 +15,13 @@ _LONG_KEY: Final = re.compile(
     rf"""(?:^|[\[{{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_DEEPEST}}}""",
     re.MULTILINE | re.ASCII,
 )
-_TOO_DEEP: Final = f"tables and arrays are nested more than {_DEEPEST} deep"
 
 
 def toml_table(text: str) -> dict[str, Any]:
     """The tables of a TOML text."""
     if _LONG_KEY.search(text):
         raise ValueError(f"a key has more than {_DEEPEST} parts")
-    try:
-        return tomllib.loads(text)
-    except RecursionError:
-        raise ValueError(_TOO_DEEP) from None
+    return tomllib.loads(text)
 
 
 # A string, a sign or a word, behind blanks and a remark. Up to two more quotes belong to a string of three.
@@ -37,94 +34,72 @@ _TOKEN: Final = re.compile(
 
 def toml_lines(text: str) -> dict[KeyPath, int]:
     """The line of every key, table and array element of a text that `toml_table` has read."""
-    return _Scanner(text).lines()
+    found: dict[KeyPath, int] = {}
+    # Index of the last table of each array of tables.
+    counts: dict[KeyPath, int] = {}
+    # The tokens that are left, each with its line; the last one is empty.
+    tokens = deque[tuple[str, int]]()
+    line = 1
+    for match in _TOKEN.finditer(text):
+        tokens.append((match[1], line))
+        line += match[1].count("\n")
 
+    def begins_entry(end: str) -> bool:
+        while tokens[0][0] in ("\n", ","):
+            tokens.popleft()
+        return tokens[0][0] != end
 
-class _Scanner:
-    """A walk over the tokens of a sound text; `token` is the next one, empty at the end."""
-
-    def __init__(self, text: str) -> None:
-        self._matches = _TOKEN.finditer(text)
-        self._token, self._line = "", 1
-        self._take()
-        self._found: dict[KeyPath, int] = {}
-        # Index of the last table of each array of tables.
-        self._counts: dict[KeyPath, int] = {}
-
-    def _take(self) -> str:
-        """The present token, behind which the scanner goes on."""
-        taken = self._token
-        self._line += taken.count("\n")
-        match = next(self._matches, None)
-        self._token = match[1] if match else ""
-        return taken
-
-    def _begins_entry(self, end: str) -> bool:
-        """Skip ends of lines and a comma; whether an entry follows instead of the end."""
-        while self._token in ("\n", ","):
-            self._take()
-        return self._token != end
-
-    def lines(self) -> dict[KeyPath, int]:
-        table: KeyPath = ()
-        while self._begins_entry(""):
-            if self._token != "[":
-                self._pair(table)
-                continue
-            line = self._line
-            self._take()
-            if several := self._token == "[":
-                self._take()
-            *outer, last = self._key()
-            table = (*self._resolved(outer), last)
-            if several:
-                self._take()
-                self._counts[table] = number = self._counts.get(table, -1) + 1
-                table = (*table, number)
-            self._note(table, line)
-        return self._found
-
-    def _resolved(self, key: list[str]) -> KeyPath:
-        """The key of a header, with the index of the last table of each array of tables in it."""
-        path: KeyPath = ()
-        for part in key:
-            path = (*path, part)
-            path = (*path, self._counts[path]) if path in self._counts else path
-        return path
-
-    def _note(self, path: KeyPath, line: int) -> None:
-        for length in range(1, len(path) + 1):
-            self._found.setdefault(path[:length], line)
-
-    def _key(self) -> list[str]:
+    def take_key() -> tuple[str, ...]:
         """The parts of a key; the sign behind it is taken, too."""
         parts: list[str] = []
-        while (token := self._take()) not in ("=", "]"):
+        while (token := tokens.popleft()[0]) not in ("=", "]"):
             # The parser resolves escapes.
             is_text = token[0] in "\"'"
             parts += [tomllib.loads(f"k = {token}")["k"]] if is_text else filter(None, token.split("."))
-        return parts
+        return tuple(parts)
 
-    def _pair(self, table: KeyPath) -> None:
-        line = self._line
-        path = (*table, *self._key())
-        self._note(path, line)
-        self._value(path)
+    def note(path: KeyPath, line: int) -> None:
+        for length in range(1, len(path) + 1):
+            found.setdefault(path[:length], line)
 
-    def _value(self, path: KeyPath) -> None:
-        opening = self._take()
+    def take_pair(table: KeyPath) -> None:
+        line = tokens[0][1]
+        path = (*table, *take_key())
+        note(path, line)
+        take_value(path)
+
+    def take_value(path: KeyPath) -> None:
+        opening, _ = tokens.popleft()
         if opening == "[":
             number = 0
-            while self._begins_entry("]"):
-                self._found[*path, number] = self._line
-                self._value((*path, number))
+            while begins_entry("]"):
+                found[*path, number] = tokens[0][1]
+                take_value((*path, number))
                 number += 1
-            self._take()
+            tokens.popleft()
         elif opening == "{":
-            while self._begins_entry("}"):
-                self._pair(path)
-            self._take()
-        else:
-            # A time may have a blank.
-            while self._token not in ("\n", ",", "]", "}", ""):
-                self._take()
+            while begins_entry("}"):
+                take_pair(path)
+            tokens.popleft()
+        # A time may have a blank.
+        while tokens[0][0] not in ("\n", ",", "]", "}", ""):
+            tokens.popleft()
+
+    table: KeyPath = ()
+    while begins_entry(""):
+        if tokens[0][0] != "[":
+            take_pair(table)
+            continue
+        _, line = tokens.popleft()
+        if several := tokens[0][0] == "[":
+            tokens.popleft()
+        table = ()
+        for part in take_key():
+            # A table in an array of tables is in the last one.
+            table = (*table, counts[table], part) if table in counts else (*table, part)
+        if several:
+            tokens.popleft()
+            counts[table] = number = counts.get(table, -1) + 1
+            table = (*table, number)
+        note(table, line)
+    return found

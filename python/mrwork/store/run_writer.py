@@ -13,7 +13,6 @@ name. What replaces a run excludes all else, what adds to it excludes the same a
 from __future__ import annotations
 
 import shutil
-import stat
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
@@ -30,10 +29,8 @@ from mrwork.store.commit import (
     MANIFEST,
     NEW,
     OWN,
-    SMALL,
     commit,
     digest_at,
-    digest_of,
     digests_of,
     make_folders,
     manifest_document,
@@ -166,20 +163,13 @@ def _entries_of(names: Iterable[str]) -> list[str]:
 
 
 def _changes(run: RunFolder) -> list[str]:
-    """Files of the verb that are not as it has written them.
-
-    A large file that is older than the manifest counts as unchanged, so that histories need not be read.
-    """
-    written = (run.place / MANIFEST).stat().st_mtime_ns
+    """Files of the verb that are not as it has written them."""
 
     def differs(name: str) -> bool:
         path = run.place / name
         if run.kind.redraws(name) or run.kind.adds(name) or not exists(path):
             return False
-        file = path.lstat()
-        if file.st_size > SMALL and file.st_mtime_ns < written:
-            return False
-        return not stat.S_ISREG(file.st_mode) or digest_of(name, path.read_bytes()) != run.files[name]
+        return path.is_symlink() or not path.is_file() or digest_at(name, path) != run.files[name]
 
     return [*([] if run.is_as_written else [MANIFEST]), *filter(differs, run.files)]
 

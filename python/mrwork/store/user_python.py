@@ -69,7 +69,7 @@ def run_file(path: Path, *, what: str) -> tuple[ModuleType, str]:
 def run_text(text: str, name: str) -> ModuleType:
     """Run a text as Python; `name` stands for its file in messages.
 
-    The working directory, stdout and stderr are those of before when it ends.
+    The working directory is that of before when it ends.
 
     Raises
     ------
@@ -80,7 +80,6 @@ def run_text(text: str, name: str) -> ModuleType:
     module.__file__ = name
     # Dataclasses look for the module of their class.
     sys.modules[module.__name__] = module
-    streams = sys.stdout, sys.stderr
     try:
         with chdir("."):
             exec(compile(text, name, "exec"), vars(module))
@@ -91,6 +90,4 @@ def run_text(text: str, name: str) -> ModuleType:
     except BaseException as error:
         raised = place_raised(error, name) or name
         raise SettingError(f"{raised} failed when the file was run: {in_words(error)}; correct it") from None
-    finally:
-        sys.stdout, sys.stderr = streams
     return module
