@@ -182,7 +182,6 @@ def test_a_mistake_is_one_sentence_with_its_line(tmp_path: Path, refused: Refuse
             "after its start",
         ),
         ("[hardware]\n", "[report]\ncontrollers = []\n[hardware]\n", "controllers is empty"),
-        ("duration = 3", 'duration = 3\nname = "a\\u001b[31m"', "line 24: name has the control character"),
     ],
 )
 def test_what_no_range_tells_is_refused_with_its_line(old: str, new: str, word: str, tmp_path: Path) -> None:

@@ -91,8 +91,6 @@ def checked(target: TargetT) -> TargetT:
     if isinstance(target, type):
         kind: Any = target
         if "__dataclass_fields__" not in vars(target):
-            if "__init__" in vars(target):
-                raise TypeError(f"{target.__name__} is no dataclass; put `checked` on its constructor")
             kind = dataclass(frozen=True, slots=True, kw_only=True)(target)
         kind.__init__ = _check_calls(kind.__init__, kind.__name__, kind)
         return cast(TargetT, kind)

@@ -19,7 +19,6 @@ from mrwork.base.arguments import Refusal, accept, in_words
 from mrwork.base.hints import InUnit, Node, Record, Within, fields_of
 from mrwork.base.keys import (
     as_document,
-    control_in,
     describe_key,
     describe_repeat,
     inner_table,
@@ -143,7 +142,7 @@ def _read_value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
         return dict(zip(value, read, strict=True))
     accepted = _accept(node, value, place)
     items = accepted if isinstance(accepted, tuple) else (accepted,)
-    _check_items(items, members, place, entry)
+    _check_items(items, members, place)
     if entry.metadata["from_one"]:
         items = tuple(item - 1 for item in items)
     return items if isinstance(accepted, tuple) else items[0]
@@ -157,12 +156,9 @@ def _accept(node: Node, value: Any, place: Place) -> Any:
         where.refuse(f"{_name(where)} {refusal.in_words(in_file=True)}")
 
 
-def _check_items(items: Sequence[Any], members: Sequence[Node], place: Place, entry: Field[Any]) -> None:
-    """Refuse labels of several lines, names that stand twice, and rows of different lengths."""
+def _check_items(items: Sequence[Any], members: Sequence[Node], place: Place) -> None:
+    """Refuse names that stand twice, and rows of different lengths."""
     name = _name(place)
-    for text in items if entry.metadata["label"] else ():
-        if isinstance(text, str) and (control := control_in(text)):
-            place.refuse(f"{name} has the control character {control}; give printable text on one line")
     of_names = [each for each in members if isinstance(each, nodes.Fixed) and _is_name(each.parts[0])]
     if of_names and (twice := describe_repeat(name, items)):
         place.refuse(twice)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum, auto
+from functools import cache
 from types import NoneType, SimpleNamespace, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -76,10 +77,10 @@ class Within:
             | (values > self.most) | (values >= self.below) & (self.below < math.inf)
         )  # fmt: skip
 
-    def instead_of(self, value: float, kind: str = "number") -> str:
-        """What to give instead of a number out of the range, as "a number above 0"; `kind` may be a plural."""
+    def instead_of(self, value: float, kind: str) -> str:
+        """What to give instead of a number out of the range, as "a number above 0"."""
         words = f"of at least {SMALLEST:g}" if self.above == 0.0 < value < SMALLEST else self.in_words
-        return f"{'' if kind.endswith('s') else 'a '}{kind} {words}"
+        return f"a {kind} {words}"
 
 
 def _end(value: float) -> str:
@@ -132,17 +133,9 @@ class Array(Node):
 class Fixed(Node):
     """A tuple with an item of each part."""
 
-    def of(self, count: int) -> tuple[Node, ...]:
-        """Node expected at each position, whatever their `count`."""
-        return self.parts
-
 
 class Items(Fixed):
     """A tuple, another sequence, or an iterable, of any number of items."""
-
-    def of(self, count: int) -> tuple[Node, ...]:
-        """Node expected at each of `count` positions."""
-        return self.parts * count
 
 
 class ByName(Node):
@@ -251,20 +244,14 @@ def shape_of(node: Node) -> Shape | None:
 # Fields
 
 
-_FIELDS: dict[type, Mapping[str, Node]] = {}
-
-
+@cache
 def fields_of(kind: type) -> Mapping[str, Node]:
     """What each field of a dataclass declares by its annotation, its default, and its `key` if it has one."""
-    if kind not in _FIELDS:
-        hints = hints_of(kind)
-        _FIELDS[kind] = {
-            each.name: node_of(
-                hints[each.name], (*each.metadata.get(NOTES, ()), *notes_of_default(each.default))
-            )
-            for each in fields(cast(Any, kind))
-        }
-    return _FIELDS[kind]
+    hints = get_type_hints(kind, include_extras=True)
+    return {
+        each.name: node_of(hints[each.name], (*each.metadata.get(NOTES, ()), *notes_of_default(each.default)))
+        for each in fields(cast(Any, kind))
+    }
 
 
 def notes_of_default(default: Any) -> Notes:
@@ -272,11 +259,6 @@ def notes_of_default(default: Any) -> Notes:
     if not isinstance(default, float) or math.isfinite(default):
         return ()
     return (May.BE_NAN if math.isnan(default) else May.BE_INFINITE,)
-
-
-def hints_of(kind: type) -> dict[str, Any]:
-    """The annotations of a class by name."""
-    return get_type_hints(kind, include_extras=True)
 
 
 def hint_in(names: dict[str, Any], annotation: Any) -> Any:

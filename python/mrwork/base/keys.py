@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, field, fields, is_dataclass, replace
@@ -25,8 +24,6 @@ from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
 _REQUIRED: Any = MISSING
 LARGEST_SEED = 2**53 - 1
 """Largest seed, an integer that every reader of JSON keeps."""
-# Controls, separators of lines and paragraphs.
-_CONTROLS = frozenset({"Cc", "Zl", "Zp"})
 # As many characters of a value as a message repeats.
 _SHOWN = 40
 
@@ -101,7 +98,6 @@ def key(
     most_items: float = math.inf,
     may_be_nan: bool = False,
     matrix: bool = False,
-    label: bool = False,
     span: object = None,
     from_one: bool = False,
     named: str = "",
@@ -111,11 +107,10 @@ def key(
     """Declare a key of a table: what it means in a few words, and its range, as of `Within`.
 
     A number with a `unit`, which is that of SI, may be a text with another unit in a file. A key without a default is
-    required. `matrix` permits a matrix, in a file also the name of a text file with it; a `label` is a name in tables
-    and figures, which has no control characters. `span` is the range in which a search looks for it. A number that
-    counts `from_one` in a file counts from 0 in Python; `named` is the name in a file, where it is another one. A text
-    that may name a `file` is relative to the folder of the document. A number other than 0 that is beyond the `usual`,
-    of an array the largest, is asked about in `Place.questions`.
+    required. `matrix` permits a matrix, in a file also the name of a text file with it. `span` is the range in which a
+    search looks for it. A number that counts `from_one` in a file counts from 0 in Python; `named` is the name in a
+    file, where it is another one. A text that may name a `file` is relative to the folder of the document. A number
+    other than 0 that is beyond the `usual`, of an array the largest, is asked about in `Place.questions`.
     """
     declared = {**locals(), "within": Within(least=least, above=above, most=most, below=below)}
     declared[NOTES] = (declared["within"], *([May.BE_NAN] * may_be_nan))
@@ -205,12 +200,6 @@ def inner_table(node: Node) -> tuple[type | None, bool]:
     inner = [inner_table(part) for part in node.parts]
     kind = next((table for table, _ in inner if table is not None), None)
     return kind, isinstance(node, nodes.Fixed) or any(several for _, several in inner)
-
-
-def control_in(label: str) -> str:
-    """The first control character or end of a line in a label, as an escape; empty where there is none."""
-    control = next((character for character in label if unicodedata.category(character) in _CONTROLS), "")
-    return control.encode("unicode_escape").decode("ascii")
 
 
 def refuse_repeated(table: Any) -> None:

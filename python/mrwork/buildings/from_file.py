@@ -167,7 +167,7 @@ class LeadRubberTable(Addition):
         "displacement at which the leads yield, 0.01 m by default", unit="m", usual=_YIELDS
     )
     sharpness: float | None = optional(f"{_SHARP}; 2 by default", least=1.0, most=50.0)
-    name: str | None = optional("name in tables", label=True)
+    name: str | None = optional("name in tables")
 
     def way(self) -> Callable[[Building], Building]:
         """The function that puts the building on its bearings."""
@@ -204,7 +204,7 @@ class YieldingTable(Addition):
         "stiffness after yielding over that before, 0.05 by default", least=0.0, below=1.0
     )
     sharpness: float | None = optional(f"{_SHARP}; 10 by default", least=1.0, most=50.0)
-    name: str | None = optional("name in tables", label=True)
+    name: str | None = optional("name in tables")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,7 +216,7 @@ class FrictionTable(Addition):
     slip_load: float = key("force at which it slips, along the drift", unit="N", above=0.0)
     stiffness: float = key("stiffness of the brace until it slips", unit="N/m", above=0.0)
     sharpness: float | None = optional(f"{_SHARP}; 20 by default", least=1.0, most=50.0)
-    name: str | None = optional("name in tables", label=True)
+    name: str | None = optional("name in tables")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,7 +232,7 @@ class BraceOfBuildingTable(Addition):
         above=0.0,
     )
     damping: float | None = optional("damping of the brace, 0 by default", unit="N s/m", least=0.0)
-    name: str | None = optional("name of the stroke of the damper in tables", label=True)
+    name: str | None = optional("name of the stroke of the damper in tables")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,7 +251,7 @@ class TunedMassTable(Addition):
     mass: float | None = positive("mass", unit="kg")
     frequency: float | None = positive("frequency of the mass on its spring, on the fixed floor", unit="Hz")
     ratio: float | None = optional("damping ratio of that motion", least=0.0, usual=_ADDED)
-    name: str | None = optional("name in tables", label=True)
+    name: str | None = optional("name in tables")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -271,14 +271,14 @@ class LiquidColumnTable(Addition):
     mass: float | None = positive("mass of the liquid", unit="kg")
     frequency: float | None = positive("frequency of the liquid on the fixed floor", unit="Hz")
     head_loss: float | None = optional("coefficient of head loss of orifice and tube", least=0.0)
-    name: str | None = optional("name in tables", label=True)
+    name: str | None = optional("name in tables")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ElementTable:
     """A passive element whose spring and dashpot are in the matrices, see `mr.buildings.PassiveElement`."""
 
-    name: str = key("name in tables", label=True)
+    name: str = key("name in tables")
     row: _Numbers = key("its displacement over the coordinates: a number for each")
     stiffness: float = key("spring, which is in the matrices", unit="N/m", default=0.0, least=0.0)
     damping: float = key("dashpot, which is in the matrices", unit="N s/m", default=0.0, least=0.0)
@@ -335,10 +335,10 @@ class BuildingTable:
         "rows from coordinates to floors; by default each is a floor", file=True
     )
     storeys: _Rows | str | None = optional("rows from coordinates to drifts of storeys", file=True)
-    floor_names: _Names | None = optional("names of floors in tables", label=True)
-    storey_names: _Names | None = optional("names of storeys in tables", label=True)
-    name: str | None = optional("name of the building", label=True)
-    source: str | None = optional("origin of its numbers", label=True)
+    floor_names: _Names | None = optional("names of floors in tables")
+    storey_names: _Names | None = optional("names of storeys in tables")
+    name: str | None = optional("name of the building")
+    source: str | None = optional("origin of its numbers")
     n_strokes: int | None = optional(
         "number of last rows of storeys that are strokes of what is built in, no drifts", least=0
     )

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import Within
-from mrwork.base.keys import control_in
 from mrwork.base.numbers import counted, format_rounded, significant
 from mrwork.base.plotted import Plots, building_html
 from mrwork.base.summary import Summarised, Summary
@@ -806,11 +805,6 @@ def _check_names(names: Sequence[str], n_rows: int, noun: str, where: str) -> No
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise SettingError(f"{where}: two {noun}s are called {twice!r}; give each a different name")
-    for name in names:
-        if control := control_in(name):
-            raise SettingError(
-                f"{where}: a {noun} name has the control character {control}; give printable text"
-            )
 
 
 def _sides(matrix: Floats) -> str:

@@ -59,7 +59,7 @@ def open_delimited(path: Path) -> ColumnTable:
     data = read_text_bytes(path)
     encoding = encoding_of(data)
     with io.TextIOWrapper(io.BytesIO(data), encoding, errors="replace") as stream:
-        lines = [line.rstrip("\n") for line in stream]
+        lines = stream.read().removesuffix("\n").split("\n")
     table = DelimitedTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), lines=lines)
     table.encoding = _ENCODINGS.get(encoding, "")
     return table
@@ -147,7 +147,7 @@ class DelimitedTable(ColumnTable):
         self, rows: Sequence[int], kinds: Mapping[int, str], *, with_commas: bool
     ) -> Mapping[int, Any] | None:
         """Cells of rows by column, as NumPy reads them; `None` where it does not read all of them."""
-        lines = [self._lines[row] for row in rows]
+        lines = [*map(self._lines.__getitem__, rows)]
         if with_commas:
             if self._delimiter == ",":
                 return None

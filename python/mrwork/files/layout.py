@@ -38,6 +38,7 @@ _ENOUGH_LINES: Final = 10_000
 # Lines between the names and the numbers: units, rules, blanks.
 _MOST_BETWEEN: Final = 5
 _MOST_BELOW: Final = 2
+_OF_RULES: Final = "+|-=_*"
 _RULE: Final = re.compile(r"[\s+|]*[-=_*]{3,}[-=_*+|\s.,;:]*")
 # Units of channels that are of no use here, as they stand in rows of units.
 _OTHER_UNITS: Final = re.compile(
@@ -72,7 +73,8 @@ class _Header:
 
 def layout_of(lines: Sequence[str], source: str) -> Layout:
     """Find delimiter, names, units and rows of a text table."""
-    filled = _indices(index for index, line in enumerate(lines) if is_data(line))
+    # `is_data` of each line, without a call.
+    filled = _indices(index for index, line in enumerate(lines) if line.lstrip()[:1] not in ("", "#"))
     if not filled:
         raise RecordError(f"{source}: the file holds no header and no data; check the export")
     half = len(filled) // 2
@@ -224,8 +226,8 @@ def _names_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> _He
 
 def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Iterator[int]:
     """Lines above the rows that have texts and no number, the nearest first; incomplete rows are none of them."""
-    for index in reversed(filled):
-        if index < rows.first and not _RULE.fullmatch(lines[index]):
+    for index in reversed(filled[: bisect_left(filled, rows.first)]):
+        if not _RULE.fullmatch(lines[index]):
             fields = _texts(lines[index], rows)
             if not any(map(is_number, fields)) and not all(each.casefold() in MISSING for each in fields):
                 yield index
@@ -257,13 +259,18 @@ def _below(lines: Sequence[str], filled: Sequence[int], rows: _Run, header: _Hea
     last = max(header.names, header.units or 0, *header.others)
     others = {lines[index].strip() for index in (header.units, *header.others) if index is not None}
     names = lines[header.names].strip()
+    texts = {names, *others}
     below = filled[bisect_right(filled, header.names) :]
     skipped: set[int] = set()
     for place, index in enumerate(below):
         line = lines[index].strip()
-        if (index <= last and line in others) or _RULE.fullmatch(line):
+        if line[0] in _OF_RULES and _RULE.fullmatch(line):
             skipped.add(index)
-        elif line == names:
+        elif line not in texts:
+            continue
+        elif line != names:
+            skipped.update({index} if index <= last else ())
+        else:
             skipped.add(index)
             after = below[place + 1 : place + 1 + _MOST_BETWEEN]
             skipped.update(each for each in after if lines[each].strip() in others)

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, reason_of
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
 from mrwork.store.input_file import LEAST, MATRIX, RECORD, Allowance, FileKind, bytes_of
@@ -117,8 +117,8 @@ def _variables(path: Path, kind: FileKind) -> tuple[bytes, Variables]:
         return data, read(memoryview(data), allowance)
     except RecordError:
         raise
-    except (ValueError, struct.error, zlib.error) as error:
-        raise RecordError(f"{path}: not a readable .mat file ({error}); {_DAMAGED}") from error
+    except Exception as error:  # whatever a damaged size or index leads to
+        raise RecordError(f"{path}: not a readable .mat file ({reason_of(error)}); {_DAMAGED}") from error
 
 
 def _version_73(data: bytes, path: Path) -> Variables:
@@ -147,10 +147,8 @@ def _version_4(data: Block, allowance: Allowance) -> Variables:
     while position < len(data):
         kind, n_rows, n_columns, is_complex, name_length = struct.unpack_from(f"{order}5i", data, position)
         precision = kind // 10 % 10
-        if not 0 <= kind <= _V4_LAST_TYPE or precision >= len(_V4_ITEMS) or name_length < 1:
+        if not 0 <= kind <= _V4_LAST_TYPE or min(n_rows, n_columns, name_length - 1) < 0:
             raise ValueError(f"byte {position} starts no matrix")
-        if min(n_rows, n_columns) < 0:
-            raise ValueError(f"byte {position} claims a negative size")
         item = order + _V4_ITEMS[precision]
         size = n_rows * n_columns * np.dtype(item).itemsize
         start = position + 20 + name_length
@@ -256,13 +254,10 @@ class _Version5:
         """Dense matrix from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows`."""
         rows, starts = (self._integers(next(elements, (0, b""))[1]) for _ in range(2))
         items = self._items(elements, None, name)
-        counts, n_items = np.diff(starts), int(starts[-1]) if starts.size else 0
-        if starts.size != shape[1] + 1 or starts[0] != 0 or (counts < 0).any():
-            raise ValueError(f"sparse variable '{name}' has no order in its columns")
-        if n_items > min(rows.size, items.size):
+        if (n_items := int(starts[-1] - starts[0])) > rows.size:
             raise ValueError(f"sparse variable '{name}' claims {n_items} items and has {rows.size}")
-        columns = np.repeat(np.arange(shape[1]), counts)
-        return _dense(rows[:n_items], columns, items[:n_items], shape, name, self.allowance)
+        columns = np.repeat(np.arange(starts.size - 1), np.diff(starts))
+        return _dense(items[:n_items], rows[:n_items], columns, shape, name, self.allowance)
 
     def _fields(self, elements: Iterator[tuple[int, Block]]) -> Variables:
         (length,) = self._integers(next(elements, (0, b""))[1])
@@ -290,7 +285,7 @@ def _array(
     items: Block, item: str, shape: tuple[int, ...], name: str, allowance: Allowance
 ) -> NDArray[np.generic]:
     """Array of the items, which the format stores column by column."""
-    if len(items) != math.prod(shape) * np.dtype(item).itemsize or min(shape, default=0) < 0:
+    if len(items) != math.prod(shape) * np.dtype(item).itemsize:
         sides = " x ".join(map(str, shape))
         raise ValueError(f"a {sides} matrix has {len(items)} bytes of {item[1:]} items")
     # What the items take already has been counted.
@@ -300,30 +295,23 @@ def _array(
 
 def _from_triplets(triplets: NDArray[np.generic], name: str, allowance: Allowance) -> Floats:
     """Dense matrix from rows of row, column (from 1) and value, shape (n_items + 1, 3); the last row has the size."""
-    if triplets.shape[1] != 3 or not len(triplets):
-        raise ValueError(f"sparse variable '{name}' is not a list of row, column, value")
-    with np.errstate(invalid="ignore"):
-        rows, columns = triplets[:, :2].T.astype(np.int64)
+    rows, columns = triplets[:, 0].astype(np.int64), triplets[:, 1].astype(np.int64)
     shape = (int(rows[-1]), int(columns[-1]))
-    return _dense(rows[:-1] - 1, columns[:-1] - 1, triplets[:-1, 2], shape, name, allowance)
+    return _dense(triplets[:-1, 2], rows[:-1] - 1, columns[:-1] - 1, shape, name, allowance)
 
 
 def _dense(
+    items: NDArray[np.generic],
     rows: NDArray[np.int64],
     columns: NDArray[np.int64],
-    items: NDArray[np.generic],
     shape: tuple[int, ...],
     name: str,
     allowance: Allowance,
 ) -> Floats:
     """Matrix of zeros but for items in rows and columns from 0; items in the same place are added."""
-    n_rows, n_columns = shape
-    if min(shape) < 0:
-        raise ValueError(f"sparse variable '{name}' claims to be {n_rows} x {n_columns}")
-    count = _NUMBER * n_rows * n_columns + _SPARSE_ITEM * rows.size
-    allowance.take(count, f"sparse variable '{name}', of {n_rows} x {n_columns},")
-    if not ((rows >= 0) & (rows < n_rows) & (columns >= 0) & (columns < n_columns)).all():
-        raise ValueError(f"sparse variable '{name}' has an item outside its {n_rows} x {n_columns}")
-    matrix = np.zeros(shape)
-    np.add.at(matrix, (rows, columns), items.astype(np.float64))
+    from scipy.sparse import coo_array
+
+    count = _NUMBER * math.prod(shape) + _SPARSE_ITEM * rows.size
+    allowance.take(count, f"sparse variable '{name}', of {' x '.join(map(str, shape))},")
+    matrix: Floats = coo_array((items.astype(np.float64), (rows, columns)), shape=shape).toarray()
     return matrix

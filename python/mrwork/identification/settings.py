@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cache
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias, get_type_hints
 
 from mrwork.base.arguments import Count, Level, Seed, checked
-from mrwork.base.hints import May, Record, Within, fields_of, hints_of
+from mrwork.base.hints import May, Record, Within, fields_of
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.residual import NuisanceName
@@ -273,7 +273,7 @@ class FitSettings:
             search = record.get("search")
             known = {
                 name: built(kind, record[name])
-                for name, kind in hints_of(cls).items()
+                for name, kind in get_type_hints(cls, include_extras=True).items()
                 if name in record and name != "search"
             }
             return cls(search=None if search is None else _search_of_record(search), **known)

@@ -88,8 +88,10 @@ def _built(node: Node, value: Any) -> Any:
                 if value is None
                 else _built(next(part for part in node.parts if _takes(part, value)), value)
             )
+        case nodes.Items(_, (item,)):
+            return tuple(_built(item, entry) for entry in value)
         case nodes.Fixed():
-            return tuple(map(_built, node.of(len(value)), value))
+            return tuple(map(_built, node.parts, value))
         case nodes.ByName(_, (name, inner)):
             return {_built(name, key): _built(inner, entry) for key, entry in value.items()}
         case nodes.Array(scalar) if scalar in (None, np.float64):

@@ -92,7 +92,7 @@ class TuneTable:
     _made_by: ClassVar[str] = "mr.study.TuneTable(laws=...)"
 
     laws: tuple[str, ...] = key("names of the laws")
-    label: str = key("appended to the titles of the laws in tables, by default tuned", default="", label=True)
+    label: str = key("appended to the titles of the laws in tables, by default tuned", default="")
     settings: Mapping[str, Any] | None = optional("settings that are held", file=True)
     free: Mapping[str, tuple[float, ...]] | None = optional(
         "settings to be searched, with lower and upper bounds, as { control_weight = [1e-15, 1e-9] }; an empty array "
@@ -234,7 +234,7 @@ class DamperTable:
     rated_stroke: float | None = positive(
         "stroke to either side that one damper is made for", unit="m", usual=(1e-3, 1.0)
     )
-    name: str | None = optional("name in tables, by default that of its storey", label=True)
+    name: str | None = optional("name in tables, by default that of its storey")
     amplitude: tuple[float, ...] | None = positive(
         "smallest and largest expected damper displacement, for laws that need a static model of the damper",
         unit="m",
@@ -279,7 +279,7 @@ class ControllerTable:
 
     law: str = key("name of the law; required without user", default="")
     user: LawFileTable | None = optional("law in Python instead")
-    label: str = key("label in tables; by default the title of the law", default="", label=True)
+    label: str = key("label in tables; by default the title of the law", default="")
     settings: Mapping[str, Any] | None = optional("settings of the law", file=True)
     gain: tuple[tuple[float, ...], ...] | str | None = optional(
         "finished gain K of the desired force f_c = -K s, for laws of a desired force, instead of weights among the "
@@ -307,7 +307,7 @@ class ControllerTable:
 class BaselineTable:
     """The building with other devices for comparison: passive dampers, a tuned mass or liquid, isolation."""
 
-    label: str = key("label in tables", label=True)
+    label: str = key("label in tables")
     building: BuildingTable = key("keys of [building] to be replaced or added")
     place: Place
 
@@ -358,7 +358,7 @@ class TargetTable:
     t_l: float | None = positive("transition period of ASCE 7", unit="s")
     periods: tuple[float, ...] | None = optional("periods of a table", unit="s", least=0.0)
     accelerations: tuple[float, ...] | None = positive("pseudo-accelerations of a table", unit="m/s2")
-    name: str | None = optional("name of a table, target by default", label=True)
+    name: str | None = optional("name of a table, target by default")
     damping: float | None = optional(
         "damping ratio, 0.05 by default; ASCE 7 has no other", least=0.0, most=_WIDEST, usual=RATIOS
     )
@@ -413,11 +413,9 @@ class MotionTable:
     )
     synthetic: Synthetic | None = optional("filtered noise instead of a file")
     suite: SuiteTable | None = optional("many synthetic motions instead of a file")
-    name: str = key(
-        "name in tables; of several records or a suite, the beginning of their names", default="", label=True
-    )
+    name: str = key("name in tables; of several records or a suite, the beginning of their names", default="")
     group: str | tuple[str, ...] = key(
-        "group of the motions, or several, of which tables have the score", default="", label=True
+        "group of the motions, or several, of which tables have the score", default=""
     )
     unit: str | None = optional(
         "unit of the acceleration in the file, as g; needed if the file does not state it"
