@@ -317,4 +317,4 @@ def test_a_sparse_item_outside_its_matrix_is_refused(tmp_path: Path) -> None:
     triplets = np.array([[5.0, 1.0, 2.0], [2.0, 2.0, 0.0]])
     path = tmp_path / "frame.mat"
     path.write_bytes(struct.pack("<5i", 2, 2, 3, 0, 2) + b"S\0" + triplets.ravel(order="F").tobytes())
-    refusal(read_matrices, path, match="outside its 2 x 2")
+    refusal(read_matrices, path, match="exceeds matrix dim")

@@ -51,7 +51,7 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
             if is_required(entry) and not {name} & (table.keys() | misspelt):
                 with part():
                     refuse_missing(entry, place)
-    if "place" in fields_of(kind):
+    if "place" in fields_of(cast(Any, kind)):
         values["place"] = place
     with place.prefix_errors(SettingError):
         return kind(**values)
