@@ -156,7 +156,6 @@ def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     """Return the files of a sequence of paths in its order, or of a glob pattern in name order."""
     if isinstance(paths, str | os.PathLike):
         pattern = os.fspath(paths)
-        _refuse_nameless(pattern)
         # An existing file whose name contains brackets is not a pattern.
         paths_of_pattern = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
         files = [pattern] if exists(pattern) else sorted(paths_of_pattern)
@@ -164,14 +163,7 @@ def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
             raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
         return files
     files = [os.fspath(path) for path in paths]
-    if not files:
-        raise RecordError(none)
-    for file in files:
-        _refuse_nameless(file)
-    return files
-
-
-def _refuse_nameless(file: str) -> None:
     # An empty name would be the current folder.
-    if not file or "\0" in file:
-        raise RecordError(f"{file!r} is no path of a file; check the name")
+    if not files or "" in files:
+        raise RecordError(none)
+    return files

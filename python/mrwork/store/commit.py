@@ -17,7 +17,7 @@ from typing import Any, Final
 from mrwork.errors import OutputError
 from mrwork.store.codec import json_document
 from mrwork.store.input_file import exists
-from mrwork.store.output_file import make_folder, new_file
+from mrwork.store.output_file import new_file
 
 MANIFEST: Final = "manifest.json"
 NEW: Final = ".new"
@@ -68,7 +68,11 @@ def make_folders(place: Path, name: str) -> Path:
         raise OutputError(f"the {MANIFEST} of {place} lists {name}, which is outside that folder")
     path = place / name
     for above in reversed([each for each in path.parents if place in each.parents]):
-        make_folder(above)
+        if above.is_symlink():
+            raise OutputError(
+                f"{above} is a symbolic link, which mrwork does not follow; put a folder in its place"
+            )
+        above.mkdir(exist_ok=True)
     return path
 
 

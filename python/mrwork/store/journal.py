@@ -18,11 +18,11 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, Final, Protocol, TypeVar, runtime_checkable
+from typing import Any, Final, TypeVar
 
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import counted
-from mrwork.errors import JournalError
+from mrwork.errors import JournalError, MrworkError
 from mrwork.store.codec import built, differences, plain
 from mrwork.store.input_file import FileKind, bytes_of, is_there, start_of
 from mrwork.store.output_file import Lock, explain_failure, open_to_write
@@ -37,17 +37,6 @@ _DISK_SHARE = 0.01
 _SHOWN = 3
 _NOT_LOST = "make room and resume, nothing in it is lost"
 _ANEW = "run again with --replace, not --resume"
-
-
-@runtime_checkable
-class Counters(Protocol):
-    """Counters of a run, such as its simulations; every line of a journal states them."""
-
-    def as_record(self) -> Mapping[str, object]:
-        """Return the counts by name."""
-
-    def restore(self, record: Mapping[str, Any]) -> None:
-        """Set the counters to recorded counts."""
 
 
 class Journal:
@@ -104,7 +93,7 @@ class Journal:
         self._recorded: list[dict[str, Any]] = []
         self.n_asked = 0
         """Number of steps that have been asked for."""
-        self._counters: Counters | None = None
+        self._counters: Any = None
         # After an interrupt, a refinement may still run on its thread; it must not write to a closed journal.
         self._writing = threading.Lock()
         self._closed = False
@@ -127,8 +116,8 @@ class Journal:
         return self.n_asked < len(self._recorded)
 
     @checked
-    def carry(self, counters: Counters) -> None:
-        """Record these counters in every following line, and restore them with every recorded step."""
+    def carry(self, counters: Any) -> None:
+        """Record `counters.as_record()` in every following line, and `restore` it with every recorded step."""
         self._counters = counters
 
     @checked
@@ -214,10 +203,10 @@ class Journal:
         if not is_there(path, JOURNAL_FILE):
             raise JournalError(f"there is no journal at {path} to resume; run without --resume")
         self._take_lock()
-        content = bytes_of(path, JOURNAL_FILE)
         try:
+            content = bytes_of(path, JOURNAL_FILE)
             self._recorded, length = read_lines(content, path)
-        except JournalError:
+        except MrworkError:
             self.close()
             raise
         if length < len(content) and note is not None:

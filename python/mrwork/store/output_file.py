@@ -30,15 +30,6 @@ _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 _NEW: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK | getattr(os, "O_BINARY", 0)
 
 
-def make_folder(path: Path) -> None:
-    """Make a folder where there is none; a link is refused."""
-    if path.is_symlink():
-        raise OutputError(
-            f"{path} is a symbolic link, which mrwork does not follow; put a folder in its place"
-        )
-    path.mkdir(exist_ok=True)
-
-
 def refuse_special(path: Path) -> None:
     """Check that there is no pipe, device or socket at `path`, or where a link at `path` leads to."""
     try:
