@@ -83,7 +83,6 @@ class RowRuns:
                 threads=self.threads,
                 on_block=self.course.advance,
             ),
-            agrees=lambda best: best.command in levels,
         )
         label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
         row, law = replace(arrangement.row, label=label), constant_command(arrangement.devices, best.command)

@@ -427,16 +427,10 @@ def candidate_axes(
 
 
 def recall_or_compute(
-    journal: Journal | None,
-    step: str,
-    inputs: str,
-    kind: type[T],
-    compute: Callable[[], T],
-    *,
-    agrees: Callable[[T], bool] | None = None,
+    journal: Journal | None, step: str, inputs: str, kind: type[T], compute: Callable[[], T]
 ) -> T:
     """The result of a step from the journal, or computed, and then recorded; see `Journal.once`."""
-    return compute() if journal is None else journal.once(step, inputs, kind, compute, agrees=agrees)
+    return compute() if journal is None else journal.once(step, inputs, kind, compute)
 
 
 def recall_or_simulate(
