@@ -113,7 +113,7 @@ SAMPLES: dict[str, Callable[[], Any]] = {
     "motion": loop_samples.sweep,
     "building": loop_samples.five_storeys,
     "devices": lambda: loop_samples.devices(loop_samples.friction())[0],
-    "run": lambda: study_samples.run(1.0, 2),
+    "runs": lambda: study_samples.results().quantities,
     "history": lambda: study_samples.history(1.0, 2),
 }
 

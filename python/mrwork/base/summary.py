@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from functools import partial
 from textwrap import wrap
 from typing import Any, ClassVar
 
@@ -58,7 +59,7 @@ class Summary:
         width = max((len(name) for name, _ in self.shown_facts), default=0)
         for name, value in self.shown_facts:
             line = f"  {name:<{width}}  {value}"
-            lines += wrap(line, _MOST_CHARACTERS, subsequent_indent=" " * (width + 4)) if whole else [line]
+            lines += _lines_of(line, subsequent_indent=" " * (width + 4)) if whole else [line]
         for table in self.shown_tables:
             shown = table if whole or len(table.rows) <= _MOST_ROWS else _first_rows(table)
             lines += ["", *([f"  {table.title}"] if table.title else []), *shown.lines("  ")]
@@ -96,7 +97,11 @@ class Summary:
 
 
 def _wrapped(sentence: str) -> list[str]:
-    return wrap(sentence, _MOST_CHARACTERS, initial_indent="  ", subsequent_indent="    ")
+    return _lines_of(sentence, initial_indent="  ", subsequent_indent="    ")
+
+
+# Names of files and options are not broken, so that they can be copied.
+_lines_of = partial(wrap, width=_MOST_CHARACTERS, break_long_words=False, break_on_hyphens=False)
 
 
 def _first_rows(table: Table) -> Table:

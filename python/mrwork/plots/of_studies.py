@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 
 from mrwork.base.keys import check_known
 from mrwork.base.units import STANDARD_GRAVITY
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
@@ -178,7 +178,7 @@ def storey_profiles(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class _Line:
     """A row over the height: its values under each motion, shape (n_motions, n_heights)."""
 

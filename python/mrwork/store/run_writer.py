@@ -39,6 +39,7 @@ from mrwork.store.input_file import exists, is_folder
 from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
 from mrwork.store.output_file import (
     Lock,
+    check_name,
     explain_failure,
     is_lock,
 )
@@ -196,6 +197,7 @@ class RunAtWork:
 
     def __enter__(self) -> RunAtWork:
         place = self._place
+        check_name(place)
         with _explained(self.destination.path):
             place.mkdir(parents=True, exist_ok=True)
         with ExitStack() as locked:

@@ -293,6 +293,7 @@ class StudyResults(Summarised):
     ensemble: Ensemble | None = None
 
     @staticmethod
+    @arguments.checked
     def of(
         study: Study, rows: Sequence[Row], runs: Runs, criteria: Runs, choices: Sequence[str]
     ) -> StudyResults:
