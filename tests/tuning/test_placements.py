@@ -17,7 +17,7 @@ from mrwork.report.study.page import study_page
 from mrwork.study.placements import placements_of
 from mrwork.tuning import TuningResults, judge, tune
 from mrwork.tuning.folder import chosen_study
-from mrwork.tuning.placing import PlacingProgress
+from mrwork.tuning.law_tuning import TuningProgress
 from mrwork.tuning.results import places_table
 
 # Storey 3 is the soft one, where dampers help most.
@@ -110,8 +110,7 @@ def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path:
     assert judged is not None
     assert runs.score(row) == pytest.approx(judged.score, rel=1e-6)
     best = next(each for each in results.references if each.label == "Optimal passive")
-    # Of one study, by another denominator.
-    assert best.settings["command"] == pytest.approx(results.places[0].command, abs=0.5)
+    assert best.settings["command"] == pytest.approx(results.places[0].command)
 
 
 def test_an_interrupted_comparison_resumes_to_the_same_bits(
@@ -120,15 +119,15 @@ def test_an_interrupted_comparison_resumes_to_the_same_bits(
     said: list[str] = []
 
     def stop(progress: object) -> None:
-        if isinstance(progress, PlacingProgress):
-            said.append(progress.in_words)
-            if progress.done == 4:
-                raise KeyboardInterrupt
+        assert isinstance(progress, TuningProgress)
+        said.append(progress.in_words)
+        if progress.candidates == 4:
+            raise KeyboardInterrupt
 
     with closing(mr.Journal(tmp_path / "journal")) as journal, pytest.raises(Interrupted) as ended:
         tune(study, threads=1, journal=journal, on_progress=stop)
     assert ended.value.result.status == "interrupted"
-    assert said[0].startswith("placement 1 of 10")
+    assert said[0].startswith("placements: 1 of 10")
     kept = (tmp_path / "journal").read_text()
     assert kept.count('"placement"') == 4
     with closing(mr.Journal(tmp_path / "journal", resume=True)) as journal:

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace
+from functools import partial
 from itertools import islice
 from typing import Literal
 
@@ -23,13 +24,11 @@ from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
 from mrwork.tuning.law_tuning import LawPlan, TuningProgress, check_finish, check_settings, front_of, tune_law
-from mrwork.tuning.placing import PlacingProgress, compare_places
+from mrwork.tuning.placing import compare_places
 from mrwork.tuning.problem import STUDY_SCORE, Benches, Clock, benches_of, check_controllable, magnitudes_of
 from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
 from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, space_of
 from mrwork.workers.engine import Workers, by_whom, on_executor
-
-OnTuning = Callable[[TuningProgress | PlacingProgress], None]
 
 
 @checked
@@ -44,7 +43,7 @@ def tune(
     rng: Seed = 0,
     journal: Journal | None = None,
     threads: Threads = 0,
-    on_progress: OnTuning = lambda progress: None,
+    on_progress: Callable[[TuningProgress], None] = lambda progress: None,
     executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> TuningResults:
     """Tune the settings of control laws on the training motions of a study; `mr.tuning.judge` judges them.
@@ -118,9 +117,24 @@ def tune(
             places=tuple(places),
         )
 
+    def report_on(label: str, searches: int, candidates: int, most: int, least: float) -> None:
+        on_progress(
+            TuningProgress(
+                label=f"{label}{by_whom()}",
+                candidates=candidates,
+                budget=most,
+                least=least,
+                done=len(tuned),
+                total=sum(len(table.laws) for table in tables),
+                seconds=time.perf_counter() - clock.began,
+                share=(len(tuned) + len(fronts) + min(candidates / most, 1.0)) / searches,
+            )
+        )
+
     try:
         if placing is not None:
-            places.extend(compare_places(study, journal=journal, threads=threads, on_progress=on_progress))
+            report = partial(report_on, "placements", 1)
+            places.extend(compare_places(study, journal=journal, threads=threads, on_compared=report))
             assert study.placed is not None
             study = study.placed(places[0].storeys)
         robust = any(table.robust for table in tables)
@@ -137,24 +151,8 @@ def tune(
         if any(each.relative_to == "best_passive" for each in objectives):
             benches = benches.with_constant(best_constant(references))
         searches = sum(1 + bool(plan.table.objectives) for plan in plans)
-        for number, plan in enumerate(plans):
-
-            def report(
-                candidates: int, most: int, least: float, plan: LawPlan = plan, done: int = number
-            ) -> None:
-                on_progress(
-                    TuningProgress(
-                        label=f"{plan.label}{by_whom()}",
-                        candidates=candidates,
-                        budget=most,
-                        least=least,
-                        done=done,
-                        total=len(plans),
-                        seconds=time.perf_counter() - clock.began,
-                        share=(len(tuned) + len(fronts) + min(candidates / most, 1.0)) / searches,
-                    )
-                )
-
+        for plan in plans:
+            report = partial(report_on, plan.label, searches)
             tuned.append(tune_law(plan, benches, basis, rng=rng, report=report))
             if plan.table.objectives:
                 fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
