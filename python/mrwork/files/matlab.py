@@ -115,7 +115,7 @@ def _variables(path: Path, kind: FileKind) -> tuple[bytes, Variables]:
         # A version 4 file starts with a small integer, a version 5 file with text.
         read = _version_4 if 0 in data[:4] else _version_5
         return data, read(memoryview(data), allowance)
-    except RecordError:
+    except (RecordError, MemoryError):
         raise
     except Exception as error:  # whatever a damaged size or index leads to
         raise RecordError(f"{path}: not a readable .mat file ({reason_of(error)}); {_DAMAGED}") from error

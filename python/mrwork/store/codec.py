@@ -77,17 +77,15 @@ def built(kind: Any, value: Any) -> Any:
 
 def _built(node: Node, value: Any) -> Any:
     match node:
+        case _ if value is None:
+            return None
         case nodes.Record(kind):
             known = fields_of(kind)
             return kind(
                 **{name: _built(known[name], entry) for name, entry in value.items() if name in known}
             )
         case nodes.Either():
-            return (
-                None
-                if value is None
-                else _built(next(part for part in node.parts if _takes(part, value)), value)
-            )
+            return _built(next(part for part in node.parts if _takes(part, value)), value)
         case nodes.Items(_, (item,)):
             return tuple(_built(item, entry) for entry in value)
         case nodes.Fixed():
