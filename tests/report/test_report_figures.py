@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -26,10 +27,11 @@ from mrwork.identification.fit import SearchTrace
 from mrwork.plots import style
 from mrwork.plots.canvas import svg_bytes
 from mrwork.plots.of_dampers import nominal_loops
+from mrwork.plots.of_tests import Motion
 from mrwork.plots.samples import even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
-from mrwork.report.fit.figures import common_unit, force_history, hysteresis_loops, repair_panel
-from mrwork.report.fit.page import run_figures, write_figures
+from mrwork.report.fit.figures import common_unit, cycles_figure, loop_figure, record_figure, repair_figure
+from mrwork.report.fit.page import fit_page, write_figures
 from mrwork.report.fit.parameters import profiles_figure
 from mrwork.uncertainty import Prediction, Profiles
 from mrwork.uncertainty.identifiability.profile import Profile
@@ -82,7 +84,9 @@ CASES = {
 @pytest.mark.parametrize("tested", CASES.values(), ids=CASES.keys())
 def test_labels_stay_inside_the_figure_and_off_each_other(tested: Prediction) -> None:
     with style.drawn_in_style():
-        for figure in (draw(tested, common_unit([tested])) for draw in (force_history, hysteresis_loops)):
+        unit = common_unit([tested])
+        loops = (loop_figure(tested, unit, over) for over in get_args(Motion))
+        for figure in (record_figure(tested, unit), cycles_figure(tested, unit), *loops):
             assert_labels_apart(figure)
 
 
@@ -130,11 +134,9 @@ def test_the_report_never_loads_pyplot_and_a_run_is_read_without_matplotlib() ->
 @pytest.mark.contract
 def test_the_model_line_is_whole_and_the_points_lie_on_the_record() -> None:
     tested = prediction(n_time=9000)
-    for axes, across in zip(
-        hysteresis_loops(tested, "N").axes,
-        (1e3 * tested.test.displacement, 1e3 * tested.test.velocity),
-        strict=True,
-    ):
+    for over in get_args(Motion):
+        (axes,) = loop_figure(tested, "N", over).axes
+        across = 1e3 * getattr(tested.test, over)
         points, line = axes.get_lines()[:2]
         assert np.array_equal(line.get_xydata(), np.column_stack([across, tested.model_force]))
         recorded = set(zip(across.tolist(), tested.test.force.tolist(), strict=True))
@@ -180,25 +182,25 @@ def test_drawn_samples_follow_the_curve_without_bare_stretches(n_time: int, want
 def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
     whole = prediction()
     raised = replace(whole.test, force=whole.test.force + 300.0)
-    (axes,) = repair_panel(whole.test, raised, "N").axes
+    (axes,) = repair_figure(whole.test, raised, "N").axes
     before, after = (np.asarray(line.get_ydata()) for line in axes.get_lines()[:2])
     np.testing.assert_allclose(before, raised.force)
     np.testing.assert_allclose(after, whole.test.force)
     low, high = axes.get_ylim()
     assert low < after.min() < before.max() < high
     repaired = replace(whole, test=replace(whole.test, original=raised))
-    own = set(run_figures(stored(whole), [whole]))
-    assert set(run_figures(stored(repaired), [repaired])) - own == {"repair"}
+    own, others = ({*fit_page(stored(each), [each]).figures} for each in (whole, repaired))
+    assert others - own == {"t1-repair"}
 
 
-def test_figure_files_are_named_after_the_tests_and_written_on_request(tmp_path: Path) -> None:
+def test_figure_files_are_those_of_the_page_with_the_names_of_their_tables(tmp_path: Path) -> None:
     tested = [prediction(), prediction("second", synthetic=True)]
     place = write_fit(tmp_path / "run", fit(*tested))
     with blank():
-        names = write_figures(stored(*tested, place=place), tested)
-    of_tests_in_order = ("01_10mm1Hz0x5A", "02_second")
-    drawn = [f"{test}_{kind}" for test in of_tests_in_order for kind in ("force_history", "hysteresis_loops")]
-    assert names == ("convergence", *drawn)
+        page = fit_page(stored(*tested, place=place), tested)
+        names = write_figures(place, page)
+    assert {"search", "t1-record", "t2-displacement"} <= {*names}
+    assert {f"data/{name}.csv" for name in names} == {*page.files}
     files = {file.name for file in (place / "figures").iterdir()}
     assert files == {f"{name}.{kind}" for name in names for kind in ("png", "svg")}
 

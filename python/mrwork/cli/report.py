@@ -15,7 +15,7 @@ from mrwork.cli.output import drawing, is_quiet, print_json, told_findings
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
-from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
+from mrwork.store.run_folder import FIGURES, FIT_RUN, REPORT, SUMMARY, RunFolder
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
@@ -38,8 +38,7 @@ def add_options(parser: CommandParser) -> None:
     page.add_argument(
         "--figures",
         action="store_true",
-        help="of a fit: also write every figure as an SVG and a PNG file into RUN/figures; those of each test for "
-        "every test",
+        help="of a fit: also write every figure of the page as an SVG and a PNG file into RUN/figures",
     )
     page.add_argument(
         "--all-tests",
@@ -74,9 +73,10 @@ def run(options: argparse.Namespace) -> int:
         opened, compared = open_run(place)
         tests.extend(each.test for each in compared)
         drawn = {"every_test": options.all_tests, "summary": options.summary}
-        written.append(write_fit_page(opened, compared, **drawn, on_progress=on_progress))
+        page = write_fit_page(opened, compared, **drawn, on_progress=on_progress)
+        written.append(place / (SUMMARY if options.summary else REPORT))
         if options.figures:
-            names.extend(write_figures(opened, compared, on_progress=on_progress))
+            names.extend(write_figures(place, page, on_progress=on_progress))
 
     status = drawing(place, draw, quiet=is_quiet(options))
     if status == 0:

@@ -12,6 +12,7 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from mrwork.base.table import breakable, format_code
 from mrwork.errors import escaped_lines
@@ -76,9 +77,10 @@ def _name(name: str) -> str:
 
 
 class Page(str):
-    """HTML of a page; `files` are the CSV files beside it, with what its figures draw, by their paths."""
+    """HTML of a page; `files` are the CSV files beside it, with what its `figures` draw, by their paths."""
 
     files: Mapping[str, bytes]
+    figures: Mapping[str, Figure]
 
     def contents(self, name: str) -> dict[str, bytes]:
         """What is to be written for it, by paths: the page with this name, and its files."""
@@ -92,7 +94,8 @@ def page_html(lead: Lead, sections: Sequence[Section | None] = ()) -> Page:
     page = Page(escaped_lines(template.render(lead=lead, sections=shown)))
     groups = [group for section in shown for group in section.groups]
     panels = [*lead.panels, *(panel for group in groups for panel in group.panels)]
-    page.files = {f"{DATA}/{panel.name}": panel.data.encode() for panel in panels if panel.data}
+    page.files = {f"{DATA}/{panel.name}.csv": panel.data.encode() for panel in panels if panel.data}
+    page.figures = {panel.name: panel.figure for panel in panels if panel.figure is not None}
     return page
 
 

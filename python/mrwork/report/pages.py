@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from mrwork.base.arguments import checked
-from mrwork.report.fit.page import open_run, write_fit_page
+from mrwork.report.fit.page import fit_page, open_run
 from mrwork.report.section import OnDrawn, ignore_progress
 from mrwork.report.study.page import study_page
 from mrwork.store.run_folder import FIT_RUN, REPORT, STUDY_RUN, SUMMARY, RunFolder
@@ -53,12 +53,11 @@ def write_page(
     stated = opened.manifest
     command = stated.get("command", "")
     if opened.kind is FIT_RUN:
-        return write_fit_page(
-            *open_run(place), every_test=every_test, summary=summary, on_progress=on_progress
-        )
-    results = read_results(place) if opened.kind is STUDY_RUN else read_tuning(place)
-    histories, seconds = partial(read_history, place), stated.get("seconds")
-    page = study_page(results, histories, command=command, seconds=seconds, summary=summary)
+        page = fit_page(*open_run(place), every_test=every_test, summary=summary, on_progress=on_progress)
+    else:
+        results = read_results(place) if opened.kind is STUDY_RUN else read_tuning(place)
+        histories, seconds = partial(read_history, place), stated.get("seconds")
+        page = study_page(results, histories, command=command, seconds=seconds, summary=summary)
     name = SUMMARY if summary else REPORT
     add_to_run(place, page.contents(name))
     return place / name

@@ -59,7 +59,7 @@ _PIXELS_PER_INCH = 78
 class Panel(Summarised):
     """One figure of the page with the lines above and below it, and its natural width [px].
 
-    `data` is what it draws as CSV, for the file `name` beside the page.
+    `data` is what it draws as CSV, for the file of this `name` beside the page.
     """
 
     title: str
@@ -68,6 +68,7 @@ class Panel(Summarised):
     width: int = 0
     name: str = ""
     data: str = ""
+    figure: Figure | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,8 +170,9 @@ def panel(identifier: str, title: str, figure: Figure, description: str, note: s
         svg=Markup(inline_svg(figure, identifier=identifier, description=description)),
         note=note,
         width=round(_PIXELS_PER_INCH * figure.get_figwidth()),
-        name=f"{identifier}.csv",
+        name=identifier,
         data=drawn_csv(figure),
+        figure=figure,
     )
 
 

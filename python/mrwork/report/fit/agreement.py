@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from typing import get_args
 
 import numpy as np
@@ -23,15 +22,13 @@ from mrwork.plots.samples import zoom_window
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
 from mrwork.report.fit.figures import (
-    Drawing,
+    command_figure,
     common_unit,
-    draw_command,
-    draw_cycles,
-    draw_loop,
-    draw_record,
-    figure_of_test,
+    cycles_figure,
+    loop_figure,
     name_of,
-    repair_panel,
+    record_figure,
+    repair_figure,
     small_loop,
 )
 from mrwork.report.fit.residuals import residual_panels
@@ -158,36 +155,26 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
 def _test_panels(identifier: str, prediction: Prediction, unit: str) -> tuple[Panel, ...]:
     test, data = prediction.test, data_label(prediction.test)
     shaded = f"Residual: {data} minus model. The shaded part is enlarged in the next figure."
-    drawings: list[tuple[str, str, Drawing, str]] = [
-        ("record", "Whole record", draw_record, shaded),
-        ("cycles", zoom_window(test.displacement).in_words, draw_cycles, ""),
-        *((over, f"Force against {over}", partial(draw_loop, over), "") for over in get_args(Motion)),
+    drawn = [
+        ("record", "Whole record", record_figure(prediction, unit), shaded),
+        ("cycles", zoom_window(test.displacement).in_words, cycles_figure(prediction, unit), ""),
+        *(
+            (over, f"Force against {over}", loop_figure(prediction, unit, over), "")
+            for over in get_args(Motion)
+        ),
     ]
     if test.has_varying_command:
         wide = "The loops belong to the whole record, so they are wide where the command changes."
-        drawings.append(("command", "Command", draw_command, wide))
-    what = f"of test {test.name}: {data} and model, fit {numbers.format_fixed(prediction.fit_percent, 2)} %"
-    panels = [
-        panel(
-            f"{identifier}-{suffix}",
-            title,
-            figure_of_test(prediction, unit, draw),
-            f"{title} {what}",
-            note,
-        )
-        for suffix, title, draw, note in drawings
-    ]
+        drawn.append(("command", "Command", command_figure(prediction), wide))
     if test.original is not None:
-        panels.append(
-            panel(
-                f"{identifier}-repair",
-                "Before and after repair",
-                repair_panel(test, test.original, unit),
-                f"Force against displacement of test {test.name}, as recorded and repaired",
-                "The findings below list the repairs; the model is compared with the repaired record.",
-            )
-        )
-    return tuple(panels)
+        changed = "The findings below list the repairs; the model is compared with the repaired record."
+        repair = repair_figure(test, test.original, unit)
+        drawn.append(("repair", "Before and after repair", repair, changed))
+    what = f"of test {test.name}: {data} and model, fit {numbers.format_fixed(prediction.fit_percent, 2)} %"
+    return tuple(
+        panel(f"{identifier}-{suffix}", title, figure, f"{title} {what}", note)
+        for suffix, title, figure, note in drawn
+    )
 
 
 def drawn_in_full(predictions: Sequence[Prediction], *, every_test: bool = False) -> dict[int, str]:

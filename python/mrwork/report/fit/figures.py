@@ -1,9 +1,8 @@
-"""Figures of a test beside its model, on the page and in files, from the figures of `mr.plots`."""
+"""Figures of a test beside its model on the page, from the figures of `mr.plots`."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,21 +10,14 @@ from matplotlib.figure import Figure
 
 from mrwork.base.values import Floats
 from mrwork.plots import canvas, style
-from mrwork.plots.canvas import axes_between, finish_signed
+from mrwork.plots.canvas import finish_signed
 from mrwork.plots.of_tests import Motion, commands, histories, loops, residuals
 from mrwork.plots.samples import zoom_window
 from mrwork.records.damper_test import DamperTest
 from mrwork.uncertainty.bands.prediction import Prediction
 
-# Inches between a force history and its residual below, the residual's share of the height, and a line of heading.
-_BETWEEN = 0.42
-_RESIDUAL_SHARE = 0.3
-_HEADING = 0.34
-# Samples of a small loop.
-_SMALL_SAMPLES = 400
-
-Drawing = Callable[[Figure, int, Prediction, str], None]
-"""Draws a test into the column of a figure with this number, forces in this unit."""
+# Inches between a force history and its residual below, the residual's share of the height; samples of a small loop.
+_BETWEEN, _RESIDUAL_SHARE, _SMALL_SAMPLES = 0.42, 0.3, 400
 
 
 def name_of(test: DamperTest) -> str:
@@ -39,19 +31,8 @@ def common_unit(predictions: Sequence[Prediction]) -> str:
     return style.force_unit(max(peaks, default=0.0)).symbol
 
 
-def force_history(drawn: Prediction, unit: str) -> Figure:
-    """Force against time with the residual below: the whole record, and a few cycles of it enlarged."""
-    return figure_of_test(drawn, unit, draw_record, draw_cycles, heading=name_of(drawn.test))
-
-
-def hysteresis_loops(drawn: Prediction, unit: str) -> Figure:
-    """Force against displacement and against velocity."""
-    both = partial(draw_loop, "displacement"), partial(draw_loop, "velocity")
-    return figure_of_test(drawn, unit, *both, heading=name_of(drawn.test))
-
-
 @style.drawn_in_style()
-def repair_panel(test: DamperTest, original: DamperTest, unit: str) -> Figure:
+def repair_figure(test: DamperTest, original: DamperTest, unit: str) -> Figure:
     """Force against displacement before and after the repair of a test, as one column."""
     figure, axes = canvas.column_axes()
     axes.grid(True, axis="both")
@@ -67,36 +48,29 @@ def repair_panel(test: DamperTest, original: DamperTest, unit: str) -> Figure:
     return figure
 
 
-@style.drawn_in_style()
-def figure_of_test(drawn: Prediction, unit: str, *drawings: Drawing, heading: str = "") -> Figure:
-    """Drawings of a test as a figure, a column each, below its heading if it has one."""
-    width, room = len(drawings) * style.PANEL_WIDTH, _HEADING if heading else 0.0
-    figure = Figure(figsize=(width, style.PANEL_HEIGHT + room))
-    if heading:
-        top = 1 - 0.12 / figure.get_figheight()
-        figure.text(canvas.LEFT / width, top, heading, va="top", fontweight="bold")
-    for column, draw in enumerate(drawings):
-        draw(figure, column, drawn, unit)
+def record_figure(drawn: Prediction, unit: str) -> Figure:
+    """The whole record; the part that `cycles_figure` enlarges is shaded."""
+    figure = _history_figure(drawn, unit)
+    for axes in figure.axes:
+        _shade_window(axes, drawn.test)
     return figure
 
 
-def draw_record(figure: Figure, column: int, drawn: Prediction, unit: str) -> None:
-    """The whole record; the part that the next panel enlarges is shaded."""
-    for axes in _draw_history(figure, column, drawn, unit):
-        _shade_window(axes, drawn.test)
-
-
-def draw_cycles(figure: Figure, column: int, drawn: Prediction, unit: str) -> None:
+def cycles_figure(drawn: Prediction, unit: str) -> Figure:
     """A few cycles of the record."""
-    _draw_history(figure, column, few_cycles(drawn), unit)
+    return _history_figure(few_cycles(drawn), unit)
 
 
-def _draw_history(figure: Figure, column: int, drawn: Prediction, unit: str) -> tuple[Axes, Axes]:
+@style.drawn_in_style()
+def _history_figure(drawn: Prediction, unit: str) -> Figure:
     """Force over time and, below, its residual."""
-    free = style.PANEL_HEIGHT - canvas.TOP - canvas.BOTTOM - _BETWEEN
-    split = canvas.BOTTOM + _RESIDUAL_SHARE * free
-    lower = _axes(figure, column, canvas.BOTTOM, split)
-    upper = _axes(figure, column, split + _BETWEEN, style.PANEL_HEIGHT - canvas.TOP, sharex=lower)
+    figure, upper = canvas.column_axes()
+    left, bottom, width, height = upper.get_position().bounds
+    between = _BETWEEN / style.PANEL_HEIGHT
+    split = _RESIDUAL_SHARE * (height - between)
+    lower = figure.add_axes((left, bottom, width, split))
+    upper.set_position((left, bottom + split + between, width, height - split - between))
+    upper.sharex(lower)
     upper.tick_params(labelbottom=False)
     histories(drawn, upper, unit=unit)
     limit_force(upper, drawn, unit)
@@ -108,7 +82,7 @@ def _draw_history(figure: Figure, column: int, drawn: Prediction, unit: str) -> 
     time = drawn.test.time
     margin = 0.0 if time.size > 1 else 0.5
     lower.set_xlim(float(time[0]) - margin, float(time[-1]) + margin)
-    return upper, lower
+    return figure
 
 
 def few_cycles(drawn: Prediction, most: int | None = None) -> Prediction:
@@ -126,21 +100,26 @@ def _shade_window(axes: Axes, test: DamperTest) -> None:
     axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
 
 
-def draw_command(figure: Figure, column: int, drawn: Prediction, unit: str) -> None:
-    """A varying command over the whole record; the part of `draw_cycles` is shaded."""
-    axes = commands(drawn, _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP))
+@style.drawn_in_style()
+def command_figure(drawn: Prediction) -> Figure:
+    """A varying command over the whole record; the part of `cycles_figure` is shaded."""
+    figure, axes = canvas.column_axes()
+    commands(drawn, axes)
     finish_signed(axes)
     _shade_window(axes, drawn.test)
     axes.set_xlim(float(drawn.test.time[0]), float(drawn.test.time[-1]))
+    return figure
 
 
-def draw_loop(over: Motion, figure: Figure, column: int, drawn: Prediction, unit: str) -> None:
+@style.drawn_in_style()
+def loop_figure(drawn: Prediction, unit: str, over: Motion) -> Figure:
     """Force against displacement or velocity."""
-    axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
+    figure, axes = canvas.column_axes()
     axes.grid(True, axis="both")
     loops(drawn, axes, over=over, unit=unit)
     limit_force(axes, drawn, unit)
     finish_signed(axes)
+    return figure
 
 
 @style.drawn_in_style()
@@ -151,11 +130,6 @@ def small_loop(drawn: Prediction, unit: str, *, over: Motion, height: float = ca
     limit_force(axes, drawn, unit)
     canvas.name_above(axes)
     return figure
-
-
-def _axes(figure: Figure, column: int, bottom: float, top: float, sharex: Axes | None = None) -> Axes:
-    left, right = column * style.PANEL_WIDTH + canvas.LEFT, (column + 1) * style.PANEL_WIDTH - canvas.RIGHT
-    return axes_between(figure, left=left, right=right, bottom=bottom, top=top, sharex=sharex)
 
 
 def limit_force(axes: Axes, drawn: Prediction, unit: str) -> None:

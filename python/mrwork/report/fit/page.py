@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import itertools
-import re
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-
-from matplotlib.figure import Figure
 
 from mrwork.base import numbers
 from mrwork.base.summary import list_names
@@ -17,13 +13,12 @@ from mrwork.identification.fit_file import reopen
 from mrwork.plots.canvas import png_bytes, svg_bytes
 from mrwork.report.fit.agreement import AMPLITUDES, HELD_OUT, drawn_in_full, has_small_loops, tests_section
 from mrwork.report.fit.bands import BANDS
-from mrwork.report.fit.choices import LAWS, PLAN, RANKING, plan_figure, ranking_figure
-from mrwork.report.fit.figures import common_unit, force_history, hysteresis_loops, repair_panel
+from mrwork.report.fit.choices import LAWS, PLAN, RANKING
 from mrwork.report.fit.front import fit_lead
-from mrwork.report.fit.parameters import PROFILES, parameters_section, profiles_figure
+from mrwork.report.fit.parameters import PROFILES, parameters_section
 from mrwork.report.fit.posterior import POSTERIOR
 from mrwork.report.fit.residuals import RESIDUALS
-from mrwork.report.fit.search import search_figure, search_section
+from mrwork.report.fit.search import search_section
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import (
     Group,
@@ -148,12 +143,11 @@ def write_fit_page(
     every_test: bool = False,
     summary: bool = False,
     on_progress: OnDrawn = ignore_progress,
-) -> Path:
+) -> Page:
     """Write the page of a run into its folder, or its front as `summary.html`, in place of an earlier one."""
     page = fit_page(run, predictions, every_test=every_test, summary=summary, on_progress=on_progress)
-    name = SUMMARY if summary else REPORT
-    add_to_run(run.place, page.contents(name))
-    return run.place / name
+    add_to_run(run.place, page.contents(SUMMARY if summary else REPORT))
+    return page
 
 
 def _plain(value: object) -> str:
@@ -183,37 +177,10 @@ def _join_first(parts: list[str], separator: str) -> str:
     return f"{separator.join(parts[:_SETTINGS_SHOWN])} and {len(parts) - _SETTINGS_SHOWN} more"
 
 
-def write_figures(
-    run: StoredRun, predictions: Sequence[Prediction], *, on_progress: OnDrawn = ignore_progress
-) -> tuple[str, ...]:
-    """Write every figure of a run as an SVG and a PNG file into its folder; return their names without suffix."""
-    drawn = run_figures(run, predictions)
-    for number, (name, draw) in enumerate(drawn.items()):
-        on_progress(PageProgress(done=number, total=len(drawn), task=f"figure {name}"))
-        figure = draw()
-        add_to_run(
-            run.place,
-            {f"{FIGURES}/{name}.svg": svg_bytes(figure), f"{FIGURES}/{name}.png": png_bytes(figure)},
-        )
-    return tuple(drawn)
-
-
-def run_figures(run: StoredRun, predictions: Sequence[Prediction]) -> dict[str, Callable[[], Figure]]:
-    """Functions that draw the figures of a run, by name of file; of several tests the name starts with the test's."""
-    unit = common_unit(predictions)
-    drawn: dict[str, Callable[[], Figure]] = {"convergence": partial(search_figure, run.fit)}
-    for number, prediction in enumerate(predictions, start=1):
-        test = prediction.test
-        stem = re.sub(r"[^A-Za-z0-9.-]+", "_", test.name).strip("._") or "test"
-        prefix = "" if len(predictions) == 1 else f"{number:02d}_{stem}_"
-        drawn[f"{prefix}force_history"] = partial(force_history, prediction, unit)
-        drawn[f"{prefix}hysteresis_loops"] = partial(hysteresis_loops, prediction, unit)
-        if test.original is not None:
-            drawn[f"{prefix}repair"] = partial(repair_panel, test, test.original, unit)
-    if run.profiles is not None:
-        drawn["profiles"] = partial(profiles_figure, run.profiles)
-    if run.ranking is not None:
-        drawn["ranking"] = partial(ranking_figure, run.ranking)
-    if run.plan is not None:
-        drawn["plan"] = partial(plan_figure, run.plan.plan)
-    return drawn
+def write_figures(place: Path, page: Page, *, on_progress: OnDrawn = ignore_progress) -> tuple[str, ...]:
+    """Write every figure of a page as an SVG and a PNG file into its folder; return their names without suffix."""
+    for number, (name, figure) in enumerate(page.figures.items()):
+        on_progress(PageProgress(done=number, total=len(page.figures), task=f"figure {name}"))
+        pictures = {"svg": svg_bytes(figure), "png": png_bytes(figure)}
+        add_to_run(place, {f"{FIGURES}/{name}.{suffix}": each for suffix, each in pictures.items()})
+    return tuple(page.figures)
