@@ -10,7 +10,6 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from html import escape
-from textwrap import fill
 from typing import Literal, cast
 
 import matplotlib
@@ -178,46 +177,6 @@ def legend(axes: Axes, columns: int = 3, others: int = 0) -> None:
     height = axes.get_position().height * figure.get_figheight()
     place = (1.0, 1.0 + _LEGEND_GAP / height)
     axes.legend(handles[: len(labels)], labels, loc="lower right", bbox_to_anchor=place, ncols=columns)
-
-
-_LETTERS_IN_LINE, _LINE_OF_TEXT, _TO_NAMES = 16, 0.165, 0.12
-
-
-def name_lines(axes: Axes) -> None:
-    """Names of a few curves at the right, each joined to the end of its curve; of more, a legend above."""
-    lines = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
-    if not 1 < len(lines) <= len(style.HUES):
-        legend(axes, columns=2, others=max(len(lines) - len(style.HUES), 0))
-        return
-    names = [fill(str(line.get_label()), _LETTERS_IN_LINE) for line in lines]
-    room = room_for([part for name in names for part in name.splitlines()])
-    figure = cast(Figure, axes.get_figure(root=True))
-    place, (width, height) = axes.get_position(), figure.get_size_inches().tolist()
-    axes.set_position((place.x0, place.y0, place.width - room / width, place.height))
-    axes.autoscale_view()
-    to_axes = axes.transData + axes.transAxes.inverted()
-    ends = [np.asarray(line.get_xydata())[-1] for line in lines]
-    rises = np.array([np.clip(to_axes.transform(end)[1], 0.0, 1.0) for end in ends])
-    step = _LINE_OF_TEXT * max(1 + name.count("\n") for name in names) / (place.height * height)
-    order, steps = np.argsort(rises, kind="stable"), step * np.arange(len(lines))
-    # As high as the curve ends, but each above the one below, and none above the axes.
-    placed = steps + np.minimum(np.maximum.accumulate(rises[order] - steps), 1.0 - steps[-1])
-    for number, rise in zip(order, placed, strict=True):
-        axes.annotate(
-            names[number],
-            xy=tuple(ends[number]),
-            xytext=(1.0 + _TO_NAMES / (place.width * width - room), float(rise)),
-            textcoords="axes fraction",
-            va="center",
-            fontsize=style.SMALL_TEXT_SIZE,
-            annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-",
-                "color": lines[number].get_color(),
-                "linewidth": 0.9,
-                "shrinkB": 0,
-            },
-        )
 
 
 def coinciding(lines: Mapping[str, Floats]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib.util import find_spec
 from typing import Any, ClassVar
 
@@ -12,7 +11,6 @@ from matplotlib.figure import Figure
 from mrwork.base.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.base.numbers import format_fixed
 from mrwork.base.values import Floats
-from mrwork.dampers.simulation import simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, MrworkError, SettingError, SimulationError
 from mrwork.identification.candidates import objective, simulate
@@ -21,12 +19,11 @@ from mrwork.identification.identify import identify_from
 from mrwork.identification.settings import FitSettings
 from mrwork.plots import style
 from mrwork.plots.canvas import png_bytes
+from mrwork.plots.of_dampers import nominal_test
 from mrwork.plots.of_tests import loops
 from mrwork.plots.style import with_unit
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.read import test_from_arrays
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
 # The motion without a test: that of Spencer et al. 1997.
 _AMPLITUDE, _FREQUENCY, _PER_CYCLE = 0.015, 2.5, 400
@@ -178,24 +175,10 @@ def explore(
     if test is not None:
         return Explorer(spec, test, given, measured=True)
     first = np.array(spec.nominal) if given is None else given
-    return Explorer(spec, _nominal_test(spec, command), first, measured=False)
-
-
-def _nominal_test(spec: DamperSpec, command: float | None) -> DamperTest:
-    """The nominal force under a sinusoid."""
-    given = None if spec.current is None else command or 0.0
-    motion = Candidate(amplitude=_AMPLITUDE, frequency=_FREQUENCY, command=given)
-    loading, _ = harmonic_motion(motion, spec, _PER_CYCLE)
-    test = test_from_arrays(
-        loading.dt * np.arange(len(loading.displacement)),
-        loading.displacement,
-        simulate_force(spec, spec.nominal, loading),
-        velocity=loading.velocity,
-        name="nominal",
-        command=given,
-        command_unit=loading.command_unit,
+    nominal = nominal_test(
+        spec, amplitude=_AMPLITUDE, frequency=_FREQUENCY, per_cycle=_PER_CYCLE, command=command or 0.0
     )
-    return replace(test, synthetic=True)
+    return Explorer(spec, nominal, first, measured=False)
 
 
 def _slider(spec: DamperSpec, name: str, value: float, ends: tuple[float, float]) -> Any:

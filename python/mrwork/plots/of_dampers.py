@@ -1,7 +1,8 @@
-"""Drawing of a damper model without a test: its loops with the nominal parameters."""
+"""Figures of a damper model without a test: its loops with the nominal parameters."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -10,25 +11,43 @@ from matplotlib.figure import Figure
 from mrwork.dampers.simulation import simulate_force
 from mrwork.dampers.spec import DamperSpec
 from mrwork.plots import canvas, style
-from mrwork.plots.of_tests import AXES, Motion, axis_name
+from mrwork.plots.of_tests import Motion, axis_values
+from mrwork.records.damper_test import DamperTest
+from mrwork.records.read import test_from_arrays
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
-# Samples of a cycle, of which the last is drawn.
+# Samples of a cycle.
 _PER_CYCLE = 1000
+
+
+def nominal_test(
+    spec: DamperSpec, *, amplitude: float, frequency: float, per_cycle: int, command: float = 0.0
+) -> DamperTest:
+    """The nominal force under a sinusoid [m, Hz], at this command where the model takes one."""
+    level = None if spec.current is None else command
+    motion = Candidate(amplitude=amplitude, frequency=frequency, command=level)
+    loading, _ = harmonic_motion(motion, spec, per_cycle)
+    test = test_from_arrays(
+        loading.dt * np.arange(len(loading.displacement)),
+        loading.displacement,
+        simulate_force(spec, spec.nominal, loading),
+        velocity=loading.velocity,
+        name="nominal",
+        command=level,
+        command_unit=loading.command_unit,
+    )
+    return replace(test, synthetic=True)
 
 
 @style.drawn_in_style()
 def nominal_loops(spec: DamperSpec, *, amplitude: float, frequency: float) -> Figure:
-    """Force over displacement and over velocity under a sinusoid [m, Hz], at zero command where the model takes one."""
-    command = None if spec.current is None else 0.0
-    motion = Candidate(amplitude=amplitude, frequency=frequency, command=command)
-    loading, _ = harmonic_motion(motion, spec, _PER_CYCLE)
-    last = slice(-_PER_CYCLE - 1, None)
-    force = simulate_force(spec, spec.nominal, loading)[last]
-    unit = style.force_unit(float(np.abs(force).max()))
+    """Force over displacement and over velocity in the last cycle of a sinusoid [m, Hz], at zero command."""
+    whole = nominal_test(spec, amplitude=amplitude, frequency=frequency, per_cycle=_PER_CYCLE)
+    test = whole.part(whole.n_time - _PER_CYCLE - 1, whole.n_time)
+    unit = style.force_unit(float(np.abs(test.force).max()))
     figure, panels = canvas.grid_of_axes(2, 2, canvas.SMALL)
     for axes, over in zip(panels, get_args(Motion), strict=True):
-        across = np.asarray(getattr(loading, over))[last] * AXES[over].factor
-        axes.plot(across, force * unit.factor, color=style.MODEL, linewidth=1.4)
-        canvas.finish(axes, f"Force ({unit.symbol})", axis_name(over))
+        across, name = axis_values(test, over)
+        axes.plot(across, unit.factor * test.force, color=style.MODEL, linewidth=1.4)
+        canvas.finish(axes, f"Force ({unit.symbol})", name)
     return figure

@@ -11,7 +11,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, shortest, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.plots import style
-from mrwork.plots.canvas import column_axes, name_lines
+from mrwork.plots.canvas import column_axes, legend
 from mrwork.plots.of_studies import fronts, short
 from mrwork.report.section import Group, Section, panel
 from mrwork.tuning.judging import TunedStudy
@@ -32,7 +32,7 @@ def tuning_sections(results: TunedStudy) -> Iterator[Section | None]:
 @style.drawn_in_style()
 def course_figure(laws: Sequence[TunedLaw]) -> Figure:
     """The least penalised objective after each generation of every search."""
-    figure, axes = column_axes(top=0.2 if len(laws) <= len(style.HUES) else 0.9)
+    figure, axes = column_axes(top=0.9)
     for number, each in enumerate(laws):
         axes.step(
             [point.candidates for point in each.trace],
@@ -45,7 +45,7 @@ def course_figure(laws: Sequence[TunedLaw]) -> Figure:
     axes.set_xlabel("Candidates")
     axes.set_ylabel("Least objective on the training motions")
     axes.set_xlim(left=0.0)
-    name_lines(axes)
+    legend(axes, columns=2, others=max(len(laws) - len(style.HUES), 0))
     return figure
 
 
