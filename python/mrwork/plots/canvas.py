@@ -26,52 +26,45 @@ from mrwork.errors import escaped_lines
 from mrwork.plots import style
 
 LEFT, RIGHT, TOP, BOTTOM = 0.62, 0.20, 0.34, 0.5
-# One of several figures side by side in a study, and one that fills its page.
+# One of several figures side by side in a study.
 SMALL = (3.7, 2.8)
-WIDE = (style.PANEL_WIDTH, style.PANEL_HEIGHT)
 # Four small panels are as wide as two columns of the page.
 SMALL_WIDTH = style.PANEL_WIDTH / 2.0
-# Height of those on the front of a page, where two rows stand on a screen.
-LOW = 1.1
-SMALL_HEIGHT, _SMALL_LEFT, _SMALL_RIGHT, _SMALL_EDGE = 1.9, 0.62, 0.14, 0.3
-_ABSCISSA_NAME = 0.12
+# Their height, and that on the front of a page where two rows stand on a screen; their right, lower and upper margins.
+SMALL_HEIGHT, LOW = 2.02, 1.22
+_SMALL_MARGINS = (0.14, 0.42, 0.3)
 _LEGEND_GAP = 0.07
 # Mean width of a letter, and the widest margin for names.
 _LETTER, _WIDEST_NAMES = 0.082, 2.6
 _ROUND, _COARSE = [1, 2, 2.5, 5, 10], [1, 2, 5, 10]
 
 
-def axes_between(
-    figure: Figure, *, left: float, right: float, bottom: float, top: float, sharex: Axes | None = None
-) -> Axes:
-    """Axes between these distances from the lower left corner of the figure."""
-    width, height = figure.get_size_inches().tolist()
-    rectangle = (left / width, bottom / height, (right - left) / width, (top - bottom) / height)
-    return figure.add_axes(rectangle, sharex=sharex)
-
-
 def column_axes(
     *, left: float = LEFT, top: float = TOP, height: float = style.PANEL_HEIGHT
 ) -> tuple[Figure, Axes]:
     """Axes as wide as one of two columns of a page."""
-    figure = Figure(figsize=(style.PANEL_WIDTH, height))
-    right = style.PANEL_WIDTH - RIGHT
-    return figure, axes_between(figure, left=left, right=right, bottom=BOTTOM, top=height - top)
+    return _axes_within((style.PANEL_WIDTH, height), left, RIGHT, BOTTOM, top)
+
+
+def small_axes(height: float = SMALL_HEIGHT) -> tuple[Figure, Axes]:
+    """Axes as wide as one of four columns of a page."""
+    figure, axes = _axes_within((SMALL_WIDTH, height), LEFT, *_SMALL_MARGINS)
+    few_ticks(axes)
+    return figure, axes
+
+
+def _axes_within(
+    size: tuple[float, float], left: float, right: float, bottom: float, top: float
+) -> tuple[Figure, Axes]:
+    """A figure of this size and its axes within these margins."""
+    (width, height), figure = size, Figure(figsize=size)
+    shares = left / width, bottom / height, 1.0 - (left + right) / width, 1.0 - (bottom + top) / height
+    return figure, figure.add_axes(shares)
 
 
 def room_for(names: Sequence[str]) -> float:
     """Width of the margin for names at the ticks of an ordinate."""
     return min(_LETTER * max(map(len, names), default=0) + 0.25, _WIDEST_NAMES)
-
-
-def small_axes(*, labelled: bool = False, height: float = SMALL_HEIGHT) -> tuple[Figure, Axes]:
-    """Axes as wide as one of four columns of a page; `labelled` leaves room below for the name of the abscissa."""
-    room = _ABSCISSA_NAME if labelled else 0.0
-    figure = Figure(figsize=(SMALL_WIDTH, height + room))
-    right, bottom, top = SMALL_WIDTH - _SMALL_RIGHT, _SMALL_EDGE + room, height + room - _SMALL_EDGE
-    axes = axes_between(figure, left=_SMALL_LEFT, right=right, bottom=bottom, top=top)
-    few_ticks(axes)
-    return figure, axes
 
 
 def few_ticks(axes: Axes) -> None:
@@ -88,23 +81,16 @@ def grid_of_axes(count: int, columns: int, size: tuple[float, float]) -> tuple[F
     return figure, [figure.add_subplot(rows, columns, number + 1) for number in range(count)]
 
 
-def blank(size: tuple[float, float]) -> tuple[Figure, Axes]:
-    """An empty figure of this size and its axes."""
-    figure, (axes,) = grid_of_axes(1, 1, size)
-    return figure, axes
-
-
-def finish(axes: Axes, ordinate: str = "", abscissa: str = "") -> None:
+def finish(axes: Axes, ordinate: str = "", abscissa: str = "", *, y_bins: int = 5) -> None:
     """The names of both axes, given or as they are, that of the ordinate above the axes; few, round ticks."""
     name_above(axes, ordinate, abscissa)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND))
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=_ROUND))
-
-
-def finish_signed(axes: Axes, ordinate: str = "", abscissa: str = "", *, y_bins: int = 6) -> None:
-    """The same for a quantity of either sign: with a line at zero, and ticks that are symmetric where they are few."""
-    finish(axes, ordinate, abscissa)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=y_bins, steps=_ROUND, symmetric=y_bins == 3))
+
+
+def finish_signed(axes: Axes, ordinate: str = "", abscissa: str = "") -> None:
+    """The same for a quantity of either sign, with a line at zero."""
+    finish(axes, ordinate, abscissa, y_bins=6)
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
 
 

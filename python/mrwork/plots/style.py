@@ -90,7 +90,6 @@ PAGE, INK, FAINT_INK, RULE, WINDOW, _, DATA, MODEL, RESIDUAL, *_HUES, BAND, BAND
 )
 HUES = (MODEL, RESIDUAL, *_HUES)
 """Colours of laws, see `hue`."""
-PARAMETER_BAND = HUES[3]
 # Colours that scales of quantities blend.
 _BLENDS = ((BAND_EDGE, MODEL), (MODEL, INK), (PAGE, MODEL))
 

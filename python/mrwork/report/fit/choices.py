@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.base import numbers
 from mrwork.plots import style
-from mrwork.plots.canvas import blank, grid_of_axes, name_above, room_for
+from mrwork.plots.canvas import grid_of_axes, name_above, room_for
 from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import Prediction
@@ -71,7 +71,7 @@ def ranking_figure(ranking: Ranking) -> Figure:
     """Left-out fit of every family that has one, best on top, with the number of its parameters."""
     predicted = [each for each in ranking.standings if each.left_out_percent is not None]
     names = [f"{each.title}, {each.n_params}" for each in predicted]
-    figure, axes = blank((_WIDTH + room_for(names), _AROUND + _ROW * len(predicted)))
+    figure, (axes,) = grid_of_axes(1, 1, (_WIDTH + room_for(names), _AROUND + _ROW * len(predicted)))
     best = predicted[0].left_out_percent or 0.0
     least = min(max(each.left_out_percent or 0.0, best - _RANGE) for each in predicted)
     margin = 0.06 * max(best - least, 1.0)

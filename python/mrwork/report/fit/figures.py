@@ -78,7 +78,7 @@ def _history_figure(drawn: Prediction, unit: str) -> Figure:
     upper.set_xlabel("")
     residuals(drawn, lower, unit=unit)
     canvas.symmetric(lower)
-    finish_signed(lower, y_bins=3)
+    canvas.finish(lower, y_bins=3)
     time = drawn.test.time
     margin = 0.0 if time.size > 1 else 0.5
     lower.set_xlim(float(time[0]) - margin, float(time[-1]) + margin)
@@ -125,7 +125,7 @@ def loop_figure(drawn: Prediction, unit: str, over: Motion) -> Figure:
 @style.drawn_in_style()
 def small_loop(drawn: Prediction, unit: str, *, over: Motion, height: float = canvas.SMALL_HEIGHT) -> Figure:
     """Force over displacement or velocity in a few cycles, as one of four columns."""
-    figure, axes = canvas.small_axes(labelled=True, height=height)
+    figure, axes = canvas.small_axes(height)
     loops(few_cycles(drawn, _SMALL_SAMPLES), axes, over=over, unit=unit, legend=False)
     limit_force(axes, drawn, unit)
     canvas.name_above(axes)

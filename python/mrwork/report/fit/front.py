@@ -220,7 +220,7 @@ def _law_panels(fit: Fit, height: float) -> Iterator[Panel]:
 @style.drawn_in_style()
 def _law_figure(fit: Fit, name: str, height: float) -> Figure:
     """The law of a parameter over the command, and its fits at single commands."""
-    figure, axes = small_axes(labelled=True, height=height)
+    figure, axes = small_axes(height)
     draw_laws(fit, axes, parameters=[name])
     name_above(axes)
     return figure

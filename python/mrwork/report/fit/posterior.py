@@ -103,7 +103,7 @@ def _trace_figure(name: str, chain: Floats) -> Figure:
     """Quantiles of the walkers over the steps kept, and two of them, of draws (n_walkers, n_kept)."""
     kept = np.unique(np.linspace(0, chain.shape[1] - 1, _POINTS).astype(int))
     lower, median, upper = np.quantile(chain[:, kept], [0.05, 0.5, 0.95], axis=0)
-    figure, axes = small_axes(labelled=True)
+    figure, axes = small_axes()
     axes.fill_between(kept, lower, upper, color=style.BAND, linewidth=0)
     for walker in chain[[0, -1]]:
         axes.plot(kept, walker[kept], color=style.DATA, linewidth=0.6)
@@ -122,7 +122,7 @@ def _rank_figure(name: str, chain: Floats, ess: float) -> Figure:
     groups = np.array_split(rank, _GROUPS)
     # A group has a quarter of the effective draws; its counts scatter like those of independent draws.
     spread = 1.96 * np.sqrt(_RANK_BINS / max(ess / _GROUPS, 1.0))
-    figure, axes = small_axes(labelled=True)
+    figure, axes = small_axes()
     axes.axhspan(1.0 - spread, 1.0 + spread, color=style.BAND, linewidth=0)
     for group, colour in zip(groups, style.HUES, strict=False):
         count, edges = np.histogram(group, bins=_RANK_BINS, range=(0.0, 1.0))

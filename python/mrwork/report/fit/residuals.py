@@ -12,7 +12,7 @@ from matplotlib.ticker import FixedLocator
 from mrwork.base.numbers import format_fixed, most_of, percent, probability, shortest, tests_of
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.plots import style
-from mrwork.plots.canvas import column_axes, draw_points, finish_signed, legend
+from mrwork.plots.canvas import column_axes, draw_points, finish, finish_signed, legend
 from mrwork.plots.of_tests import residuals
 from mrwork.report.fit.figures import name_of
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
@@ -244,7 +244,7 @@ def _over_cycle(prediction: Prediction, unit: str) -> Figure:
     """Residual over the phase of the motion, which is 0 at full extension."""
     figure, axes = column_axes()
     residuals(prediction, axes, over="phase", unit=unit)
-    finish_signed(axes)
+    finish(axes)
     axes.set_xlim(-180, 180)
     axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
     return figure

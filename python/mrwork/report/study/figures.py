@@ -85,7 +85,7 @@ def _signals(history: RunHistory, part: slice) -> History:
 @style.drawn_in_style()
 def loop_figure(history: RunHistory, over: Motion, unit: str, stroke: Stroke) -> Figure:
     """Force of the first damper over its motion, in the strong part of a ground motion."""
-    figure, axes = small_axes(labelled=True)
+    figure, axes = small_axes()
     part = strong_part(history.time, history.force[:, 0], _LOOP_SECONDS)
     drawn = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
     loops(_signals(history, drawn), axes, over=over, unit=unit)
@@ -122,7 +122,7 @@ def strip_of(history: RunHistory) -> slice:
 @style.drawn_in_style()
 def energy_history_figure(history: RunHistory) -> Figure:
     """Input energy and its distribution, cumulative from the start and stacked."""
-    figure, axes = small_axes(labelled=True)
+    figure, axes = small_axes()
     energies(_signals(history, slice(None)), axes, legend=False)
     name_above(axes)
     return figure

@@ -289,7 +289,7 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
 @style.drawn_in_style()
 def _building_figure(results: StudyResults) -> Figure:
     """The building with its dampers."""
-    figure, axes = small_axes(labelled=True)
+    figure, axes = small_axes()
     axes.set_position((0.02, 0.02, 0.96, 0.94))
     building(results, axes)
     return figure

@@ -21,7 +21,7 @@ def profile_figure(
     results: StudyResults, quantity: str, rows: Sequence[int], behind: Sequence[int] = ()
 ) -> Figure:
     """A quantity over the height, mean over the judged motions, with numbers of storeys or floors at the ordinate."""
-    figure, axes = small_axes(labelled=True)
+    figure, axes = small_axes()
     storey_profiles(results, axes, quantity=quantity, rows=rows, behind=behind, legend=False)
     of_floors = quantity == "peak_acceleration"
     names = results.floor_names if of_floors else results.storey_names
