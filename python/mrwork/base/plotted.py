@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from types import MethodType
-from typing import TYPE_CHECKING, Any, get_type_hints
+from typing import TYPE_CHECKING, Any, Self, get_type_hints
 
 if TYPE_CHECKING:
     from mrwork.plots.accessor import Plots as Plots
@@ -38,6 +38,17 @@ else:
 
         def __repr__(self) -> str:
             return f"Figures of a {type(self._result).__name__}: {', '.join(dir(self))}"
+
+
+class Plotted:
+    """A result with figures."""
+
+    __slots__ = ()
+
+    @property
+    def plot(self) -> Plots[Self]:
+        """Figures of the result, the functions of `mr.plots` that take it."""
+        return Plots(self)
 
 
 def _takes(function: Any, result: object) -> bool:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import counted, format_rounded, significant
-from mrwork.base.plotted import Plots, building_html
+from mrwork.base.plotted import Plotted, building_html
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, question_on
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
@@ -104,7 +104,7 @@ def source_with(building: Building, change: str) -> str:
 
 @checked
 @array_dataclass(repr=False)
-class Building(Summarised):
+class Building(Plotted, Summarised):
     """Plane building `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
 
     Passive elements, if it has any, add the part of their force that M, C and K do not have, as a device does.
@@ -172,11 +172,6 @@ class Building(Summarised):
         for name in (*_ARRAYS, "heights", "loads"):
             object.__setattr__(self, name, freeze_samples(getattr(self, name)))
         _check_building(self)
-
-    @property
-    def plot(self) -> Plots[Building]:
-        """Figures of the building, see `mr.plots`."""
-        return Plots(self)
 
     def _repr_html_(self) -> str:
         """The summary, and of a chain of floors the drawing."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.numbers import counted, format_rounded, significant
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
@@ -145,7 +145,7 @@ LoadPattern = Literal["first mode", "uniform", "triangular"]
 
 
 @array_dataclass(repr=False)
-class Pushover(Summarised):
+class Pushover(Plotted, Summarised):
     """A frame that is pushed sideways by forces on its floors in a fixed pattern, which grow without dynamics.
 
     Parameters
@@ -168,11 +168,6 @@ class Pushover(Summarised):
     shears: Floats
     weight: float
     height: float
-
-    @property
-    def plot(self) -> Plots[Pushover]:
-        """Figures of the push, see `mr.plots`."""
-        return Plots(self)
 
     def _summary(self) -> Summary:
         rows = np.unique(np.linspace(0, len(self.roof) - 1, _SHOWN).round().astype(int))[1:]

@@ -15,7 +15,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.base.numbers import counted, format_rounded
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Building, Device
@@ -179,7 +179,7 @@ _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 
 @array_dataclass(repr=False)
-class History(Labelled, WithAxes, Summarised):
+class History(Plotted, Labelled, WithAxes, Summarised):
     """One run over time, at the control samples and at the end; first axis n_time.
 
     The signals and their units are declared by the core, see `history_signals`. At the end the last command is still
@@ -202,11 +202,6 @@ class History(Labelled, WithAxes, Summarised):
         """Strain energy of the building without its elements, less the work of weights [J], shape (n_time,)."""
         displacement = self._of(building)[:, : len(building.mass)]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.site_stiffness, displacement))
-
-    @property
-    def plot(self) -> Plots[History]:
-        """Figures of the history, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -248,7 +243,7 @@ class History(Labelled, WithAxes, Summarised):
 
 
 @array_dataclass(repr=False)
-class Responses(Labelled, WithAxes, Summarised):
+class Responses(Plotted, Labelled, WithAxes, Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
 
     `to_xarray` and `over_axes` have the quantities over candidate, motion and realisation, which is a draw of the
@@ -280,11 +275,6 @@ class Responses(Labelled, WithAxes, Summarised):
 
     def _over_axes(self, values: NDArray[Any]) -> NDArray[Any]:
         return values.reshape(*self.shape, *values.shape[1:])
-
-    @property
-    def plot(self) -> Plots[Responses]:
-        """Figures of the runs, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         first = ("candidate", "motion", "realisation")

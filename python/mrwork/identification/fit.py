@@ -12,7 +12,7 @@ from mrwork.base.arguments import Count, Level, NotNegative, Positive, Samples, 
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import TableColumn, declared, document_of, text_table
 from mrwork.base.values import Floats, array_dataclass
@@ -310,7 +310,7 @@ class FitSpread:
 
 
 @array_dataclass(repr=False)
-class Fit(WithAxes, Summarised):
+class Fit(Plotted, WithAxes, Summarised):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
@@ -499,11 +499,6 @@ class Fit(WithAxes, Summarised):
         """The directions without those dominated by an identifiable or negligible parameter."""
         settled = {each.name for each in self.estimates if each.verdict in ("identifiable", "negligible")}
         return tuple(way for way in self.directions if not way.seen or way.changes[0].name not in settled)
-
-    @property
-    def plot(self) -> Plots[Fit]:
-        """Figures of the fit, see `mr.plots`."""
-        return Plots(self)
 
     @property
     def _columns(self) -> tuple[TableColumn, ...]:

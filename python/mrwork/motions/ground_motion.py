@@ -17,7 +17,7 @@ from numpy.polynomial import Legendre
 
 from mrwork.base.arguments import AnyNumbers, May, Positive, checked
 from mrwork.base.hints import SMALLEST
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.errors import MrworkWarning, RecordError, SettingError
@@ -26,7 +26,7 @@ from mrwork.motions.examination import questions_of, refuse_absurd
 
 @checked
 @array_dataclass(repr=False)
-class GroundMotion(Summarised):
+class GroundMotion(Plotted, Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.
 
     `source` states its origin; `changes` lists the processing since, in order. `groups` name what it has in common with
@@ -94,11 +94,6 @@ class GroundMotion(Summarised):
     def warnings(self) -> tuple[str, ...]:
         """Sentences on a step, a size or a mean that no accelerogram has, on wild samples and on clipped peaks."""
         return examined(self, scaled=False)
-
-    @property
-    def plot(self) -> Plots[GroundMotion]:
-        """Figures of the motion, see `mr.plots`."""
-        return Plots(self)
 
     def _summary(self) -> Summary:
         return Summary(

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import SMALLEST, Within
 from mrwork.base.numbers import format_rounded
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
@@ -33,7 +33,7 @@ _AT_ONCE = 1 << 20
 
 
 @array_dataclass(repr=False)
-class ResponseSpectrum(Summarised):
+class ResponseSpectrum(Plotted, Summarised):
     """Peak responses, each of shape (n_periods,), at one damping ratio.
 
     Parameters
@@ -63,11 +63,6 @@ class ResponseSpectrum(Summarised):
     def pseudo_acceleration(self) -> Floats:
         """Circular frequency squared times peak displacement [m/s^2]."""
         return (2.0 * np.pi / self.periods) ** 2 * self.displacement
-
-    @property
-    def plot(self) -> Plots[ResponseSpectrum]:
-        """Figure of the spectrum, see `mr.plots`."""
-        return Plots(self)
 
     def _summary(self) -> Summary:
         shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import counted, format_rounded
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
@@ -301,7 +301,7 @@ def scaled_to_target(
 
 
 @array_dataclass(repr=False)
-class SuiteCheck(Summarised):
+class SuiteCheck(Plotted, Summarised):
     """The spectra of a suite beside its target, and whether it meets the rule of the code.
 
     Parameters
@@ -395,11 +395,6 @@ class SuiteCheck(Summarised):
     @property
     def _range_in_words(self) -> str:
         return " to ".join(f"{end * self.period:.3g}" for end in RANGE) + " s"
-
-    @property
-    def plot(self) -> Plots[SuiteCheck]:
-        """Figure of the spectra beside the target, see `mr.plots`."""
-        return Plots(self)
 
     def _summary(self) -> Summary:
         peak = self.peak_ratio

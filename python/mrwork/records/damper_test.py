@@ -18,7 +18,7 @@ from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samp
 from mrwork.base.hints import Within
 from mrwork.base.labelled import NamedArrays, WithAxes, over_axis, time_labels
 from mrwork.base.numbers import estimate_in_words
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
@@ -251,7 +251,7 @@ class Smoothing:
 
 @checked
 @array_dataclass(repr=False)
-class DamperTest(WithAxes, Summarised):
+class DamperTest(Plotted, WithAxes, Summarised):
     """A force-motion record of one damper, uniformly sampled, in SI.
 
     Arrays have shape (n_time,): `displacement` [m] and `velocity` [m/s] of elongation, and the resisting `force` [N],
@@ -399,11 +399,6 @@ class DamperTest(WithAxes, Summarised):
     def time(self) -> Floats:
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
-
-    @property
-    def plot(self) -> Plots[DamperTest]:
-        """Figures of the test, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         compared = np.zeros(self.n_time, dtype=np.bool_)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
 from mrwork.base.arguments import checked
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
@@ -42,7 +42,7 @@ RunT = TypeVar("RunT", "StoredRun", "StudyResults", "TunedStudy")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class StoredRun(Summarised):
+class StoredRun(Plotted, Summarised):
     """Contents of the run folder at `place`; `None` for what no verb has added.
 
     The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
@@ -69,11 +69,6 @@ class StoredRun(Summarised):
     def calibration(self) -> Calibration | None:
         """The calibration of the bands."""
         return None if self.bands is None else self.bands.calibration
-
-    @property
-    def plot(self) -> Plots[StoredRun]:
-        """Figures of the run, see `mr.plots`."""
-        return Plots(self)
 
     def _summary(self) -> Summary:
         present = [each.name for each in fields(self) if getattr(self, each.name) is not None]

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY, number_in
 from mrwork.base.values import Floats, array_dataclass
@@ -195,7 +195,7 @@ def _in_g(intensity: float) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Fragilities(WithAxes, Summarised):
+class Fragilities(Plotted, WithAxes, Summarised):
     """The fragility of each arrangement of a study by its label: `fragilities["Passive-on"].median`.
 
     Its arrays are the probability by the lognormal distribution, the share that `reached` the limit and that `outside`
@@ -211,11 +211,6 @@ class Fragilities(WithAxes, Summarised):
     level: float
     rows: Mapping[str, Fragility]
     study_warnings: tuple[str, ...] = ()
-
-    @property
-    def plot(self) -> Plots[Fragilities]:
-        """Figures of the responses and of the probabilities, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         first, every = next(iter(self.rows.values())), self.rows.values()

@@ -13,7 +13,7 @@ from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, labels_of, tree_of
 from mrwork.base.numbers import counted, format_rounded
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
@@ -253,7 +253,7 @@ class Ensemble(Summarised):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class StudyResults(Summarised):
+class StudyResults(Plotted, Summarised):
     """Runs of a study, as far as they are done: those of `run_study`, or read back from its folder.
 
     `quantities` are those of the runs over row, motion and realisation, which are the nominal one and, if it is
@@ -316,11 +316,6 @@ class StudyResults(Summarised):
             detailed=study.detailed,
             with_histories=tuple(study.report.select_drawn([row.label for row in rows])),
         )
-
-    @property
-    def plot(self) -> Plots[StudyResults]:
-        """Figures of the runs, see `mr.plots`."""
-        return Plots(self)
 
     @property
     def device_names(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from mrwork.base.arguments import Count, NotNegative, Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.base.numbers import counted, format_rounded, percent, with_decimals
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.errors import SettingError, UnknownNameError
@@ -155,7 +155,7 @@ class FrontPoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Front(WithAxes, Summarised):
+class Front(Plotted, WithAxes, Summarised):
     """The Pareto front of a law over several objectives.
 
     Its arrays are `train` and `test` over point and objective, and the settings that are numbers over point.
@@ -185,11 +185,6 @@ class Front(WithAxes, Summarised):
         return min(
             self.points, key=lambda point: sum(weight * point.train[name] for name, weight in given.items())
         )
-
-    @property
-    def plot(self) -> Plots[Front]:
-        """Figure of the front, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         arrays = {}
@@ -223,7 +218,7 @@ def _setting_arrays(settings: Sequence[Mapping[str, Any]], axis: str) -> dict[st
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class TuningResults(WithAxes, Summarised):
+class TuningResults(Plotted, WithAxes, Summarised):
     """What `tune` has chosen on the training motions: laws with their settings, references, and Pareto fronts.
 
     The study judges them, see `judge`. The arrays are `least`, `violation`, the number of candidates, and the settings
@@ -274,11 +269,6 @@ class TuningResults(WithAxes, Summarised):
             if law.design.weights:
                 labels_of_design.setdefault(law.design.weights, []).append(law.label)
         return tuple((tuple(labels), sentences) for sentences, labels in labels_of_design.items())
-
-    @property
-    def plot(self) -> Plots[TuningResults]:
-        """Figure of the front, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         found = (*self.laws, *self.references)

@@ -16,7 +16,7 @@ import numpy as np
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import duration_in_words
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
@@ -372,16 +372,11 @@ _PENALTY = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class SizeFront(Summarised):
+class SizeFront(Plotted, Summarised):
     """Pareto front of designs in size, dynamic range and power; the smallest first."""
 
     designs: tuple[DamperDesign, ...]
     evaluations: int
-
-    @property
-    def plot(self) -> Plots[SizeFront]:
-        """Figure of the front, see `mr.plots`."""
-        return Plots(self)
 
     def _summary(self) -> Summary:
         return Summary(

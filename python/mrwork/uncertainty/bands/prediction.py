@@ -12,7 +12,7 @@ import numpy as np
 
 from mrwork.base.arguments import Count, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import SetsApart, sets_apart
@@ -53,7 +53,7 @@ _REACH = 0.02
 
 
 @array_dataclass(repr=False)
-class Prediction(WithAxes, Summarised):
+class Prediction(Plotted, WithAxes, Summarised):
     """A test and the model's force on it [N], shape (n_time,), with the observation model applied.
 
     `seen` is the test of the fit that this one is, or whose motion and command it has, `None` where it is like none:
@@ -135,11 +135,6 @@ class Prediction(WithAxes, Summarised):
     def largest_error_n(self) -> float:
         """Largest magnitude of the residual [N]."""
         return float(np.abs(self.residual).max())
-
-    @property
-    def plot(self) -> Plots[Prediction]:
-        """Figures of the prediction, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         test = self.test._named_arrays()

@@ -19,7 +19,7 @@ from mrwork.base.arguments import Count, Level, NotNegative, Positive, Threads, 
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import format_rounded, of_unit
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
@@ -57,7 +57,7 @@ _ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Profile(WithAxes, Summarised):
+class Profile(Plotted, WithAxes, Summarised):
     """Least misfit with one parameter held, and likelihood ratio `dof ln(S/S_least)`, at increasing `values`.
 
     An end that is not "closed" is `None`: at "bound" the admissible range ended, beyond "not simulated" no run did.
@@ -76,11 +76,6 @@ class Profile(WithAxes, Summarised):
     upper_end: End
     verdict: Verdict
     reason: str
-
-    @property
-    def plot(self) -> Plots[Profile]:
-        """Figures of the profile likelihood, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         return NamedArrays(
@@ -118,7 +113,7 @@ _ALONG = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Profiles(WithAxes, Summarised):
+class Profiles(Plotted, WithAxes, Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
 
     `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`.
@@ -144,11 +139,6 @@ class Profiles(WithAxes, Summarised):
         names = ("name", "lower", "upper", "verdict", "reason")
         intervals = (Interval(**{name: getattr(each, name) for name in names}) for each in self.profiles)
         return Intervals(kind="profile", level=self.level, intervals=tuple(intervals))
-
-    @property
-    def plot(self) -> Plots[Profiles]:
-        """Figures of the profile likelihood, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         n_points = max((len(each.values) for each in self.profiles), default=0)

@@ -16,7 +16,7 @@ import numpy as np
 from mrwork.base.arguments import Count, NotNegative, Positive, Shape, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
 from mrwork.base.numbers import format_rounded, with_decimals
-from mrwork.base.plotted import Plots
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, Verdict
@@ -207,7 +207,7 @@ class DrawSummary:
 
 
 @array_dataclass(repr=False)
-class Draws(WithAxes, Summarised):
+class Draws(Plotted, WithAxes, Summarised):
     """Draws from a posterior, by walker.
 
     `chains` (n_walkers, n_kept, n_params) are parameters of the model of the fit, in spec order; `noise_chains`
@@ -309,11 +309,6 @@ class Draws(WithAxes, Summarised):
             if summary.verdict is not None:
                 attributes |= {"verdict": summary.verdict, "reason": summary.reason}
         return tree
-
-    @property
-    def plot(self) -> Plots[Draws]:
-        """Figures of the draws, see `mr.plots`."""
-        return Plots(self)
 
     def _named_arrays(self) -> NamedArrays:
         n_walkers, n_kept, _ = self.chains.shape
