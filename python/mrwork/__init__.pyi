@@ -67,7 +67,7 @@ from .twins.own_damper import own_damper as own_damper
 from .uncertainty.bands.conformal import Calibration as Calibration
 from .uncertainty.bands.conformal import calibrate as calibrate
 from .uncertainty.bands.prediction import Prediction as Prediction
-from .uncertainty.bands.prediction import predict as predict
+from .uncertainty.bands.predictions import predict as predict
 from .uncertainty.choice.choose import Choice as Choice
 from .uncertainty.choice.choose import choose_model as choose_model
 from .uncertainty.choice.laws import choose_laws as choose_laws

@@ -112,6 +112,8 @@ def uncertainty_calls(folder: Path) -> Calls:
     yield call(mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True)
     yield call(mr.save, result=fit, folder=folder / "saved")
     yield call(mr.predict, fit=fit, test=_other_test(), nuisances=("offset",))
+    calibration = mr.calibrate([_prediction()], held_out="not seen")
+    yield call(mr.predict, fit=fit, test=[_other_test()], calibration=calibration, level=0.9)
     left_out = {"tests": [test, _other_test()], "identify_rest": lambda tests: small_fit()}
     yield call(uncertainty.predict_left_out, fold="test", **left_out)
     yield call(mr.calibrate, predictions=[_prediction()], held_out="not seen")

@@ -46,7 +46,11 @@ class Summary:
     def shown_tables(self) -> Sequence[Table]:
         """The tables that have rows, of their columns with an entry."""
         first = Table(columns=self.columns, rows=self.rows)
-        return [each.filled for each in (first, *self.tables) if each.rows]
+        return [
+            replace(each.filled, label=each.label or each.title or self.title)
+            for each in (first, *self.tables)
+            if each.rows
+        ]
 
     @property
     def sentences(self) -> Sequence[str]:

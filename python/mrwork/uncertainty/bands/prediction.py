@@ -177,44 +177,6 @@ def predictions_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Prediction, .
     return tuple(Prediction(test=test, model_force=force) for test, force in zip(tests, forces, strict=True))
 
 
-@checked
-def predict(
-    fit: Fit,
-    test: DamperTest,
-    *,
-    nuisances: tuple[NuisanceName, ...] | None = None,
-    others: Sequence[Fit] | None = None,
-) -> Prediction:
-    """Simulate a fitted damper on a test, with the test's observation model applied, or else that of the fit.
-
-    Parameters
-    ----------
-    nuisances
-        Nuisance parameters that are estimated from the test; default those of the fit.
-    others
-        Fits of other sets of laws that predict nearly as well, `others` of a run that is loaded: the prediction says
-        how far they are apart where the tests of the fit end.
-
-    Raises
-    ------
-    SimulationError
-        Where the simulation diverges or cannot be resolved.
-
-    Warns
-    -----
-    MrworkWarning
-        Where the command of the test varies and no parameter of the model follows it.
-
-    Examples
-    --------
-    >>> import mrwork as mr
-    >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))  # doctest: +SKIP
-    >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
-    """
-    (prediction,) = predict_tests(fit, (test,), nuisances=nuisances)
-    return with_others(prediction, fit, others or (), nuisances)
-
-
 def with_others(
     prediction: Prediction, fit: Fit, others: Sequence[Fit], nuisances: tuple[NuisanceName, ...] | None
 ) -> Prediction:
@@ -240,7 +202,7 @@ def with_others(
 def predict_tests(
     fit: Fit, tests: Sequence[DamperTest], *, nuisances: tuple[NuisanceName, ...] | None = None
 ) -> tuple[Prediction, ...]:
-    """`predict` for several tests, with one warning for all."""
+    """Predictions of several tests, with one warning for all where a command varies that no parameter follows."""
     for sentence in prediction_warning(fit.spec, tests):
         # Of the line that calls `predict`.
         warn(sentence, MrworkWarning, stacklevel=4)
@@ -253,7 +215,7 @@ def predict_test(
     nuisances: tuple[NuisanceName, ...] | None = None,
     substep_factor: int = 1,
 ) -> Prediction:
-    """`predict` without its warning, with `substep_factor` times as many integration steps."""
+    """A prediction without a warning, with `substep_factor` times as many integration steps."""
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
     with explain_failures(fit, test):

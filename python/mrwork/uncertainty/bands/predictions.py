@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, overload
+from warnings import warn
 
-from mrwork.base.arguments import Level
+from mrwork.base.arguments import Level, checked
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.dampers.spec import worst_laws
 from mrwork.dampers.tested_range import worst_of
+from mrwork.errors import MrworkWarning
 from mrwork.identification.fit import Fit, FitSpread
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NuisanceName, estimated_in_words, missing_warnings
@@ -232,3 +234,71 @@ class Predictions(Summarised):
 def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
     """Median and worst of the fits of these tests."""
     return FitSpread.of([each.test.name for each in predictions], [each.fit_percent for each in predictions])
+
+
+@overload
+def predict(
+    fit: Fit,
+    test: DamperTest,
+    *,
+    nuisances: tuple[NuisanceName, ...] | None = None,
+    others: Sequence[Fit] | None = None,
+) -> Prediction: ...
+@overload
+def predict(
+    fit: Fit,
+    test: Sequence[DamperTest],
+    *,
+    nuisances: tuple[NuisanceName, ...] | None = None,
+    others: Sequence[Fit] | None = None,
+    calibration: Calibration | None = None,
+    level: Level | None = None,
+) -> Predictions: ...
+@checked
+def predict(
+    fit: Fit,
+    test: DamperTest | Sequence[DamperTest],
+    *,
+    nuisances: tuple[NuisanceName, ...] | None = None,
+    others: Sequence[Fit] | None = None,
+    calibration: Calibration | None = None,
+    level: Level | None = None,
+) -> Prediction | Predictions:
+    """Simulate a fitted damper on tests, with the observation model of each applied, or else that of the fit.
+
+    Parameters
+    ----------
+    test
+        A test, or several, whose predictions are then a table.
+    nuisances
+        Nuisance parameters that are estimated from the test; default those of the fit.
+    others
+        Fits of other sets of laws that predict nearly as well, `others` of a run that is loaded: the prediction says
+        how far they are apart where the tests of the fit end.
+    calibration, level
+        Of several tests: the calibration of bands, and the level of the band that each is compared with.
+
+    Raises
+    ------
+    SimulationError
+        Where the simulation diverges or cannot be resolved.
+
+    Warns
+    -----
+    MrworkWarning
+        Where the command of the test varies and no parameter of the model follows it.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))  # doctest: +SKIP
+    >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
+    """
+    tests = (test,) if isinstance(test, DamperTest) else tuple(test)
+    for sentence in prediction_warning(fit.spec, tests):
+        # Of the line that calls `predict`.
+        warn(sentence, MrworkWarning, stacklevel=3)
+    predictions = Predictions.of(
+        fit, tests, nuisances=nuisances, others=others or (), calibration=calibration, level=level
+    )
+    return predictions.predictions[0] if isinstance(test, DamperTest) else predictions
