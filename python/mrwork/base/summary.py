@@ -57,16 +57,16 @@ class Summary:
         """Cautions as warnings, and notes."""
         return [*(f"warning: {each}" for each in self.cautions), *filter(None, self.notes)]
 
-    def text(self, *, whole: bool = False) -> str:
-        """For one screen of a terminal; `whole` for all rows, and lines of any length."""
+    def text(self, *, whole: bool = False, width: int | None = None) -> str:
+        """For one screen of a terminal; `whole` for all rows, and lines of any length, or of tables at most `width`."""
         lines = [self.title]
-        width = max((len(name) for name, _ in self.shown_facts), default=0)
+        longest = max((len(name) for name, _ in self.shown_facts), default=0)
         for name, value in self.shown_facts:
-            line = f"  {name:<{width}}  {value}"
-            lines += _lines_of(line, subsequent_indent=" " * (width + 4)) if whole else [line]
+            line = f"  {name:<{longest}}  {value}"
+            lines += _lines_of(line, subsequent_indent=" " * (longest + 4)) if whole else [line]
         for table in self.shown_tables:
             shown = table if whole or len(table.rows) <= _MOST_ROWS else _first_rows(table)
-            lines += ["", *([f"  {table.title}"] if table.title else []), *shown.lines("  ")]
+            lines += ["", *([f"  {table.title}"] if table.title else []), *shown.lines("  ", width=width)]
             more = len(table.rows) - len(shown.rows)
             lines += [f"  ... {more} more rows"] if more else []
             lines += _wrapped(table.note)

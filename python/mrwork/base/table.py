@@ -15,9 +15,11 @@ from typing import Any
 
 import markupsafe
 
-from mrwork.base.numbers import NOTHING
+from mrwork.base.numbers import MINUS, NOTHING
 from mrwork.errors import escape_text
 
+# In the characters that every terminal has.
+_PLAIN = str.maketrans({MINUS: "-", NOTHING: "-", "²": "2"})
 # Words that are longer may be broken over lines of a page.
 _LONG = 40
 
@@ -102,7 +104,7 @@ class Table:
         over = self._over([max(len(row[place]) for row in cells) for place in range(count)])
         left_out = ", ".join(self.columns[count:])
         said = [f"Too wide for a terminal, and on the page: {left_out}"] if left_out else []
-        return [f"{indent}{line}" for line in (*over, *lines, *said)]
+        return [f"{indent}{line}".translate(_PLAIN) for line in (*over, *lines, *said)]
 
     def __repr__(self) -> str:
         return "\n".join(filter(None, (self.title, *self.lines("  "), self.note)))
