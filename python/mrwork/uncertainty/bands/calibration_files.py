@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,8 @@ from mrwork.base.table import Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import freeze_samples
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.batch import FitBatch, FitTask
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
-from mrwork.identification.progress import Progress
 from mrwork.records import DamperTest, Observation
 from mrwork.records.likeness import RecordedMotion, alike_groups
 from mrwork.store.codec import built, digest_of, json_document
@@ -36,6 +34,9 @@ from mrwork.uncertainty.bands.conformal import (
     measured_coverage,
 )
 from mrwork.uncertainty.bands.prediction import Fold, Prediction, folds_of, predict_left_out, rests_of
+
+if TYPE_CHECKING:
+    from mrwork.identification.progress import Progress
 
 
 def _thousandths(value: float) -> str:
@@ -276,6 +277,9 @@ def cross_validated(
     SettingError
         Where a test cannot be predicted without itself.
     """
+    # What identifies is slow to load, and reading a run does not need it.
+    from mrwork.identification.batch import FitBatch, FitTask
+
     rests = rests_of(opened.tests, folds_of(opened.tests, fold))
     names = [_name_of_fold(opened.fit, rest) for rest in rests]
     stored = {name: opened.run.read(Fit, name, verb=_VERB) for name in names}
