@@ -17,25 +17,17 @@ from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NuisanceName, estimated_in_words, missing_warnings
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.likeness import likenesses_in_words
-from mrwork.uncertainty.bands.band import BandScore, score
+from mrwork.uncertainty.bands.band import Band, BandScore, score
 from mrwork.uncertainty.bands.conformal import BEYOND_TESTED, Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, predict_test, with_others
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PredictionBand:
-    """The band of a prediction at a `level`, as its score against the measured force; `basis` says what it rests on."""
-
-    level: Level
-    scored: BandScore
-    basis: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Predictions(Summarised):
     """Predictions of tests by a fit, each with its band where a `calibration` and a `level` are given.
 
-    `used` are the tests of the calibration that the predicted ones are alike to, `None` for others.
+    `used` are the tests of the calibration that the predicted ones are alike to, `None` for others; `bands` have
+    their scores against the measured force beside them.
     """
 
     _made_by: ClassVar[str] = "mr.predict(fit, tests)"
@@ -44,7 +36,7 @@ class Predictions(Summarised):
     predictions: tuple[Prediction, ...]
     nuisances: tuple[NuisanceName, ...]
     used: tuple[Likeness | None, ...]
-    bands: tuple[PredictionBand, ...] = ()
+    bands: tuple[tuple[Band, BandScore], ...] = ()
     basis: str = ""
 
     @classmethod
@@ -78,12 +70,11 @@ class Predictions(Summarised):
         level: float | None,
     ) -> Predictions:
         """Predictions that were made already, with the bands of a calibration."""
-        bands: tuple[PredictionBand, ...] = ()
+        bands: tuple[tuple[Band, BandScore], ...] = ()
         if calibration is not None and level is not None:
             made = [calibration.band(each, level) for each in predictions]
             bands = tuple(
-                PredictionBand(level=band.level, scored=score(band, each.measured), basis=band.basis)
-                for band, each in zip(made, predictions, strict=True)
+                (band, score(band, each.measured)) for band, each in zip(made, predictions, strict=True)
             )
         return cls(
             fit=fit,
@@ -175,15 +166,15 @@ class Predictions(Summarised):
         }
         if not self.bands:
             return entry
-        band = self.bands[number]
+        band, scored = self.bands[number]
         return entry | {
-            "coverage_percent": 100.0 * band.scored.coverage,
-            "mean_width_n": band.scored.width,
-            "interval_score": band.scored.interval_score,
+            "coverage_percent": 100.0 * scored.coverage,
+            "mean_width_n": scored.width,
+            "interval_score": scored.interval_score,
             "band": {
                 "level": band.level,
-                "half_width_n": 0.5 * band.scored.width,
-                "inside": band.scored.coverage,
+                "half_width_n": 0.5 * scored.width,
+                "inside": scored.coverage,
                 "basis": band.basis,
                 "calibrated_on": None if used is None else asdict(used),
             },
@@ -196,7 +187,7 @@ class Predictions(Summarised):
             quality = each.quality
             band = ("", "")
             if self.bands:
-                scored = self.bands[number].scored
+                _, scored = self.bands[number]
                 band = (f"{0.5 * scored.width:.4g}", f"{100.0 * scored.coverage:.1f}")
             rows.append(
                 (
@@ -211,7 +202,7 @@ class Predictions(Summarised):
             )
         notes += [f"{self.sets_apart}."] if self.sets_apart else []
         if self.bands:
-            notes.append(f"Bands of {100.0 * self.bands[0].level:g} %, {self.basis}.")
+            notes.append(f"Bands of {100.0 * self.bands[0][0].level:g} %, {self.basis}.")
             beyond = sum(bool(each.outside.names) for each in self.predictions)
             if beyond:
                 notes.append(
