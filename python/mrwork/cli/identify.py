@@ -373,7 +373,7 @@ def fit_best_laws(
         if choice is None:
             return status
         table, fit = choice.table, verb.with_command(replace(choice.fit, seconds=choice.seconds))
-        if choice.others:
+        if choice.others and not verb.frame.is_quiet:
             note(
                 f"{len(choice.others)} other sets of laws predict nearly as well, within 1 point; predict and respond "
                 "say how far they are apart where the tests end"
