@@ -171,7 +171,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
         refuse_velocity(test)
     settings, models, spare = FitSettings(rng=options.seed), options.model.split(","), ""
     verb = Identification.of_tests(
-        *(options, settings, reading, tests, options.folder.resolve().name), kept="the fit", is_step=True
+        options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
     )
     several = len({test.command_in_words for test in tests if test.commands}) > 1
     if several:

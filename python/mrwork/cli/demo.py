@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     """Identify, and say how `mrwork identify` does the same."""
     settings, reading = FitSettings(rng=options.seed), Reading(files=(_FILE,), folder=str(Path.cwd()))
     verb = Identification.of_tests(
-        *(options, settings, reading, reading.tests(), _OUT.name), kept="the best fit"
+        options, settings, reading, reading.tests(), _OUT.name, kept="the best fit"
     )
     status = fit_model(verb, damper(_MODEL), settings)
     if status == 0 and not options.json:

@@ -192,7 +192,9 @@ def run(options: argparse.Namespace) -> int:
             ending = "models" if several else options.model.rpartition(":")[2]
             verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
             return fit_best_laws(
-                *(verb, models_of(options), settings),
+                verb,
+                models_of(options),
+                settings,
                 laws=laws_of(options),
                 unit=command_unit(verb.tests, options.command_unit),
                 leave_out=options.leave_out,
@@ -204,7 +206,9 @@ def run(options: argparse.Namespace) -> int:
                 )
             verb = Identification.of(options, settings, "models", kept="what was identified")
             return fit_best_model(
-                *(verb, models_of(options), settings),
+                verb,
+                models_of(options),
+                settings,
                 laws=laws_of(options),
                 unit=command_unit(verb.tests, options.command_unit),
                 lagged=options.driver_lag,

@@ -78,7 +78,8 @@ class StoredBands(Summarised):
         return {
             "level": _LEVEL,
             "coverage_percent": 100.0 * float(np.mean(shares)) if shares else None,
-            **{"tests": calibration.tests, "held_out": calibration.held_out},
+            "tests": calibration.tests,
+            "held_out": calibration.held_out,
             "seen": [asdict(each) for each in calibration.seen],
             "shape": asdict(calibration.shape),
             "coverage": [asdict(row) for row in self.coverage],

@@ -333,10 +333,13 @@ class Draws(Plotted, WithAxes, Summarised):
     def document(self) -> dict[str, Any]:
         """What `mrwork sample --json` prints."""
         return {
-            **{"model": self.model, "noise": self.noise_model},
+            "model": self.model,
+            "noise": self.noise_model,
             **named(self, "status", "verdict", "temper"),
             "parameters": {each.name: asdict(each) for each in self.summaries},
-            **{"n_draws": len(self.theta), "steps": self.n_steps, "seconds": self.seconds},
+            "n_draws": len(self.theta),
+            "steps": self.n_steps,
+            "seconds": self.seconds,
             "rng": None if self.provenance is None else self.provenance.rng,
         }
 
