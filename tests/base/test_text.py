@@ -8,6 +8,7 @@ import unicodedata
 
 import pytest
 
+from mrwork.base.summary import Summary
 from mrwork.base.table import TableColumn, csv_text, page_table, text_table
 from mrwork.errors import MrworkWarning, RecordError, escape_text, escaped_lines
 from mrwork.report.section import Table
@@ -62,6 +63,23 @@ def test_cells_in_bold_are_bold_on_a_page_and_in_markdown() -> None:
     ]
     assert '<td class="number">1</td><td class="number strong">2</td>' in table.html()
     assert f"{table.__html__()}" == table.html()
+
+
+def test_a_summary_has_cautions_before_notes_and_every_table_in_each_medium() -> None:
+    summary = Summary(
+        title="Result",
+        facts=[("error", "3 N"), ("none", "")],
+        cautions=["do not trust it"],
+        tables=[text_table(COLUMNS, ITEMS), Table(title="Marks", columns=("a", "b"), rows=[("x", "–")])],
+        notes=["it is synthetic"],
+    )
+    text = summary.text(whole=True).splitlines()
+    assert text[:2] == ["Result", "  error  3 N"]
+    assert text[-2:] == ["  warning: do not trust it", "  it is synthetic"]
+    # A column without an entry is left out, whatever stands for none.
+    assert [text[7], text[8], text[9]] == ["  Marks", "  a", "  x"]
+    for words in ("3 N", "peak force", "Marks", "warning: do not trust it"):
+        assert words in summary.html()
 
 
 def test_a_field_of_a_csv_file_with_a_comma_is_quoted() -> None:

@@ -69,7 +69,9 @@ class Table:
 
     @property
     def filled(self) -> Table:
-        """The table without the columns that are empty in every row."""
+        """The table without the columns that are empty in every row; as it is where marks or headings count columns."""
+        if self.over or self.strong or self.alarming:
+            return self
         kept = [
             place
             for place in range(len(self.columns))

@@ -8,7 +8,6 @@ from .bands.prediction import Fold as Fold
 from .bands.prediction import LeftOut as LeftOut
 from .bands.prediction import Prediction as Prediction
 from .bands.prediction import predict_left_out as predict_left_out
-from .bands.predictions import Predictions as Predictions
 from .bands.predictions import predict as predict
 from .candidate_tests import Candidate as Candidate
 from .candidate_tests import Limits as Limits

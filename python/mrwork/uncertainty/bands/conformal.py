@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -280,6 +280,8 @@ class Calibration(Summarised):
     otherwise each would be predicted by its like. `motions` recognise all tests of the calibration; `seen` are tests
     that were given but not used, because the fit has seen their motion at their command.
     """
+
+    _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
 
     shape: ErrorShape
     scores: tuple[Floats, ...]
