@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mrwork.base.summary import named
 from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import DISPERSION, SHARE, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result, undrawn_warned
 from mrwork.errors import SettingError
-from mrwork.store.codec import finite
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import check_output
 
@@ -93,9 +90,9 @@ def run(options: argparse.Namespace) -> int:
     for place, content in zip(written, contents, strict=True):
         with replacing(place) as stream:
             stream.write(content)
-    document = _document(found, options.against) | {"files": list(map(str, written))}
+    document = found.document(options.against) | {"files": list(map(str, written))}
     text = found._summary(options.against).text(whole=True)
-    print_result(options, finite(document), "\n".join([text, *(f"Written: {place}" for place in written)]))
+    print_result(options, document, "\n".join([text, *(f"Written: {place}" for place in written)]))
     return 0
 
 
@@ -126,17 +123,3 @@ def _table(found: Fragilities) -> bytes:
         for level, *shares in zip(each.levels.tolist(), each.crossed, each.outside, strict=True)
     ]
     return csv_text([head, *lines]).encode()
-
-
-def _document(found: Fragilities, against: str | None) -> dict[str, Any]:
-    names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
-    return {
-        **named(found, "criterion", "limit", "unit", "level", "cautions", "study_warnings"),
-        "arrangements": [
-            named(each, *names)
-            | {name: getattr(each, name).tolist() for name in ("levels", "crossed", "outside")}
-            | {"crossings": [asdict(crossing) for crossing in each.crossings]}
-            for each in found.rows.values()
-        ],
-        "sentences": found.in_words(against),
-    }

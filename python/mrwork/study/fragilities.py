@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -22,7 +22,7 @@ from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.units import STANDARD_GRAVITY, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import Scales
@@ -321,6 +321,19 @@ class Fragilities(Plotted, WithAxes, Summarised):
         before, after = apart(significant, base.median / STANDARD_GRAVITY, one.median / STANDARD_GRAVITY, 3)
         change = f"{verb} from {before} to {after} g"
         return f"{what} {change} against {base.label}; {band}{tied}."
+
+    def document(self, against: str | None = None) -> dict[str, Any]:
+        """What `mrwork fragility --json` prints, compared with the arrangement of a label."""
+        names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
+        return {
+            **named(self, "criterion", "limit", "unit", "level", "cautions", "study_warnings"),
+            "arrangements": [
+                named(each, *names, "levels", "crossed", "outside")
+                | {"crossings": [asdict(crossing) for crossing in each.crossings]}
+                for each in self.rows.values()
+            ],
+            "sentences": self.in_words(against),
+        }
 
     def _summary(self, against: str | None = None) -> Summary:
         first = next(iter(self.rows.values()))
