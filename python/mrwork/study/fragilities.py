@@ -322,6 +322,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
         change = f"{verb} from {before} to {after} g"
         return f"{what} {change} against {base.label}; {band}{tied}."
 
+    @checked
     def document(self, against: str | None = None) -> dict[str, Any]:
         """What `mrwork fragility --json` prints, compared with the arrangement of a label."""
         names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
