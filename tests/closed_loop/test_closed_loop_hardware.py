@@ -157,6 +157,11 @@ def test_seeds_and_motions_have_noise_of_their_own_and_candidates_the_same() -> 
     for candidate in (0, 1, 2):
         np.testing.assert_array_equal(seen[2 * candidate], first[:500])
         np.testing.assert_array_equal(seen[2 * candidate + 1], seen[1])
+    # A motion has its noise also where it is simulated alone.
+    alone = simulate_loop(
+        five_storeys(), onlookers(), law, [still(0.5)], of(1), motion_numbers=[1], histories=True
+    )
+    np.testing.assert_array_equal(read(alone.histories[0].command[:-1], 0.01), seen[1])
     assert abs(np.mean(seen[0] * seen[1])) < 4e-6 / np.sqrt(seen[0].size)
 
 

@@ -146,7 +146,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
 
         if options.workers or options.cluster:
             if len(study.histories) == len(study.motions):
-                note("every history is stored, for which this process simulates the runs of workers again")
+                note("every history is stored, and this process simulates the runs with histories")
             if own := [each.row.label for each in study.arrangements if isinstance(each.law, UserLaw)]:
                 note(f"laws in Python run in this process: {', '.join(own)}")
         results = run_study(

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.base.arguments import May, Threads, checked
+from mrwork.base.arguments import May, Threads, Whole, checked
+from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import with_common_laws
@@ -521,6 +522,7 @@ def simulate_loop(
     largest_commands: ArrayLike | None = None,
     shaping: Annotated[ArrayLike, May.BE_INFINITE] | None = None,
     variation: LoopVariation | None = None,
+    motion_numbers: Sequence[Whole] | None = None,
     threads: Threads = 0,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Responses:
@@ -551,6 +553,8 @@ def simulate_loop(
         those of the law.
     variation
         Realisations of building, delay and noise, as many as there are draws of the dampers, or any number with one.
+    motion_numbers
+        Numbers of the motions among all of a study, on which the noise of sensors depends; by default their places.
     threads
         Threads to use, 0 for all.
     on_progress
@@ -579,6 +583,11 @@ def simulate_loop(
         )
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
+    numbers = np.arange(len(motions)) if motion_numbers is None else np.array(motion_numbers)
+    if numbers.size != len(motions):
+        raise SettingError(
+            f"`motion_numbers` are {numbers.size} for {counted(len(motions), 'motion')}; give one for each"
+        )
     for motion in motions:
         if motion.duration / hardware.sample_time > _MOST_SAMPLES:
             raise SettingError(
@@ -679,7 +688,7 @@ def simulate_loop(
     )
     # The noise of a run depends on its motion and realisation only, so that candidates are compared under equal noise.
     seed = np.uint64(hardware.seed) + seeds.astype(np.uint64)[realisation]
-    streams = motion_of_run.astype(np.uint64) + seed * np.uint64(2**32)
+    streams = numbers.astype(np.uint64)[motion_of_run] + seed * np.uint64(2**32)
     own = RunsOfLoop(runs=runs, streams=streams, gains=gains, shaping=shaping, theta=theta)
     core = loop.core()
     driven, workers, order = core.driven(own), present_workers(), np.arange(len(runs))

@@ -80,7 +80,13 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
     arrangement = study.arrangements[row]
     assert arrangement.law is not None
     responses = simulate(
-        arrangement, arrangement.law, [study.grounds[motion]], study.hardware, histories=True, threads=threads
+        arrangement,
+        arrangement.law,
+        [study.grounds[motion]],
+        study.hardware,
+        motion_numbers=[motion],
+        histories=True,
+        threads=threads,
     )
     assert responses.histories is not None
     (history,) = responses.histories

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import get_args
 
@@ -35,6 +35,7 @@ from mrwork.study.runs import (
     study_quantities,
 )
 from mrwork.study.study import Arrangement, Study, constant_command, digest_of_run
+from mrwork.workers.engine import present_workers
 
 # Histories that need more memory than this are simulated one at a time [bytes].
 _MOST_BYTES = 2.0**28
@@ -70,7 +71,7 @@ class RowRuns:
     def with_best_constant(self, arrangement: Arrangement, done: int) -> tuple[Arrangement, str]:
         """The arrangement at its best constant command, and a sentence on the choice."""
         study, levels = self.study, levels_of(arrangement)
-        self._begin(arrangement, "constant commands", study.chosen_on, done, LEVELS)
+        self._begin(arrangement, "constant commands", done, LEVELS)
         best = recall_or_compute(
             self.journal,
             "best_constant",
@@ -91,30 +92,32 @@ class RowRuns:
             best.in_words(label, float(levels[-1]), study.command_unit),
         )
 
-    def nominal(self, row: int, arrangement: Arrangement, done: int) -> Iterator[tuple[list[int], Runs]]:
-        """The nominal runs of a row, in batches of motions; the histories that the study keeps are stored."""
-        for motions, detailed in _batches(self.study, arrangement):
-            self._begin(arrangement, "", self._grounds(motions), done)
-            recalling = self.journal is not None and self.journal.recalling
-            runs = self._recall_or_simulate(row, arrangement, motions, detailed=detailed)
-            stored = [motion for motion in self._stored(motions, runs) if detailed]
-            if recalling and not all(self.kept(row, motion) for motion in stored):
-                # A history that was lost is simulated with its batch, on which its noise depends.
-                self._simulate(row, arrangement, motions, detailed=detailed)
-            yield motions, runs
-            done += len(motions)
+    def nominal(self, row: int, arrangement: Arrangement, done: int) -> Runs:
+        """The nominal runs of a row, of which the histories that the study keeps are stored."""
+        self._begin(arrangement, "", done)
+        recalling = self.journal is not None and self.journal.recalling
+        runs = self._recall_or_simulate("runs", arrangement, lambda: self._in_batches(row, arrangement))
+        for motion in self._stored(range(len(self.study.motions)), runs):
+            if recalling and not self.kept(row, motion):
+                self._simulate(row, arrangement, [motion], detailed=True)
+        return runs
 
     def with_half_step(self, row: int, arrangement: Arrangement, done: int) -> Runs:
         """The runs of a row with half the integration step."""
-        self._begin(arrangement, HALF_STEP, self.study.grounds, done, times=2.0)
-        return self._recall_or_simulate(row, arrangement, range(len(self.study.motions)), step_factor=2)
+        self._begin(arrangement, HALF_STEP, done, times=2.0)
+        every = range(len(self.study.motions))
+        return self._recall_or_simulate(
+            "runs with half the step",
+            arrangement,
+            lambda: self._simulate(row, arrangement, every, step_factor=2),
+        )
 
     def realised(self, arrangement: Arrangement, done: int) -> Runs:
         """Criteria of a row with the realisations of the study."""
         study, realisations, law = self.study, self.study.realisations, arrangement.law
         assert realisations is not None
         assert law is not None
-        self._begin(arrangement, "realisations", study.grounds, done, len(realisations))
+        self._begin(arrangement, "realisations", done, len(realisations))
         return recall_or_simulate(
             self.journal,
             "realisations",
@@ -133,23 +136,24 @@ class RowRuns:
             ),
         )
 
-    def _recall_or_simulate(
-        self,
-        row: int,
-        arrangement: Arrangement,
-        motions: Sequence[int],
-        *,
-        detailed: bool = False,
-        step_factor: int = 1,
-    ) -> Runs:
+    def _recall_or_simulate(self, step: str, arrangement: Arrangement, simulate: Callable[[], Runs]) -> Runs:
         return recall_or_simulate(
             self.journal,
-            "runs" if step_factor == 1 else "runs with half the step",
-            digest_of_run(arrangement, *self._grounds(motions)),
-            self.axes([arrangement], motions, [NOMINAL]),
+            step,
+            digest_of_run(arrangement, *self.study.grounds),
+            self.axes([arrangement], range(len(self.study.motions)), [NOMINAL]),
             study_quantities(self.study.command_unit),
-            lambda: self._simulate(row, arrangement, motions, detailed=detailed, step_factor=step_factor),
+            simulate,
         )
+
+    def _in_batches(self, row: int, arrangement: Arrangement) -> Runs:
+        every, done = range(len(self.study.motions)), 0
+        axes = self.axes([arrangement], every, [NOMINAL])
+        runs = Runs.empty(axes, study_quantities(self.study.command_unit))
+        for motions, detailed in _batches(self.study, arrangement):
+            runs.put(self._simulate(row, arrangement, motions, detailed=detailed, before=done), 0, motions, 0)
+            done += len(motions)
+        return runs
 
     def _simulate(
         self,
@@ -157,20 +161,22 @@ class RowRuns:
         arrangement: Arrangement,
         motions: Sequence[int],
         *,
-        detailed: bool,
+        detailed: bool = False,
         step_factor: int = 1,
+        before: int = 0,
     ) -> Runs:
         """Simulate an arrangement under some motions, and store histories where it is `detailed`."""
         assert arrangement.law is not None
         responses = simulate(
             arrangement,
             arrangement.law,
-            self._grounds(motions),
+            [self.study.grounds[motion] for motion in motions],
             self.study.hardware,
+            motion_numbers=motions,
             histories=detailed,
             step_factor=step_factor,
             threads=self.threads,
-            on_block=self.course.advance,
+            on_block=lambda done, _: self.course.advance(before + done, len(self.study.motions)),
         )
         runs = runs_of(responses, arrangement, arrangement.law, self.axes([arrangement], motions, [NOMINAL]))
         for motion in self._stored(motions, runs):
@@ -187,19 +193,11 @@ class RowRuns:
             if ended and each in self.study.histories
         ]
 
-    def _grounds(self, motions: Sequence[int]) -> list[GroundMotion]:
-        return [self.study.grounds[motion] for motion in motions]
-
     def _begin(
-        self,
-        arrangement: Arrangement,
-        what: str,
-        motions: Sequence[GroundMotion],
-        done: int,
-        n_each: int = 1,
-        times: float = 1.0,
+        self, arrangement: Arrangement, what: str, done: int, n_each: int = 1, times: float = 1.0
     ) -> None:
         label = ", ".join(filter(None, [arrangement.row.label, what]))
+        motions = self.study.chosen_on if arrangement.law is None else self.study.grounds
         cost = times * cost_of(arrangement, motions, self.study.hardware, n_each, self.threads)
         self.course.begin(label, kind_of(arrangement), cost, done)
 
@@ -212,7 +210,8 @@ def _batches(study: Study, arrangement: Arrangement) -> list[tuple[list[int], bo
     every = list(range(len(study.motions)))
     detailed = every if knows_least_strokes(arrangement) else [*study.histories]
     needed = _bytes_per_second(study, arrangement) * np.array([ground.duration for ground in study.grounds])
-    if not detailed or needed.sum() < _MOST_BYTES:
+    # Workers send none back: this process simulates the runs with histories.
+    if not detailed or (needed.sum() < _MOST_BYTES and present_workers() is None):
         return [(every, bool(detailed))]
     batches: list[list[int]] = [[]]
     for motion in detailed:

@@ -85,8 +85,7 @@ def run_study(
             if arrangement.law is None:
                 rows[row], choice = of_row.with_best_constant(arrangement, runs.n_done)
                 choices.append(choice)
-            for batch, part in of_row.nominal(row, rows[row], runs.n_done):
-                runs.put(part, row, batch, 0)
+            runs.put(of_row.nominal(row, rows[row], runs.n_done), row, motions, 0)
         if study.realisations is not None:
             for row, arrangement in enumerate(rows):
                 realised.put(of_row.realised(arrangement, runs.n_done), row, motions, 0)
