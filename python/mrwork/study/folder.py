@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -340,45 +341,57 @@ def _every_criterion(numbers: Mapping[str, float] | None) -> dict[str, float]:
 def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
     known, quantities = criteria(), results.quantities
-    outcomes = outcome_names(quantities.outcome)
     units = {each.name: each.unit for each in results.labelled.declared}
     heads = [f"{entry.name} [{units[entry.name]}]" for entry in known]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
-    for row, motion in np.argwhere(quantities.done[:, :, 0]).tolist():
-        facts, found = results.motions[motion], results.labelled.at(row, motion)
-        outcome = str(outcomes[row, motion, 0])
-        first = (
-            f"{quantities.energy_error[row, motion, 0]:.3g}",
-            f"{results.score_under(row, (motion,)):.6g}",
+    for number, row in enumerate(results.rows):
+        values = np.stack([results.labelled.numbers[entry.name][number, :, 0] for entry in known], axis=1)
+        runs = zip(
+            results.motions,
+            outcome_names(quantities.outcome[number, :, 0]).tolist(),
+            quantities.energy_error[number, :, 0].tolist(),
+            results.scores(number).tolist(),
+            values.tolist(),
+            strict=True,
         )
-        numbers = (f"{found[entry.name]:.9g}" for entry in known)
-        cells = ("" if text == "nan" else text for text in (*first, *numbers))
-        lines.append([results.rows[row].label, facts.name, facts.use, outcome, *cells])
+        lines += [
+            [
+                row.label,
+                motion.name,
+                motion.use,
+                outcome,
+                _cell(error, 3),
+                _cell(score, 6),
+                *(_cell(value) for value in numbers),
+            ]
+            for motion, outcome, error, score, numbers in runs
+            if outcome
+        ]
     return csv_text(lines)
 
 
+def _cell(number: float, digits: int = 9) -> str:
+    return "" if math.isnan(number) else f"{number:.{digits}g}"
+
+
 def _profiles_csv(results: StudyResults) -> str:
-    """Peaks and root mean squares of every floor and storey as a table, a line for each; drifts at the end."""
-    quantities = results.quantities
+    """Peaks and root mean squares of every floor and storey as a table, a line for each."""
+    declared, numbers = results.quantities.declared, results.quantities.numbers
     along = {"floor": results.floor_names, "storey": results.storey_names}
-    peaks = [each for each in quantities.declared if each.axis in along and not each.name.startswith("rms_")]
+    shown = [each for each in declared if each.axis in along and not each.name.startswith("rms_")]
     lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
-    for row, motion in np.argwhere(quantities.finished[:, :, 0]).tolist():
-        run, labels = quantities.at(row, motion), [results.rows[row].label, results.motions[motion].name]
-        for each in peaks:
+    for row, motion in np.argwhere(results.quantities.finished[:, :, 0]).tolist():
+        labels = [results.rows[row].label, results.motions[motion].name]
+        for each in shown:
             name, unit = each.name.removeprefix("peak_"), each.unit.replace("^", "")
-            unknown = np.full(len(along[each.axis]), np.nan)
-            columns = along[each.axis], run[each.name], run.get(f"rms_{name}", unknown)
+            peaks = numbers[each.name][row, motion, 0]
+            rms = numbers.get(f"rms_{name}")
+            squares = np.full_like(peaks, np.nan) if rms is None else rms[row, motion, 0]
             lines += [
-                [
-                    *labels,
-                    name.replace("_", " "),
-                    where,
-                    f"{peak:.9g}",
-                    "" if np.isnan(rms) else f"{rms:.9g}",
-                    unit,
-                ]
-                for where, peak, rms in zip(*columns, strict=True)
-                if not np.isnan(peak)
+                [*labels, name.replace("_", " "), where, _cell(peak), _cell(square), unit]
+                for where, peak, square in zip(
+                    along[each.axis], peaks.tolist(), squares.tolist(), strict=True
+                )
+                if not math.isnan(peak)
             ]
     return csv_text(lines)

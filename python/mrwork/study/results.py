@@ -524,10 +524,11 @@ class StudyResults(Plotted, Summarised):
     @arguments.checked
     def score_under(self, row: int, motions: Sequence[int]) -> float:
         """The score of a row under some motions, by their indices; NaN unless all these runs finished."""
-        return float(np.mean(self._scores(row)[list(motions)])) if motions else math.nan
+        return float(np.mean(self.scores(row)[list(motions)])) if motions else math.nan
 
-    def _scores(self, row: int) -> Floats:
-        """Score of a row under each motion."""
+    @arguments.checked
+    def scores(self, row: int) -> Floats:
+        """Score of a row under each motion, shape (n_motions,); NaN where a run did not finish."""
         reference, nominal = self.row_of("passive_off"), slice(0, 1)
         if reference is None:
             return np.full(len(self.motions), math.nan)
@@ -540,7 +541,7 @@ class StudyResults(Plotted, Summarised):
     def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
         """Spread of the scores of a row under single motions, by default those of `judged_motions`."""
         chosen = self.judged_motions if motions is None else motions
-        return Spread.of(self._scores(row)[list(chosen)].tolist())
+        return Spread.of(self.scores(row)[list(chosen)].tolist())
 
     @property
     def balanced(self) -> bool:

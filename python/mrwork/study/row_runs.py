@@ -39,8 +39,10 @@ from mrwork.workers.engine import present_workers
 
 # Histories that need more memory than this are simulated one at a time [bytes].
 _MOST_BYTES = 2.0**28
-# Runs that one thread does at once, and commands that a rollout tries.
-_LANES, _TRIALS = 8, 16
+# Runs that one thread does at once where there are as many, with any law and with a rollout.
+_LANES, _LANES_OF_ROLLOUT = 32, 16
+# What a step of all trials of a rollout costs, in steps of the loop.
+_TRIALS = 4.0
 # Steps per second of the model of a rollout, where its law says none.
 _MODEL_STEPS = 400.0
 
@@ -257,14 +259,15 @@ def cost_of(
     threads: int = 0,
 ) -> float:
     """Integration steps times coordinates of runs, `n_each` under each motion, where lanes and threads are full."""
-    law = arrangement.law
+    law, lanes = arrangement.law, _LANES
     steps = hardware.steps / hardware.sample_time
     if isinstance(law, ControlLaw) and law.spec.needs_model:
+        lanes = _LANES_OF_ROLLOUT
         decision, step, *_ = np.ravel(law.tables["timing"]).tolist()
         steps += (
             _TRIALS * float(np.max(law.gains["horizon"])) * (1.0 / step if step else _MODEL_STEPS) / decision
         )
-    rounds = math.ceil(n_each * len(motions) / _LANES / (threads or os.cpu_count() or 1))
+    rounds = math.ceil(n_each * len(motions) / lanes / (threads or os.cpu_count() or 1))
     seconds = sum(motion.duration for motion in motions) / max(len(motions), 1)
     return steps * seconds * rounds * arrangement.building.n_coordinates
 

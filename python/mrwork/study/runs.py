@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.closed_loop.evaluation import Scales, criteria, ratio, score, values
+from mrwork.closed_loop.evaluation import SCORE, Scales, criteria, ratio, score, values
 from mrwork.closed_loop.responses import (
     ENERGY_TOLERANCE,
     Labelled,
@@ -233,7 +233,7 @@ class Runs(Labelled, WithAxes, Summarised):
 
     def scores(self, at_zero: Runs) -> Floats:
         """Score of each run against the dampers at i = 0, under the same motion and realisation."""
-        return score(self.over(at_zero))
+        return score({name: ratio(self.numbers[name], at_zero.numbers[name]) for name in SCORE})
 
     def as_record(self) -> dict[str, Any]:
         """Its line of a journal, which has no labels; see `from_record`."""
