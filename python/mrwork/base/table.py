@@ -233,15 +233,21 @@ def _align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of cells as lines: the first column to the left, others to the right where all their cells are numbers."""
     rows = [[escape_text(cell) for cell in row] for row in rows]
     columns = list(zip(*rows, strict=True))
-    numeric = [number > 0 and all(map(_is_numeric, column[1:])) for number, column in enumerate(columns)]
+    words = columns_in_words(rows[1:])
     widths = [max(map(len, column)) for column in columns]
     return [
         "  ".join(
-            cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(row, widths, numeric, strict=True)
+            cell.ljust(width) if place in words or not place else cell.rjust(width)
+            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in rows
     ]
+
+
+def columns_in_words(rows: Sequence[Sequence[str]]) -> tuple[int, ...]:
+    """Places of the columns, behind the first, that are not of numbers."""
+    columns = zip(*rows, strict=True)
+    return tuple(place for place, column in enumerate(columns) if place and not all(map(_is_numeric, column)))
 
 
 def _is_numeric(cell: str) -> bool:

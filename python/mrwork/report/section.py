@@ -75,8 +75,8 @@ class Panel(Summarised):
 class Group:
     """Part of a section: paragraphs, a table, points, figures and facts; `synthetic` where its data were not measured.
 
-    The `summary` of a result comes first. `markup` is a `Markup` of its own, such as an equation, below the
-    paragraphs. A fact is a name and a text.
+    The `summary` of a result stands below the paragraphs, and so does `markup`, a `Markup` of its own such as an
+    equation. A fact is a name and a text.
     """
 
     title: str = ""
