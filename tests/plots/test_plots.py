@@ -267,6 +267,15 @@ def test_a_figure_is_drawn_into_the_axes_that_are_given_and_shows_its_numbers(ca
     assert case.figure == "building" or any(each.get_xlabel() for each in panels(axes))
 
 
+def test_forces_of_figures_that_are_compared_have_one_unit() -> None:
+    for kind in ("DamperTest", "Prediction", "History"):
+        axes = RESULTS[kind]().plot.loops(Figure().subplots(), unit="kN")
+        assert axes.get_ylabel() == "Force (kN)"
+    axes = RESULTS["Prediction"]().plot.histories(Figure().subplots(), unit="mN")
+    assert axes.get_ylabel() == "Force (mN)"
+    refusal(RESULTS["Prediction"]().plot.residuals, unit="lbf", match="kN")
+
+
 def test_curves_without_a_legend_have_their_names_in_the_table() -> None:
     fit, check = RESULTS["Fit"](), RESULTS["SuiteCheck"]()
     curves = mr.plots.drawn_data(fit.plot.loops(Figure().subplots()))["curve"].unique().tolist()

@@ -440,8 +440,8 @@ def bands(
     >>> axes = mr.predict(fit, next_test).plot.bands(calibration=calibration)  # doctest: +SKIP
     """
     prediction, band = _predict_with_band(result, calibration, test, level)
-    axes = axes_for(ax)
     shown = style.force_unit(float(np.abs(prediction.measured).max()), unit)
+    axes = axes_for(ax)
     _draw_band(axes, prediction, band, shown, over)
     return finished(axes, axis_name(over), f"Force ({shown.symbol})", legend=legend)
 

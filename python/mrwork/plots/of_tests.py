@@ -77,7 +77,7 @@ def histories(
     signal
         Signal of a history of a closed loop, such as "drift", "acceleration", "force", "ground_acceleration".
     unit
-        Unit of the force of a test, such as "kN", where figures are compared; by default one that suits its peak.
+        Unit of a force, such as "kN", where figures are compared; by default one that suits its peak.
     legend
         Whether to name the curves above the axes, where a title would stand.
 
@@ -99,7 +99,7 @@ def histories(
         return _signals(result, ax, signal, legend=legend)
     drawn = _one(result, test)
     record, model_force = _test_and_force(drawn)
-    axes, shown = axes_for(ax), style.force_unit(_largest(record.force), unit)
+    shown, axes = style.force_unit(_largest(record.force), unit), axes_for(ax)
     axes.plot(
         record.time,
         record.force * shown.factor,
@@ -151,10 +151,10 @@ def loops(
     'Velocity (mm/s)'
     """
     if isinstance(result, History):
-        return _loop_of_device(result, ax, over, device)
+        return _loop_of_device(result, ax, over, device, unit)
     several = [_test_and_force(each) for each in (_drawn(result) if test is None else [_one(result, test)])]
-    axes = axes_for(ax)
     shown = style.force_unit(max(_largest(record.force) for record, _ in several), unit)
+    axes = axes_for(ax)
     for number, (record, model_force) in enumerate(several):
         if len(several) == 1:
             colours, labels = (style.DATA, style.MODEL), (data_label(record), "model")
@@ -208,10 +208,10 @@ def residuals(
     """
     drawn = _one(result, test)
     assert isinstance(drawn, Prediction)  # a result of these types has a model
-    record, axes = drawn.test, axes_for(ax)
+    record = drawn.test
     residual = record.force - drawn.model_force
     shown = style.residual_unit(_largest(residual), style.force_unit(_largest(record.force), unit))
-    residual = residual * shown.factor
+    residual, axes = residual * shown.factor, axes_for(ax)
     if over == "phase":
         label, across = "Phase of the motion (°)", np.degrees(drawn.phase)
     else:
@@ -312,12 +312,12 @@ def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, le
     )
 
 
-def _loop_of_device(history: History, ax: Axes | None, over: Motion, device: int) -> Axes:
+def _loop_of_device(history: History, ax: Axes | None, over: Motion, device: int, unit: str | None) -> Axes:
     deformation, rate, force = _of_device(history, device, "deformation", "rate", "force").values()
-    axes, unit = axes_for(ax), style.force_unit(_largest(force))
+    shown, axes = style.force_unit(_largest(force), unit), axes_for(ax)
     across = deformation if over == "displacement" else rate
-    axes.plot(across * AXES[over].factor, force * unit.factor, color=style.MODEL, linewidth=0.7)
-    return finished(axes, axis_name(over), f"Force ({unit.symbol})")
+    axes.plot(across * AXES[over].factor, force * shown.factor, color=style.MODEL, linewidth=0.7)
+    return finished(axes, axis_name(over), f"Force ({shown.symbol})")
 
 
 def _of_device(history: History, device: int, *names: str) -> dict[str, Floats]:

@@ -179,8 +179,9 @@ def _join_first(parts: list[str], separator: str) -> str:
 
 def write_figures(place: Path, page: Page, *, on_progress: OnDrawn = ignore_progress) -> tuple[str, ...]:
     """Write every figure of a page as an SVG and a PNG file into its folder; return their names without suffix."""
+    pictures: dict[str, bytes] = {}
     for number, (name, figure) in enumerate(page.figures.items()):
         on_progress(PageProgress(done=number, total=len(page.figures), task=f"figure {name}"))
-        pictures = {"svg": svg_bytes(figure), "png": png_bytes(figure)}
-        add_to_run(place, {f"{FIGURES}/{name}.{suffix}": each for suffix, each in pictures.items()})
+        pictures |= {f"{FIGURES}/{name}.svg": svg_bytes(figure), f"{FIGURES}/{name}.png": png_bytes(figure)}
+    add_to_run(place, pictures)
     return tuple(page.figures)

@@ -23,8 +23,8 @@ from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws
 _POINTS = 120
 _GROUPS = 4
 _RANK_BINS = 16
-# Inches of a panel of the corner.
-_SIDE = 1.45
+# Inches of a panel of the corner and of the margins for names; gaps as a share of a panel.
+_SIDE, _EDGE, _GAP = 1.35, 0.85, 0.08
 
 
 def _section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
@@ -136,8 +136,11 @@ def _rank_figure(name: str, chain: Floats, ess: float) -> Figure:
 @style.drawn_in_style()
 def _corner_figure(run: StoredRun, count: int) -> Figure:
     """Density of every parameter on the diagonal, of every pair below it; a cross where the fit is."""
-    figure = Figure(figsize=(count * _SIDE, count * _SIDE), layout="constrained")
-    posterior(run, np.ravel(figure.subplots(count, count, squeeze=False)))
+    size = count * _SIDE + _EDGE
+    figure = Figure(figsize=(size, size))
+    within = {"left": _EDGE / size, "right": 0.99, "bottom": _EDGE / size, "top": 0.99}
+    gaps = {"hspace": _GAP, "wspace": _GAP}
+    posterior(run, np.ravel(figure.subplots(count, count, squeeze=False, gridspec_kw=within | gaps)))
     return figure
 
 
