@@ -1,9 +1,9 @@
 """Are LQR weights from limits on rms responses the optimum, and what are they worth with a damper that saturates?
 
-They are: a semidefinite program and the Riccati equations agree to 2e-6 in 21 trial problems, and no limit or budget is
-exceeded by more than 1e-9. In the loop they do not beat a scanned R of equal drift weights: on the records that chose R
-the scores are 0.511 and 0.512 at 0.1 g, 0.544 and 0.530 at 0.3 g. A semi-active condition helps where R is unknown:
-0.517 to 0.528 over four decades of R at 0.1 g. A minute of one core, the quick form six seconds.
+They are: in 21 trial problems the rms values that the weights reach are within 3e-5 of a bound that no linear law
+passes, and no force exceeds its budget by more. In the loop they do not beat a scanned R of equal drift weights: on the
+records that chose R the scores are 0.511 and 0.512 at 0.1 g, 0.544 and 0.530 at 0.3 g. A semi-active condition helps
+where R is unknown: 0.517 to 0.528 over four decades of R at 0.1 g. A minute of one core, the quick form six seconds.
 """
 
 import time
@@ -35,8 +35,8 @@ def frame_of(n_storeys: int) -> mr.Building:
 def largest_rms(frame: mr.Building) -> dict[str, float]:
     """The largest rms drift [m] and absolute acceleration [m/s2] without control, which are the limits."""
     ones = {"rms_drift": 1.0, "rms_acceleration": 1.0}
-    found = mr.control.design_weights(frame, frame.storeys[:1], limits=ones, budget=1e-4 * weight_of(frame))
-    rms, n = found.system.rms_without_control(), len(frame.drifts)
+    found = mr.control.design_weights(frame, frame.storeys[:1], limits=ones, budget=1e-3 * weight_of(frame))
+    rms, n = found.rms_under_ground(controlled=False), len(frame.drifts)
     return {"rms_drift": float(rms[:n].max()), "rms_acceleration": float(rms[n:].max())}
 
 
@@ -45,7 +45,7 @@ def weight_of(frame: mr.Building) -> float:
     return frame.total_mass * G
 
 
-# %% The program beside the Riccati equations: one device at the first storey, 3 % of the weight as rms force.
+# %% What the weights reach, beside the bound: one device at the first storey, 3 % of the weight as rms force.
 rows: dict[str, dict[str, Any]] = {}
 for n_storeys in (3, 5) if script.quick else (3, 5, 8, 20):
     frame = frame_of(n_storeys)
@@ -58,16 +58,10 @@ for n_storeys in (3, 5) if script.quick else (3, 5, 8, 20):
         # That of the one gain on the state of the building, which the loop takes, and its share of the budget.
         "of the law": check.law_ratio,
         "force of the law": check.law_force,
-        # Least t^2 of the program over that of the equations; with 20 storeys the program has 8 modes only.
-        "program, error": None
-        if check.program_ratio is None
-        else abs((check.program_ratio / check.ratio) ** 2 - 1),
-        "violation": check.violation,
+        "gap": check.gap,
         "seconds": time.process_time() - began,
     }
-script.table(
-    "designs", rows, title="Program and Riccati equations", digits={"program, error": 1, "violation": 1}
-)
+script.table("designs", rows, title="Designs", digits={"gap": 1})
 
 # %% Trial problems: frames, budgets as shares of the weight, and limits on drift and acceleration or drift alone.
 trials: dict[str, dict[str, float]] = {}
@@ -83,18 +77,8 @@ for n_storeys in (3,) if script.quick else (3, 5, 8):
             check = mr.control.design_weights(
                 frame, frame.storeys[:1], limits=given, budget=share * weight_of(frame)
             ).certificate
-            error = (
-                np.nan if check.program_ratio is None else abs((check.program_ratio / check.ratio) ** 2 - 1)
-            )
-            found.append((error, check.gap, check.violation))
-    errors, gaps, violations = np.array(found).T
-    trials[f"{n_storeys} storeys"] = {
-        "problems": len(found),
-        "solved by the program": int(np.isfinite(errors).sum()),
-        "largest error": float(errors.max()),
-        "largest gap": float(gaps.max()),
-        "largest violation": float(violations.max()),
-    }
+            found.append(check.gap)
+    trials[f"{n_storeys} storeys"] = {"problems": len(found), "largest gap": max(found)}
 script.table("trials", trials, title="Trial problems", digits=2)
 
 # %% Wishes out of reach, in the words of the design.

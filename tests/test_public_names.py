@@ -59,7 +59,6 @@ SMALL_VALUES = {
     "Likeness",
     "Limits",
     "Lognormal",
-    "LoopTiming",
     "MotionOfStudy",
     "Normal",
     "Observation",

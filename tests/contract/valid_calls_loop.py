@@ -124,14 +124,10 @@ def gains_calls(_: Path) -> Calls:
 def designs_calls(_: Path) -> Calls:
     """Weights from limits and budgets, and models of dampers in laws."""
     of, frame = mr.control, five_storeys()
-    plant = of.plant_of(frame, frame.storeys[:1])
     wishes = {"limits": {"rms_drift": 2e-3, "rms_acceleration": "1 m/s2"}, "budget": [500.0]}
     loop = devices(rd1005())
     yield call(of.RmsLimits, rms_drift=[2e-3] * 5, rms_acceleration=1.0, rms_displacement=0.01, rms_force=1e3)
     yield call(of.RmsLimits.of, given=wishes["limits"])
-    yield call(of.DesignCase, name="x", building=frame, spectrum=mr.motions.KanaiTajimi())
-    gain = of.regulator_of_state(plant, plant.energy, 1e-6).gain
-    yield call(of.inverse_weights, plant=plant, gain=gain, control_weight=[1.0])
     motion = {"amplitude": (1e-4, 1e-2), "velocity": (0.01, 0.2)}
     yield call(of.DesignProblem, building=frame, devices=loop, sample_time=1e-3, delay=0.0, **motion)
 

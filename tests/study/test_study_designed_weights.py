@@ -15,18 +15,15 @@ from study_texts import study_text
 
 import mrwork as mr
 from mrwork.base.values import Floats
-from mrwork.control import SemiActiveCondition, design_weights
+from mrwork.control import design_weights
 from mrwork.control.laws.design_ground import damper_forces
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.control.laws.weights import WeightWishes
-from mrwork.control.weights.limits import LoopTiming, stiffness_cases
 from mrwork.dampers.tested_range import OperatingRange
-from mrwork.errors import SettingError
 from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectral_density import mean_square_of, strong_part
 from mrwork.study.comparison import findings
-from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.space import space_of
 
 FIRM = "ground_frequency = 15, ground_damping = 0.6, intensity = 0.01"
@@ -76,21 +73,20 @@ def test_what_the_design_reaches_is_said_with_the_law_and_in_json(tmp_path: Path
     assert own["margins"]["devices"][0]["phase"] > 0.0
 
 
-def test_spectra_of_a_record_and_stiffness_cases_are_keys(tmp_path: Path) -> None:
+def test_the_spectrum_of_a_record_is_a_key(tmp_path: Path) -> None:
     motion = mr.synthetic_motion(rng=4, duration=20.0)
     lines = [f"{time:.3f},{each:.6f}" for time, each in zip(motion.time, motion.acceleration, strict=True)]
     (tmp_path / "record.csv").write_text("\n".join(["time [s],acceleration [m/s2]", *lines]))
-    wishes = "designed = { rms_drift = 0.004, budget = 900, record = 'record.csv', stiffness = [0.8, 1.2] }"
+    wishes = "designed = { rms_drift = 0.004, budget = 900, record = 'record.csv' }"
     found = gain_of(read(tmp_path, f"{wishes}\ncontrol_weight = 1"))
     spectrum = fitted_spectrum(mr.read_motion(tmp_path / "record.csv"))
-    cases = stiffness_cases(FRAME, (0.8, 1.2), spectrum)
     limits = {"rms_drift": 4e-3}
-    expected = design_weights(FRAME, FRAME.storeys[:1], limits=limits, budget=900.0, cases=cases).gain
+    expected = design_weights(FRAME, FRAME.storeys[:1], limits=limits, budget=900.0, spectrum=spectrum).gain
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-4 * np.abs(expected).max())
 
 
 def test_one_number_of_r_keeps_the_ratio_of_two_devices() -> None:
-    problem = sampled_problem(190.0, 190.0)
+    problem = problem_with_lags(190.0, 190.0)
     wishes = WeightWishes(rms_drift=4e-3, budget=(600.0, 200.0))
     settings = RegulatorSettings(designed=wishes, control_weight=0.1)
     limits = {"rms_drift": 4e-3}
@@ -100,33 +96,7 @@ def test_one_number_of_r_keeps_the_ratio_of_two_devices() -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.linalg.norm(expected))
 
 
-SAMPLED = WISHES.replace(" }", ", sampled = true }")
-
-
-@pytest.mark.parametrize(
-    ("damper", "rate", "share", "scale"),
-    [("differential = true", None, None, 1.0), ("differential = true\nlag = 190", 190.0, 0.1, 0.1)],
-)
-def test_a_sampled_design_is_that_of_the_loop_of_the_study(
-    tmp_path: Path, damper: str, rate: float | None, share: float | None, scale: float
-) -> None:
-    wishes = SAMPLED if share is None else SAMPLED.replace(" }", f", semi_active = {share} }}")
-    text = f"{wishes}\ncontrol_weight = {scale}\n[hardware]\nsample_time = '2 ms'\ndelay = '4 ms'"
-    law = law_of(read(tmp_path, text, damper))
-    expected = design_weights(
-        FRAME,
-        FRAME.storeys[:1],
-        limits=LIMITS,
-        budget="0.9 kN",
-        timing=LoopTiming(sample_time=2e-3, delay=4e-3, driver_rate=rate),
-        semi_active=None if share is None else SemiActiveCondition(share=share),
-    )
-    np.testing.assert_array_equal(law.gains["gain"], expected.gain_with(scale))
-    assert law.weights is not None
-    assert expected.in_words[0] in law.weights.in_words
-
-
-def sampled_problem(*lags: float | None, delay: float = 0.0) -> mr.control.DesignProblem:
+def problem_with_lags(*lags: float | None, delay: float = 0.0) -> mr.control.DesignProblem:
     """The frame with a damper in each of the first storeys, whose drivers lag at these rates."""
     rd1005 = mr.damper("static_hysteretic").preset("kwok2006")
     current = rd1005.spec.current
@@ -147,68 +117,9 @@ def sampled_problem(*lags: float | None, delay: float = 0.0) -> mr.control.Desig
     return mr.control.DesignProblem(building=FRAME, devices=devices, sample_time=1e-3, delay=delay)
 
 
-def test_sampled_designs_stand_among_others_in_a_batch() -> None:
-    problem = sampled_problem(190.0)
-    wishes = WeightWishes(rms_drift=4e-3, budget=900.0)
-    many = [
-        RegulatorSettings(designed=wishes, control_weight=0.1),
-        RegulatorSettings(designed=replace(wishes, sampled=True), control_weight=0.1),
-        RegulatorSettings(designed=replace(wishes, sampled=True), control_weight=(0.1,)),
-        RegulatorSettings(drifts=1.0, control_weight=1e-9),
-    ]
-    found = RegulatorSettings.designs(problem, many)
-    for settings, each in zip(many, found, strict=True):
-        if isinstance(each, SettingError):
-            assert "is one number, the size of R over R as designed" in str(each)
-            assert settings is many[2]
-        else:
-            np.testing.assert_array_equal(each.gains["gain"], settings.design(problem).gains["gain"])
-    assert "sampled loop with its delay is stable" in many[1].certificate(problem)
-
-
-def test_a_sampled_design_that_cannot_be_is_refused() -> None:
-    wishes = WeightWishes(rms_drift=4e-3, budget=900.0, sampled=True)
-    settings = RegulatorSettings(designed=wishes, control_weight=1.0)
-    for lags in ((190.0, 100.0), (None, 100.0)):
-        refusal(settings.design, sampled_problem(*lags), match="different rates.*same lag")
-    refusal(settings.design, sampled_problem(None, delay=5e-4), match="whole number of samples")
-    active = refusal(
-        mr.control.design_law, "active", sampled_problem(None), settings, match="ideal actuators"
-    )
-    assert active.key == "designed"
-    weights = {"designed": {"rms_drift": 4e-3, "budget": 900.0, "sampled": True}}
-    refusal(mr.control.design_law, "lyapunov", sampled_problem(None), weights, match="takes weights")
-
-
-@pytest.mark.long
-def test_a_tuned_law_may_have_a_sampled_design(tmp_path: Path) -> None:
-    """Its gain is that of the same settings of a controller, from the table and from the study that is written."""
-    file = tmp_path / "study.toml"
-    tune = f"""[[tune]]
-laws = ["clipped_optimal"]
-free = {{ control_weight = [0.01, 1.0] }}
-population = 6
-budget = 6
-[tune.settings]
-{SAMPLED}
-"""
-    file.write_text(study_text(f"{SAMPLED}\ncontrol_weight = 0.1\n{tune}"))
-    results = mr.tune(mr.read_study(file), threads=1)
-    found = results.laws[0]
-    assert found.refused == 0
-    assert "sampled loop with its delay is stable" in found.certificate
-    (tmp_path / "chosen.toml").write_text(chosen_study(results, mr.read_study(file).file))
-    chosen = mr.read_study(tmp_path / "chosen.toml").arrangements
-    law = next(each.law for each in chosen if each.row.label == found.label)
-    assert law is not None
-    text = f"{SAMPLED}\ncontrol_weight = {found.settings['control_weight']!r}"
-    np.testing.assert_array_equal(law.gains["gain"], gain_of(read(tmp_path, text)))
-
-
 @pytest.mark.parametrize(
     ("settings", "word"),
     [
-        (f"{SAMPLED}\ncontrol_weight = [1]", "line 17: control_weight .* one number"),
         ("designed = { rms_drift = [1, 2], budget = 1 }\ncontrol_weight = 1", "2 limits.*5 storeys"),
         ("designed = { rms_drift = 0.004, budget = '1e9 kN' }\ncontrol_weight = 1", r"1e\+12 N.*give less"),
         ("designed = { budget = 100 }\ncontrol_weight = 1", "no response is limited"),
@@ -257,14 +168,14 @@ def test_the_ground_is_the_only_difference_between_strong_and_weak_motions(tmp_p
     for pga, limit, budget in (("0.05 g", "0.5 mm", 60), ("0.5 g", "5 mm", 600)):
         wishes = f"designed = {{ rms_drift = '{limit}', budget = {budget} }}\ncontrol_weight = 1"
         gains.append(gain_of(read(tmp_path, f"{wishes}\n{motions_of(pga)}")))
-    np.testing.assert_allclose(gains[0], gains[1], rtol=1e-5, atol=1e-6 * np.abs(gains[0]).max())
+    np.testing.assert_allclose(gains[0], gains[1], rtol=1e-4, atol=1e-4 * np.abs(gains[0]).max())
 
 
 def test_given_numbers_of_the_ground_hold_and_the_others_are_those_of_the_motions(tmp_path: Path) -> None:
     def ground(keys: str) -> mr.motions.KanaiTajimi:
         text = f"designed = {{ rms_drift = '4 mm', budget = 100{keys} }}\ncontrol_weight = 1"
         (_, weights), *_ = read(tmp_path, text).designs
-        (found,) = weights.spectra
+        found = weights.spectrum
         assert isinstance(found, mr.motions.KanaiTajimi)
         return found
 
@@ -283,7 +194,7 @@ def test_the_budget_is_that_of_the_dampers_unless_given(tmp_path: Path, budget: 
     )
     (_, weights), *_ = study.designs
     assert study.problem is not None
-    forces = damper_forces(study.problem, weights.spectra[0]).largest / 3.0
+    forces = damper_forces(study.problem, weights.spectrum).largest / 3.0
     expected = 200.0 if budget else 0.5 * forces[0]
     assert weights.certificate.budgets == pytest.approx([expected])
 
@@ -321,11 +232,11 @@ def test_a_law_that_is_a_passive_damper_in_effect_is_said_to_be_one(tmp_path: Pa
 
 def test_the_force_of_a_damper_is_that_over_its_tested_range() -> None:
     """Otherwise over the motion that is expected, or over that of the ground."""
-    (device,) = sampled_problem(None).devices
+    (device,) = problem_with_lags(None).devices
     tested = OperatingRange(
         stroke=0.01, velocity=0.15, frequency=None, command=None, command_unit=None, force=1e3, power=1.0
     )
-    problem = sampled_problem(None)
+    problem = problem_with_lags(None)
     expected = replace(problem, amplitude=(1e-4, 0.01), velocity=(1e-3, 0.15))
     ranged = replace(problem, devices=[replace(device, tested=tested)])
     soft, stiff = mr.motions.KanaiTajimi(intensity=1e-6), mr.motions.KanaiTajimi()
@@ -343,12 +254,3 @@ def test_the_force_of_a_damper_is_that_over_its_tested_range() -> None:
     assert found[0].largest[0] == pytest.approx(np.abs(force[700:]).max(), rel=1e-3)
     free = [float(damper_forces(problem, each).largest[0]) for each in (soft, stiff)]
     assert free[0] < free[1]
-
-
-def test_a_sampled_design_has_a_solution_with_the_budget_of_the_dampers(tmp_path: Path) -> None:
-    """With weak motions the dampers can give more force than a sampled design has use for."""
-    wishes = "designed = { rms_drift = '0.5 mm', rms_acceleration = 0.3, sampled = true, semi_active = 0.2 }"
-    text = f"{wishes}\ncontrol_weight = 1\n{motions_of('0.05 g')}"
-    (_, weights), *_ = read(tmp_path, text, "differential = true\nlag = 190").designs
-    assert weights.certificate.violation < 1e-6
-    assert np.all(np.isfinite(weights.gain))

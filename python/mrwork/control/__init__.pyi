@@ -30,11 +30,7 @@ from .linear.plant import velocities as velocities
 from .linear.riccati import kalman_gains as kalman_gains
 from .linear.riccati import lyapunov_solutions as lyapunov_solutions
 from .linear.riccati import regulator_gains as regulator_gains
-from .weights.limits import DesignCase as DesignCase
-from .weights.limits import LoopTiming as LoopTiming
 from .weights.limits import RmsLimits as RmsLimits
 from .weights.limits import SemiActiveCondition as SemiActiveCondition
-from .weights.limits import stiffness_cases as stiffness_cases
-from .weights.program import inverse_weights as inverse_weights
 from .weights.weight_certificate import DesignedWeights as DesignedWeights
 from .weights.weight_solver import design_weights as design_weights

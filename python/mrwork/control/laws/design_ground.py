@@ -52,8 +52,7 @@ def source_in_words(problem: DesignProblem) -> str:
 def shaken_system(problem: DesignProblem, spectrum: SpectralDensity) -> DesignSystem:
     """The building, of a tall one its lowest modes, with its devices under a ground, without limited outputs."""
     none = LimitedOutputs(names=(), units=(), settings=(), limits=np.empty(0))
-    plant, budgets = problem.plant, np.ones(problem.plant.n_devices)
-    return design_system(plant, none, spectrum, budgets=budgets, n_modes=min(plant.n_coordinates, _MODES))
+    return design_system(problem.plant, none, spectrum, n_modes=_MODES)
 
 
 def rms_forces(system: DesignSystem, gain: Floats) -> Floats:

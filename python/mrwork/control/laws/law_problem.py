@@ -26,7 +26,6 @@ from mrwork.control.laws.counterpart import is_curve, static_counterpart
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.linear.plant import Plant, plant_of
 from mrwork.control.linear.riccati import attempt_each
-from mrwork.control.weights.limits import LoopTiming
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
@@ -144,25 +143,6 @@ class DesignProblem(Summarised):
             else None
             for device in self.devices
         )
-
-    @property
-    def timing(self) -> LoopTiming:
-        """Sample time and delay of the loop, and the lag of the driver of the devices; without one, no lag.
-
-        Raises
-        ------
-        SettingError
-            If the drivers of the devices differ, or the delay is not a whole number of samples or has too many.
-        """
-        rates = dict.fromkeys(self.driver_rates)
-        if len(rates) > 1:
-            shown = ", ".join("none" if rate is None else f"{rate:g} 1/s" for rate in rates)
-            raise SettingError(
-                f"the drivers of the devices have lags of different rates ({shown}), and a design in discrete time "
-                "takes one; give all devices the same lag"
-            )
-        (rate,) = rates or (None,)
-        return LoopTiming(sample_time=self.sample_time, delay=self.delay, driver_rate=rate)
 
     @checked
     def each(self, number: float) -> Floats:
@@ -305,11 +285,6 @@ class LawSettings(ABC):
     def cost(cls, held: Mapping[str, Any], magnitudes: Magnitudes) -> float:
         """Cost of the weights among held settings at these magnitudes; 1 for a law without weights."""
         return 1.0
-
-    @property
-    def sampled(self) -> bool:
-        """Whether the law has the gain of a design in discrete time."""
-        return False
 
     def weights(self, problem: DesignProblem) -> DesignedWeights | None:
         """The designed weights; `None` for a law with others or without."""

@@ -274,16 +274,10 @@ def design_candidates(
 
 
 def _check_settings(spec: ControlLawSpec, settings: LawSettings) -> None:
-    """Refuse settings of another law, and a sampled design for ideal actuators, which have no driver."""
+    """Refuse settings of another law."""
     kind = SETTINGS[spec.name]
     if type(settings) is not kind:
         raise SettingError(f"the settings are {type(settings).__name__}; {spec.name} takes {kind.__name__}")
-    if spec.commands_force and settings.sampled:
-        raise InvalidSettingError(
-            "designed",
-            f"{spec.name} commands ideal actuators, and a sampled design is for the driver of the dampers; leave "
-            "sampled out",
-        )
 
 
 def _same_tables(one: Design, other: Design) -> bool:

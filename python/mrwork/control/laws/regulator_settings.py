@@ -16,7 +16,6 @@ from mrwork.control.laws.control_law import SOURCES, FurtherSignal, SignalName, 
 from mrwork.control.laws.design_ground import AskedForce, asked_forces
 from mrwork.control.laws.inverse_network import train_inverse_network
 from mrwork.control.laws.law_problem import (
-    NO_CERTIFICATE,
     Design,
     DesignProblem,
     LawSettings,
@@ -65,10 +64,8 @@ class RegulatorSettings(CostWeights, LawSettings):
             raise SettingError(f"the law has no control_weight; give {describe_key(entry)}")
 
     def design(self, problem: DesignProblem) -> Design:
-        """The gain as given, of the regulator, or of a sampled design."""
-        if self.gain is not None:
-            return self.of_gain(problem, self.given_gain(problem))
-        gain = self.sampled_gain(problem) if self.sampled else self.regulator(problem).gain
+        """The gain as given, or of the regulator."""
+        gain = self.regulator(problem).gain if self.gain is None else self.given_gain(problem)
         return self.of_gain(problem, gain)
 
     def given_gain(self, problem: DesignProblem) -> Floats:
@@ -91,17 +88,6 @@ class RegulatorSettings(CostWeights, LawSettings):
         """The design that follows from the gain of the desired forces."""
         return Design(gains={"gain": gain})
 
-    def sampled_gain(self, problem: DesignProblem) -> Floats:
-        """The gain of least cost in the sampled loop, with `control_weight` times R as designed."""
-        assert self.designed is not None
-        self.check_designed_alone()
-        if not isinstance(self.control_weight, float | int):
-            raise InvalidSettingError(
-                "control_weight",
-                "control_weight of a sampled design is one number, the size of R over R as designed; give one",
-            )
-        return self.designed.of_problem(problem, self.budget_scale).gain_with(self.control_weight)
-
     def regulator(self, problem: DesignProblem) -> Regulator:
         """The regulator with these weights."""
         return regulator_of_weights(
@@ -121,22 +107,19 @@ class RegulatorSettings(CostWeights, LawSettings):
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The designs of many settings, all their regulators by one call of the compiled solver."""
-        single, others = ([each for each in many if each._is_alone is own] for own in (True, False))
-        alone = iter(attempt_each(lambda each: each.design(problem), single))
+        given = iter(
+            attempt_each(lambda each: each.design(problem), [each for each in many if each.gain is not None])
+        )
         costs = attempt_each(
-            lambda each: (each.weigh_outputs(problem), each.control_weight_of(problem)), others
+            lambda each: (each.weigh_outputs(problem), each.control_weight_of(problem)),
+            [each for each in many if each.gain is None],
         )
         regulators = iter(regulators_of_costs(problem.plant, costs))
         outcomes: list[Design | SettingError] = []
         for settings in many:
-            known = next(alone if settings._is_alone else regulators)
+            known = next(regulators if settings.gain is None else given)
             outcomes.append(settings.of_gain(problem, known.gain) if isinstance(known, Regulator) else known)
         return outcomes
-
-    @property
-    def _is_alone(self) -> bool:
-        """Whether the gain is that of no Riccati equation of a batch."""
-        return self.gain is not None or self.sampled
 
     def margins(
         self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
@@ -197,7 +180,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         return next((factor for factor, share in shares.items() if share >= enough), float(factors[-1]))
 
     def certificate(self, problem: DesignProblem) -> str:
-        """Stability of the linear loop of the regulator, of a sampled design, or of a finished gain."""
+        """Stability of the linear loop of the regulator, or of a finished gain."""
         if self.gain is not None:
             margins = self.margins(problem, self.design(problem), problem.driver_rates)
             stable = "is stable" if margins is not None and margins.stable else "is not shown to be stable"
@@ -205,28 +188,12 @@ class RegulatorSettings(CostWeights, LawSettings):
                 f"the linear loop of the given gain {stable} with the hardware of the study; the damper, which only "
                 "resists motion and saturates, is not covered"
             )
-        if self.sampled:
-            return self._sampled_certificate(problem)
         regulator = self.regulator(problem)
         slowest = float(-regulator.poles.real.max())
         return (
             f"with ideal forces the loop is stable, its slowest pole decays at {slowest:.3g} 1/s, and no other gain "
             f"has a lower cost of these weights (residual of the Riccati equation {regulator.residual:.1e}); the "
             "damper, which only resists motion and saturates, is not covered"
-        )
-
-    def _sampled_certificate(self, problem: DesignProblem) -> str:
-        assert self.designed is not None
-        system = self.designed.of_problem(problem, self.budget_scale).system
-        closed = np.eye(system.n_states) + system.step * (
-            system.A - system.B @ self.sampled_gain(problem) @ system.state
-        )
-        if not np.abs(np.linalg.eigvals(closed)).max() < 1.0:
-            return NO_CERTIFICATE
-        return (
-            "with ideal forces behind the driver the sampled loop with its delay is stable, and no gain near this one "
-            "has a lower cost of the designed weights; the damper, which only resists motion and saturates, is not "
-            "covered"
         )
 
 

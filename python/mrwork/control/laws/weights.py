@@ -31,14 +31,7 @@ from mrwork.control.linear.plant import (
     stack_outputs,
     velocities,
 )
-from mrwork.control.weights.limits import (
-    Limit,
-    LoopTiming,
-    RmsLimits,
-    SemiActiveCondition,
-    as_forces,
-    stiffness_cases,
-)
+from mrwork.control.weights.limits import RmsLimits, SemiActiveCondition, as_forces
 from mrwork.control.weights.system import useful_force
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.control.weights.weight_solver import design_weights
@@ -51,9 +44,6 @@ from mrwork.motions.spectral_density import (
     ground_in_words,
     with_intensity,
 )
-
-# Shares of the budget of the dampers that are tried until a design has a solution.
-_SHARES = (1.0, 0.5, 0.25, 0.125)
 
 
 @checked
@@ -87,70 +77,40 @@ class WeightWishes(RmsLimits):
     record: str | None = optional(
         "record to which the spectrum is fitted instead, relative to the study file"
     )
-    stiffness: tuple[float, ...] = positive(
-        "factors of the stiffness of the buildings that share the weights, as [0.75, 1, 1.25]", default=()
-    )
     semi_active: float | None = positive(
         "share b of the condition that the desired force be that of a damper, between 0 and 1; the budget decides the "
         "law then, R hardly matters"
     )
 
-    sampled: bool = key(
-        "whether the design is in discrete time, with sample time and delay of the loop and the lag of the driver, if "
-        "the damper has one; for laws of a desired force",
-        default=False,
-    )
-
     def of_problem(self, problem: DesignProblem, budget_scale: float = 1.0) -> DesignedWeights:
-        """The weights for a building with its devices, and its loop if the design is sampled.
+        """The weights for a building with its devices, with `budget_scale` times the budget.
 
-        The plant keeps them, because a search tries many sizes of R. The budget is multiplied by `budget_scale`.
+        The plant keeps them, because a search tries many sizes of R.
         """
-        plant, timing = problem.plant, problem.timing if self.sampled else None
-        known: dict[object, DesignedWeights] = plant._designs
-        if (self, timing, budget_scale) not in known:
-            known[self, timing, budget_scale] = self._design(problem, timing, budget_scale)
-        return known[self, timing, budget_scale]
+        known: dict[object, DesignedWeights] = problem.plant._designs
+        if (self, budget_scale) not in known:
+            known[self, budget_scale] = self._design(problem, budget_scale)
+        return known[self, budget_scale]
 
-    def _design(
-        self, problem: DesignProblem, timing: LoopTiming | None, budget_scale: float
-    ) -> DesignedWeights:
+    def _design(self, problem: DesignProblem, budget_scale: float) -> DesignedWeights:
         plant = problem.plant
         spectrum, source = self._find_ground(problem)
         ground = f"Ground: {ground_in_words(spectrum)}; {source}."
         forces, budget = self._budgets(problem, spectrum)
         if budget_scale != 1.0:
             budget = f"{budget} Times the budget_scale, {budget_scale:g}."
-        limits: dict[str, Limit] = {
-            entry.name: value
-            for entry in keys_of(RmsLimits)
-            if (value := getattr(self, entry.name)) is not None
-        }
-
-        def design(share: float) -> DesignedWeights:
-            return design_weights(
-                plant.building,
-                plant.attachment,
-                limits=limits,
-                budget=(share * budget_scale * forces).tolist(),
-                spectrum=None if self.stiffness else spectrum,
-                cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
-                timing=timing,
-                semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
-            )
-
-        # A budget that nobody has stated may be more than a sampled design has use for.
-        shares = (1.0,) if self.budget is not None else _SHARES
-        for share in shares:
-            try:
-                designed = design(share)
-            except SettingError:
-                if share == shares[-1]:
-                    raise
-                continue
-            if share < 1.0:
-                budget = f"{budget} Times {share:g}, since the design has no solution with more."
-            break
+        designed = design_weights(
+            plant.building,
+            plant.attachment,
+            limits={
+                entry.name: value
+                for entry in keys_of(RmsLimits)
+                if (value := getattr(self, entry.name)) is not None
+            },
+            budget=(budget_scale * forces).tolist(),
+            spectrum=spectrum,
+            semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
+        )
         return replace(designed, origin=(ground, budget))
 
     def _budgets(self, problem: DesignProblem, spectrum: SpectralDensity) -> tuple[Floats, str]:
@@ -307,20 +267,10 @@ class CostWeights:
     def _weigh_designed(self, wishes: WeightWishes, problem: DesignProblem) -> Weighed:
         """Cost of designed weights, scaled such that the mean control weight is 1 as designed."""
         self.check_designed_alone()
-        if wishes.sampled:
-            raise InvalidSettingError(
-                "designed",
-                "a sampled design gives the gain of a desired force, and this law takes weights; leave sampled out",
-            )
         designed = wishes.of_problem(problem, self.budget_scale)
         scale = 1.0 / float(designed.control_weight.mean())
         S = designed.R - np.diag(designed.control_weight)
         return Weighed(Q=scale * designed.Q, N=scale * designed.N, S=scale * S)
-
-    @property
-    def sampled(self) -> bool:
-        """Whether the law has the gain of a design in discrete time."""
-        return self.designed is not None and self.designed.sampled
 
     def check_designed_alone(self) -> None:
         """Refuse other weights besides designed ones."""

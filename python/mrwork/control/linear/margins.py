@@ -97,7 +97,7 @@ class LoopMargins(Summarised):
         if not self.stable:
             return (
                 f"The linear loop of this gain is not stable with the hardware of the study ({loop}), so it has no "
-                "margins: a larger R, or a sampled design, asks for less."
+                "margins: a larger R asks for less."
             )
         others = ", those of the others closed" if len(self.devices) > 1 else ""
         margins = "; ".join(each.in_words for each in self.devices)

@@ -1,27 +1,22 @@
-"""What a weight design is given: limits on rms responses, the semi-active condition, the timing of the loop, its cases.
-
-Cases share one set of weights: buildings of other stiffness, soils, draws of the dampers.
-"""
+"""What a weight design is given: limits on rms responses, a budget of force, the semi-active condition."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
 
-from mrwork.base.arguments import Level, NotNegative, Positive, checked
+from mrwork.base.arguments import Level, Positive, checked
 from mrwork.base.keys import positive
-from mrwork.base.summary import Summarised
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Building, Device
+from mrwork.buildings.matrices import Device
 from mrwork.control.linear.plant import Outputs, Plant, accelerations, displacements, drifts, stack_outputs
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import InvalidSettingError, SettingError
-from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 
 Limit = float | tuple[float, ...]
 """One limit for all places, or one for each."""
@@ -171,41 +166,6 @@ class SemiActiveCondition:
     damping: Positive | tuple[Positive, ...] | None = None
 
 
-@checked
-class LoopTiming:
-    """Sample time [s], delay and driver of a loop, for a design in discrete time.
-
-    The `delay` [s] from a measurement to its command is a whole number of samples. `driver_rate` is that of the
-    first-order lag from wanted to actual force [1/s]; `None` for a force that follows at once.
-    """
-
-    _made_by: ClassVar[str] = "mr.control.LoopTiming(sample_time=...)"
-
-    sample_time: Positive = 1e-3
-    delay: NotNegative = 0.0
-    driver_rate: Positive | None = None
-
-    def __post_init__(self) -> None:
-        if abs(self.delay / self.sample_time - self.delay_samples) > 1e-6:
-            raise SettingError(
-                f"delay of the loop is {self.delay} s, which is not a whole number of samples of {self.sample_time} s"
-            )
-        if self.delay_samples > _MOST_DELAY:
-            raise SettingError(
-                f"delay of the loop is {self.delay_samples} samples; give a longer sample_time, so that it is "
-                f"{_MOST_DELAY} at most"
-            )
-
-    @property
-    def delay_samples(self) -> int:
-        """The delay in samples."""
-        return round(self.delay / self.sample_time)
-
-
-# Each sample of delay is a state of the design.
-_MOST_DELAY = 20
-
-
 def as_forces(budget: float | str | Sequence[float | str] | Floats, plant: Plant) -> Floats:
     """The budget of each device [N], shape (n_devices,); a text has a unit, as "1.5 kN"."""
     values = np.asarray(_in_si("budget", budget, "N"), dtype=np.float64)
@@ -217,39 +177,6 @@ def as_forces(budget: float | str | Sequence[float | str] | Floats, plant: Plant
     if not (np.isfinite(values).all() and (values > 0.0).all()):
         raise SettingError(f"budget is {budget} N; give a positive rms force")
     return np.broadcast_to(values, (plant.n_devices,)).copy()
-
-
-@checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class DesignCase(Summarised):
-    """A building under a spectrum of ground acceleration, one of those that a design averages over.
-
-    The buildings of all cases have the same coordinates, floors and storeys.
-    """
-
-    _made_by: ClassVar[str] = "mr.control.stiffness_cases(building)"
-
-    name: str
-    building: Building
-    spectrum: SpectralDensity = field(default_factory=KanaiTajimi)
-
-
-@checked
-def stiffness_cases(
-    building: Building,
-    factors: Sequence[Positive] = (0.75, 1.0, 1.25),
-    spectrum: SpectralDensity | None = None,
-) -> tuple[DesignCase, ...]:
-    """The building with its stiffness multiplied by each factor; the damping matrix stays."""
-    spectrum = KanaiTajimi() if spectrum is None else spectrum
-    return tuple(
-        DesignCase(
-            name=f"stiffness x {factor:g}",
-            building=replace(building, stiffness=factor * building.stiffness),
-            spectrum=spectrum,
-        )
-        for factor in factors
-    )
 
 
 def sine_force(device: Device, amplitude: float, velocity: float, command: float) -> Floats:

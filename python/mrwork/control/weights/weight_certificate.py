@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from mrwork.base.arguments import checked
@@ -12,47 +10,25 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.lqr import Weights
 from mrwork.control.linear.plant import Plant
-from mrwork.control.linear.riccati import LyapunovEquations
+from mrwork.control.linear.riccati import LyapunovEquations, solve_riccati
 from mrwork.control.weights.limits import LimitedOutputs
-from mrwork.control.weights.riccati_dual import (
-    DualPoint,
-    SquaredRows,
-    regulate,
-    riccati_law_gain,
-    static_law_gain,
-)
+from mrwork.control.weights.regulator import DualPoint
 from mrwork.control.weights.system import DesignSystem
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity, mean_square_of
 
 
 @array_dataclass(repr=False)
-class CaseCheck(Summarised):
-    """A case under two gains, by Lyapunov equations.
-
-    `ratio` is the largest rms over its limit under the regulator of the case itself, which knows the state of the soil
-    and of the driver, `forces` [N] its rms forces. `law_ratio` and `law_forces` are those of the one gain of the law on
-    the state of the building; infinite if the loop is not stable.
-    """
-
-    name: str
-    ratio: float
-    forces: Floats
-    law_ratio: float
-    law_forces: Floats
-
-
-@array_dataclass(repr=False)
 class WeightCertificate(Summarised):
-    """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.
+    """What the weights reach, over a lower bound that no linear law passes.
 
-    `rms` of each limited output and `forces`, the rms desired force of each device [N], are those under the regulators
-    of the weights, roots of the mean square over the cases, and `ratio` is the largest rms over its limit, all with the
-    small white noise on every state with which the program is solved. `bound` is a lower bound on the ratio of any
-    linear law within the budget under the ground alone, from the dual (with the c of a semi-active condition as found),
-    and `gap` is ratio / bound - 1. `violation` is the largest relative excess of an output over the optimum times its
-    limit, or of a force over its budget. `program_ratio` is that of the semidefinite program before the refinement;
-    `None` if it was not solved, or for modes only.
+    `rms` of each limited output and `forces`, the rms desired force of each device [N], are by a Lyapunov equation
+    those under the regulator of the weights, which knows the state of the building and of the soil; `ratio` is the
+    largest rms over its limit. `bound` is a lower bound on the ratio of any linear law within the budget, from the
+    Riccati equation of the weights (with the c of a semi-active condition as found). `gap` is the larger of
+    ratio / bound - 1 and of the excess of a force over its budget. `law_ratio` and `law_force` are the largest rms over
+    its limit, and force over its budget, under the one gain of the law on the state of the building; infinite if the
+    loop is not stable.
     """
 
     names: tuple[str, ...]
@@ -64,20 +40,8 @@ class WeightCertificate(Summarised):
     ratio: float
     bound: float
     gap: float
-    violation: float
-    program_ratio: float | None
-    cases: tuple[CaseCheck, ...]
-
-    @property
-    def law_ratio(self) -> float:
-        """The ratio under the gain of the law alone: root of the mean square over the cases."""
-        return float(np.sqrt(np.mean([each.law_ratio**2 for each in self.cases])))
-
-    @property
-    def law_force(self) -> float:
-        """The largest rms force over its budget under the gain of the law alone, likewise."""
-        forces = np.sqrt(np.mean([each.law_forces**2 for each in self.cases], axis=0))
-        return float(np.max(forces / self.budgets))
+    law_ratio: float
+    law_force: float
 
     @property
     def law_in_words(self) -> str:
@@ -85,13 +49,11 @@ class WeightCertificate(Summarised):
         return f"ratio {self.law_ratio:.4g} with {self.law_force:.4g} of the budget, from the building's state only"
 
     def _summary(self) -> Summary:
-        program = "" if self.program_ratio is None else f", {self.program_ratio:.6g} by the program"
         return Summary(
             title="Certificate of a weight design",
             facts=(
-                ("ratio", f"{self.ratio:.6g} with the noise of the design{program}"),
-                ("bound", f"{self.bound:.6g} under the ground alone"),
-                ("violation", f"{self.violation:.1e}"),
+                ("ratio", f"{self.ratio:.6g}"),
+                ("bound", f"{self.bound:.6g}, gap {self.gap:.1e}"),
                 ("law's gain", self.law_in_words),
             ),
             columns=("output", "unit", "rms", "limit", "rms / limit"),
@@ -111,64 +73,37 @@ class WeightCertificate(Summarised):
 
 
 def certificate_of(
-    names: Sequence[str],
-    systems: Sequence[DesignSystem],
-    outputs: LimitedOutputs,
-    budgets: Floats,
-    point: DualPoint,
-    law_gain: Floats,
-    program_ratio: float | None,
+    system: DesignSystem, outputs: LimitedOutputs, budgets: Floats, point: DualPoint, law_gain: Floats
 ) -> WeightCertificate:
-    """Check the gains of a dual point, and the gain of the law [N per unit of s], in every case."""
+    """Check the regulator of a dual point, and the gain of the law [N per unit of s]."""
     limits = outputs.limits
-    squares, forces, cases = [], [], []
-    for name, system, own in zip(names, systems, point.regulated, strict=True):
-        y, u = _mean_squares(system, own.gain, system.noise)
-        try:
-            law_y, law_u = _mean_squares(system, law_gain @ system.state, system.noise)
-        except SettingError:
-            law_y, law_u = np.full(len(limits), np.inf), np.full(len(budgets), np.inf)
-        squares.append(y)
-        forces.append(u)
-        cases.append(
-            CaseCheck(
-                name=name,
-                ratio=float(np.sqrt(np.max(y / limits**2))),
-                forces=np.sqrt(u),
-                law_ratio=float(np.sqrt(np.max(law_y / limits**2))),
-                law_forces=np.sqrt(law_u),
-            )
-        )
-    rms, force = np.sqrt(np.mean(squares, axis=0)), np.sqrt(np.mean(forces, axis=0))
-    ratio, optimum = float(np.max(rms / limits)), float(np.sqrt(point.value))
-    # The dual of the ground alone at these multipliers; its share does not depend on the scale of the limits.
-    budget_costs = float(point.multipliers[len(limits) :][: len(budgets)].sum())
-    of_ground = sum(
-        np.sum(system.ground * own.riccati) for system, own in zip(systems, point.regulated, strict=True)
-    )
-    share = of_ground / sum(own.cost for own in point.regulated)
-    bound = float(np.sqrt(max(share * (point.value + budget_costs) - budget_costs, 0.0)))
+    rms, forces = rms_under_gain(system, point.regulated.gain)
+    law_rms, law_forces = rms_under_gain(system, law_gain @ system.state)
     return WeightCertificate(
         names=outputs.names,
         units=outputs.units,
         limits=limits,
         rms=rms,
-        forces=force,
+        forces=forces,
         budgets=budgets,
-        ratio=ratio,
-        bound=bound,
-        gap=ratio / bound - 1.0 if bound else float("inf"),
-        violation=float(max(ratio / optimum - 1.0, np.max(force / budgets) - 1.0, 0.0)),
-        program_ratio=program_ratio,
-        cases=tuple(cases),
+        ratio=float(np.max(rms / limits)),
+        bound=point.bound,
+        gap=point.gap,
+        law_ratio=float(np.max(law_rms / limits)),
+        law_force=float(np.max(law_forces / budgets)),
     )
 
 
-def _mean_squares(system: DesignSystem, gain: Floats, noise: Floats) -> tuple[Floats, Floats]:
-    """Mean squares of the outputs and of the desired forces of `u = -gain x` under a noise of this intensity."""
-    X = LyapunovEquations(system.A - system.B @ gain, system.step).covariance(noise)
-    closed = system.C - system.D @ gain
-    return np.einsum("ij,jk,ik->i", closed, X, closed), np.einsum("ij,jk,ik->i", gain, X, gain)
+def rms_under_gain(system: DesignSystem, gain: Floats) -> tuple[Floats, Floats]:
+    """Rms of the outputs and of the desired forces of `u = -gain x`; infinite if the loop is not stable."""
+    try:
+        X = LyapunovEquations(system.A - system.B @ gain).covariance(system.ground)
+    except SettingError:
+        return np.full(len(system.C), np.inf), np.full(len(gain), np.inf)
+    squares = (np.einsum("ij,jk,ik->i", rows, X, rows) for rows in (system.C - system.D @ gain, gain))
+    # Of tiny forces rounding may leave a negative square.
+    rms, forces = (np.sqrt(np.maximum(each, 0.0)) for each in squares)
+    return rms, forces
 
 
 SCAN = (
@@ -185,7 +120,7 @@ SCAN_BUDGET = (
 _SETTING = {"rms_drift": "drifts", "rms_acceleration": "accelerations", "rms_displacement": "displacements"}
 # Excess of the gain of the law over ratio and budget, as a factor, beyond which it is said in words.
 _NEAR = 1.05
-_FORECAST = "the least ratio is that of a law that also knows the state of the soil and of the driver."
+_FORECAST = "the least ratio is that of a law that also knows the state of the soil."
 # Outputs and sentences on what binds that the summary shows.
 _SHOWN = 4
 # Shares of the multipliers below this one belong to limits that do not bind.
@@ -202,15 +137,14 @@ class DesignedWeights(Summarised):
     of the budget of each device [1/N^2].
 
     `gain` is K of the desired force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain
-    of Q, N, R; in discrete time, the gain on s of least cost in the sampled loop. All limits can be met at once up to
-    the factor `reachable_ratio` with the budget; where the `bound` of the certificate is above 1 they cannot be
-    reached, and `budget_factor` is that of all budgets with which they can, infinite if none up to 100 does. `binding`
-    says what keeps the ratio from being lower, `engine` what solved it, and `origin` sentences on ground and budget,
-    where a study has asked for the design. `spectra` are those of the cases.
+    of Q, N, R. All limits can be met at once up to the factor `reachable_ratio` with the budget; where the `bound` of
+    the certificate is above 1 they cannot be reached, and `budget_factor` is that of all budgets with which they can,
+    infinite if none up to 100 does, NaN where that is not determined. `binding` says what keeps the ratio from being
+    lower, `engine` what solved it, and `origin` sentences on ground and budget, where a study has asked for the design.
     """
 
     plant: Plant
-    spectra: tuple[SpectralDensity, ...]
+    spectrum: SpectralDensity
     output_weights: Floats
     control_weight: Floats
     Q: Floats
@@ -223,16 +157,9 @@ class DesignedWeights(Summarised):
     engine: str
     budget_factor: float | None
     outputs: LimitedOutputs
-    multipliers: Floats
     system: DesignSystem
-    rows: SquaredRows
     semi_active: bool
     origin: tuple[str, ...] = ()
-
-    @property
-    def spectrum(self) -> str:
-        """Names of the spectra."""
-        return ", ".join(dict.fromkeys(each.name for each in self.spectra))
 
     @property
     def advice(self) -> str:
@@ -241,33 +168,28 @@ class DesignedWeights(Summarised):
 
     @checked
     def rms_under_ground(self, *, controlled: bool) -> Floats:
-        """Rms of each limited output under the ground alone, without control or with ideal forces of the law's gain.
+        """Rms of each limited output, without control or with ideal forces of the law's gain.
 
-        Infinite if the loop of the gain is not stable. The design adds a small white noise on every state, so that its
-        ratio is a little larger.
+        Infinite if the loop of the gain is not stable.
         """
-        system = self.system
-        K = self.gain @ system.state if controlled else np.zeros_like(system.B.T)
-        try:
-            return np.asarray(np.sqrt(_mean_squares(system, K, system.ground)[0]))
-        except SettingError:
-            return np.full(len(self.outputs.limits), np.inf)
+        if not controlled:
+            return self.system.rms_without_control()
+        return rms_under_gain(self.system, self.gain @ self.system.state)[0]
 
     def document(self) -> dict[str, object]:
         """The design as plain values: ground, budget, and each limited output with its rms under the ground."""
-        outputs = self.outputs
+        outputs, spectrum = self.outputs, self.spectrum
+        soil = spectrum.soil if isinstance(spectrum, CloughPenzien) else spectrum
         bare, ruled = (self.rms_under_ground(controlled=each).tolist() for each in (False, True))
         return {
             "ground": [
                 {
-                    "spectrum": each.name,
+                    "spectrum": spectrum.name,
                     "frequency": soil.frequency,
                     "damping": soil.damping,
                     "intensity": soil.intensity,
-                    "mean_square": mean_square_of(each),
+                    "mean_square": mean_square_of(spectrum),
                 }
-                for each in self.spectra
-                for soil in (each.soil if isinstance(each, CloughPenzien) else each,)
             ],
             "budget": self.certificate.budgets.tolist(),
             "least_ratio": self.reachable_ratio,
@@ -285,18 +207,13 @@ class DesignedWeights(Summarised):
         """The gain of the law with the control weight times `control_scale`, shape (n_devices, 2n)."""
         if not 0.0 < control_scale < np.inf:
             raise SettingError(f"control_scale is {control_scale}; give a positive number")
-        # As in the design, so that a scale of 1 has its bits.
-        scaled = self.multipliers / self.reachable_ratio**2
-        n_limits, m = len(self.outputs.limits), self.plant.n_devices
-        scaled[n_limits : n_limits + m] *= control_scale
-        if self.system.step:
-            return static_law_gain(self.system, self.rows, scaled, self.gain)
-        return riccati_law_gain(self.system, regulate(self.system, self.rows, scaled))
+        R = self.R + np.diag((control_scale - 1.0) * self.control_weight)
+        return solve_riccati(self.plant.A, self.plant.B, self.Q, R, self.N, scaling=self.plant.scaling)[0]
 
     @checked
     def settings(self, control_scale: float = 1.0) -> dict[str, Weights]:
         """Settings of a regulator with these weights, as `RegulatorSettings(**designed.settings(1e-2))`."""
-        if len(self.multipliers) > len(self.output_weights) + len(self.control_weight) or self.system.step:
+        if self.semi_active:
             raise SettingError(
                 "these weights are more than weights of outputs: the law has their gain, see `gain_with`, or give the "
                 "settings of the law the key designed"
@@ -343,7 +260,7 @@ class DesignedWeights(Summarised):
 
     @property
     def _reached_in_words(self) -> tuple[str, ...]:
-        ratio = self.reachable_ratio
+        ratio, times = self.reachable_ratio, self.budget_factor or np.nan
         if ratio <= 1.0:
             first = f"All limits can be met, down to {ratio:.3g} of them with the whole budget."
         elif self.certificate.bound <= 1.0:
@@ -352,9 +269,8 @@ class DesignedWeights(Summarised):
                 f"is between {self.certificate.bound:.5g} and {ratio:.5g}."
             )
         else:
-            times, nor, more = self.budget_factor or np.inf, ", nor with 100 times the budget", ""
-            if np.isfinite(times):
-                nor, more = "", f"; with {times:.3g} times the budget they can"
+            nor = ", nor with 100 times the budget" if np.isinf(times) else ""
+            more = f"; with {times:.3g} times the budget they can" if np.isfinite(times) else ""
             first = (
                 f"The limits cannot be met with this budget{nor}: the least factor by which all are met at once is "
                 f"{ratio:.3g}{more}."
@@ -370,9 +286,9 @@ class DesignedWeights(Summarised):
         return Summary(
             title=f"Designed weights for {self.plant.building.name}: least ratio {self.reachable_ratio:.4g}",
             facts=(
-                ("spectrum", self.spectrum),
+                ("spectrum", self.spectrum.name),
                 ("engine", self.engine),
-                ("certificate", f"violation {check.violation:.1e}, gap to the bound {check.gap:.1e}"),
+                ("certificate", f"gap to the bound {check.gap:.1e}"),
                 ("law's gain", check.law_in_words),
                 ("control weight", f"{', '.join(format_rounded(each) for each in self.control_weight)} 1/N2"),
             ),
@@ -389,9 +305,10 @@ class DesignedWeights(Summarised):
 
 
 def binding_in_words(
-    outputs: LimitedOutputs, multipliers: Floats, ratio: float, budgets: Floats, plant: Plant, value: float
+    outputs: LimitedOutputs, multipliers: Floats, ratio: float, budgets: Floats, plant: Plant
 ) -> tuple[str, ...]:
     """The limits and budgets with a multiplier, the largest first, one sentence each."""
+    value = ratio**2
     n_limits = len(outputs.limits)
     q = multipliers[:n_limits]
     sentences = [
