@@ -27,13 +27,12 @@ class WeightProgram:
     Theory, 1994, ch. 7 and 10, in dual form). Clarabel succeeds only with forces over their budgets and states such
     that the Riccati matrix of equal weights has a unit diagonal. To the ground a small white noise is added on every
     state, of 3e-4 of its rms within one natural period, without which P is not unique. `cost`, `total` and the damping
-    of semi-active conditions are parameters, so that all programs of a design are compiled once. `first` is the
-    regulator of equal weights.
+    of semi-active conditions are parameters, so that all programs of a design are compiled once.
     """
 
     def __init__(self, system: DesignSystem, rows: SquaredRows) -> None:
-        self.first = regulate(system, rows, first_multipliers(system, rows))
-        units = np.diag(self.first.riccati) ** -0.5
+        first = regulate(system, rows, first_multipliers(system, rows))
+        units = np.diag(first.riccati) ** -0.5
         scaled = system.in_units(units)
         noise = scaled.ground + np.diag(_PROCESS_NOISE**2 * system.frequency * np.diag(scaled.uncontrolled))
         n, m = system.B.shape

@@ -34,7 +34,9 @@ if TYPE_CHECKING:
 # Modes up to which the program has all of a building, and those that it has at most.
 _ALL_MODES, _MOST_MODES = 20, 40
 _MOST_GAP = 0.01
-_ALTERNATIONS = 12
+_ALTERNATIONS = 13
+# Price of a semi-active condition, over the square of the budget, at which it has no weight.
+_UNCONDITIONED = 1e4
 _MOST_BUDGET = 100.0
 # Budget over the force that limits have use for below which a design without a solution is put down to the budget.
 _LEAST_BUDGET = 1e-6
@@ -173,9 +175,10 @@ class _Task:
                 )
             self.damping = given / self.unit
         self.rows = self.rows_of(whole)
-        # What adds up the multipliers of the limits, and those of the budgets.
-        self.of_limits, self.of_budgets = np.zeros((2, len(self.rows.plain.T)))
+        # What adds up the multipliers of the limits, of the budgets, and of the conditions.
+        self.of_limits, self.of_budgets, self.of_conditions = np.zeros((3, len(self.rows.plain.T)))
         self.of_limits[: self.rows.n_limits] = self.of_budgets[self.rows.budgets] = 1.0
+        self.of_conditions[self.rows.budgets.stop :] = 1.0
 
     def rows_of(self, system: DesignSystem) -> SquaredRows:
         """The rows of a system."""
@@ -187,15 +190,16 @@ class _Task:
     def solve(self, system: DesignSystem) -> tuple[WeightProgram, DualPoint]:
         """The multipliers by a program on a system, judged on the whole building.
 
-        The damping of a semi-active condition that is not given is that of the desired force, by alternation.
+        The damping of a semi-active condition that is not given is that of the desired force, by alternation from the
+        force without the condition.
         """
         # cvxpy takes a second to load, which scripts that do not design should not pay.
         from mrwork.control.weights.program import WeightProgram
 
         program = WeightProgram(system, self.rows_of(system))
-        damping = like_a_damper(system, program.first) / self.unit if self.alternates else self.damping
+        damping, cost = self.damping, self.of_budgets + self.alternates * _UNCONDITIONED * self.of_conditions
         for _ in range(_ALTERNATIONS):
-            multipliers = program.solve(self.of_budgets, self.of_limits, damping)
+            multipliers = program.solve(cost, self.of_limits, damping)
             if multipliers is None:
                 raise SettingError(
                     "the semidefinite program of the weights has no solution; give limits and a budget of less extreme "
@@ -207,6 +211,7 @@ class _Task:
             before, damping = damping, like_a_damper(self.whole, point.regulated) / self.unit
             if np.allclose(before, damping, rtol=1e-4):
                 break
+            cost = self.of_budgets
         return program, point
 
     def budget_factor(self, program: WeightProgram, damping: Floats) -> float:
