@@ -17,8 +17,8 @@ from mrwork.closed_loop.evaluation import SCORE, ties_in_words
 from mrwork.errors import Interrupted
 from mrwork.study.results import score_band
 from mrwork.tuning import TuningResults, tune
-from mrwork.tuning.folder import chosen_study
-from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, unjudged
+from mrwork.tuning.folder import chosen_study, tuning_document
+from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, unjudged, with_tuned_rows
 from mrwork.tuning.problem import Clock, benches_of
 from mrwork.tuning.results import DesignNotes, settings_in_words
 from mrwork.tuning.space import LawCandidate
@@ -56,12 +56,14 @@ def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
 
 
 def test_the_study_finds_the_objective_again_and_judges_on_motions_that_the_tuning_has_not_seen(
-    results: TuningResults, judged: TunedStudy
+    study: mr.Study, results: TuningResults, judged: TunedStudy
 ) -> None:
     assert results.training == ("A",)
     assert [judged.motions[each].name for each in judged.judged_motions] == ["B", "C"]
     assert judged.held_out
     assert TRAINING_ONLY not in judged.warnings()
+    wider = with_tuned_rows(study, results)
+    assert with_tuned_rows(wider, results).arrangements == wider.arrangements
     for law in (*results.laws, *results.references):
         train, test = judged.judgement(law, "training"), judged.judgement(law, "test")
         assert train is not None
@@ -161,7 +163,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
     assert found.laws[0].least > 0.0
     assert found.laws[0].design == DesignNotes()
     partial = unjudged(study, found)
-    assert partial.status == "interrupted"
+    assert partial.status == tuning_document(partial)["status"] == "interrupted"
     assert partial.tuned is found
     assert partial.judgement(found.laws[0], "test") is None
 

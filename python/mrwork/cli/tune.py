@@ -98,9 +98,11 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             )
         except Interrupted as interrupt:
             raise Interrupted(unjudged(study, interrupt.result), "tuning") from None
-        stored = Histories(work, with_tuned_rows(study, tuned))
+        # The names of histories are those of the rows.
+        wider = with_tuned_rows(study, tuned)
+        stored = Histories(work, wider)
         return judge(
-            study,
+            wider,
             tuned,
             journal=journal,
             kept=stored.is_stored,

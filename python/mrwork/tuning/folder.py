@@ -44,7 +44,7 @@ def write_tuning(
         study_files(results, study_file) | {name: text.encode() for name, text in own.items()},
         manifest,
         grown=(JOURNAL, *histories.names),
-        flush=results.tuned.status == "finished",
+        flush=results.complete,
     )
 
 
@@ -83,6 +83,7 @@ def tuning_document(results: TunedStudy) -> dict[str, Any]:
         **asdict(tuned),
         "laws": [judged(law) for law in tuned.laws],
         "references": [judged(law) for law in tuned.references],
+        "status": results.status,
         "warnings": results.warnings(),
     }
 

@@ -219,13 +219,13 @@ def with_tuning(results: StudyResults, tuned: TuningResults) -> TunedStudy:
 
 
 def unjudged(study: Study, tuned: TuningResults) -> TunedStudy:
-    """What an interrupted tuning has found, before any run of the study."""
+    """What an interrupted tuning has found, without its rows, whose laws would take time to design."""
 
     def stop(_: object) -> None:
         raise KeyboardInterrupt
 
     try:
-        return with_tuning(run_study(with_tuned_rows(study, tuned), on_progress=stop), tuned)
+        return with_tuning(run_study(study, on_progress=stop), tuned)
     except Interrupted as interrupt:
         return with_tuning(interrupt.result, tuned)
 
@@ -270,7 +270,10 @@ def _judge_front(
 
 
 def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
-    """The study, with its dampers at the best placement, with the references and laws of a tuning as further rows."""
+    """The study, with its dampers at the best placement, with the references and laws of a tuning as further rows.
+
+    One that has them already stays as it is.
+    """
     if tuned.places and study.placed is not None:
         study = study.placed(tuned.places[0].storeys)
     kinds, labels = {row.kind for row in study.rows}, {row.label for row in study.rows}
@@ -281,7 +284,7 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
         # Settings that make no law have no row, which the tuning warns of.
         with suppress(SettingError):
             rows.append(_arrange(study, each))
-    return replace(study, table=None, arrangements=(*study.arrangements, *rows))
+    return replace(study, table=None, placed=None, arrangements=(*study.arrangements, *rows))
 
 
 def _arrange(study: Study, law: TunedLaw) -> Arrangement:
