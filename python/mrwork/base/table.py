@@ -1,4 +1,4 @@
-"""Tables of text for every medium: the lines of a terminal, a page or notebook, Markdown and CSV.
+"""Tables of text for every medium: the lines of a terminal, a page or notebook, and CSV.
 
 The module is below all results, because these yield tables, which summaries, verbs, pages and studies show. Lines are
 aligned here and not by `rich`, whose import takes longer than most results take to compute.
@@ -110,16 +110,6 @@ class Table:
 
     def __repr__(self) -> str:
         return "\n".join(filter(None, (self.title, *self.lines("  "), self.note)))
-
-    def markdown(self) -> str:
-        """The table for a README."""
-        ruler = ("---", *["---:"] * (len(self.columns) - 1))
-        body = (
-            [f"**{cell}**" if (row, place) in self.strong else cell for place, cell in enumerate(cells)]
-            for row, cells in enumerate(self.rows)
-        )
-        lines = (f"| {' | '.join(cells)} |" for cells in (self.columns, ruler, *body))
-        return "\n".join([f"**{self.title}**", "", *lines, "", *([self.note, ""] if self.note else [])])
 
     def html(self, symbol: Callable[[str], str] | None = None) -> str:
         """The table for a page, in a region that scrolls; `symbol` sets headings and names of rows that are symbols."""

@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
-from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
@@ -18,7 +16,6 @@ from mrwork.base.table import breakable, format_code
 from mrwork.errors import escaped_lines
 from mrwork.plots import style
 from mrwork.report.section import Lead, Section
-from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import DATA
 
 _FUNCTIONS = ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
@@ -97,13 +94,6 @@ def page_html(lead: Lead, sections: Sequence[Section | None] = ()) -> Page:
     page.files = {f"{DATA}/{panel.name}.csv": panel.data.encode() for panel in panels if panel.data}
     page.figures = {panel.name: panel.figure for panel in panels if panel.figure is not None}
     return page
-
-
-def write_study_page(template: Path, path: Path, **content: Any) -> None:
-    """Fill in a Jinja template, which may use `styles`, and write it."""
-    page = _environment().from_string(template.read_text(encoding="utf-8"))
-    with replacing(path) as stream:
-        stream.write(escaped_lines(page.render(**content)).encode())
 
 
 def _resource(name: str) -> str:
