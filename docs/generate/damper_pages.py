@@ -81,9 +81,9 @@ def _published(spec: DamperSpec) -> str:
     sections = []
     for name in spec.presets:
         preset = spec.preset(name)
-        law = preset.spec.current
+        command_unit = preset.spec.command_unit
         note = f" {preset.note[:1].upper()}{preset.note[1:]}." if preset.note else ""
-        command = f", command 0 to {preset.largest_command:g} {law.unit}" if law is not None else ""
+        command = f", command 0 to {preset.largest_command:g} {command_unit}" if command_unit else ""
         sections += [
             f"### {code(name)}",
             prose(f"{preset.source}; {preset.status}{command}.{note}"),

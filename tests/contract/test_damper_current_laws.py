@@ -10,8 +10,9 @@ import pytest
 from damper_samples import DT, N_TIME, noise, sine
 from refusals import refusal
 
+from mrwork import _rust
 from mrwork.dampers import damper
-from mrwork.dampers.parameters import current_laws, polynomial_laws
+from mrwork.dampers.laws import named_laws
 from mrwork.dampers.simulation import Outcome, simulate_force, simulate_forces
 from mrwork.twins.models import parameters_at, simulate
 
@@ -147,17 +148,14 @@ def test_a_command_in_the_other_unit_and_laws_that_are_none_are_refused(spec):
     refusal(model.with_current_laws, {}, match="has current laws already")
 
 
-def test_polynomial_laws_are_those_of_the_core_in_the_order_of_their_degree():
-    assert polynomial_laws() == ("constant", "linear", "quadratic", "cubic")
-    for degree, name in enumerate(polynomial_laws()):
-        assert (current_laws()[name].degree, current_laws()[name].n_coefficients) == (degree, degree + 1)
-    assert current_laws()["exponential"].degree is None
+def test_named_laws_are_those_of_the_core_in_the_order_of_their_degree():
+    assert [(str(law), law.n_coefficients, law.degree) for law in named_laws()] == _rust.current_laws()
 
 
 def test_a_law_is_a_special_case_of_those_that_contain_it():
     raised = {
-        law.name: [other.name for other in current_laws().values() if law.is_special_case_of(other)]
-        for law in current_laws().values()
+        str(law): [str(other) for other in named_laws() if law.is_special_case_of(other)]
+        for law in named_laws()
     }
     assert raised == {
         "constant": ["linear", "quadratic", "cubic", "exponential"],

@@ -39,7 +39,7 @@ def test_all_parameters_are_given_and_admissible_at_every_command(preset):
         assert np.all(np.isfinite(values))
         for parameter, value in zip(preset.spec.plain, values, strict=True):
             assert parameter.lower <= value <= parameter.upper
-    if preset.spec.current is not None and preset.spec.current.lagged:
+    if preset.spec.lagged:
         assert 0.0 < preset.theta[-1] == preset.theta[preset.spec.names.index("eta")]
 
 
@@ -50,7 +50,7 @@ def test_source_and_status_are_said(preset):
 
 def work(preset, command):
     """Of the settled half of a sinusoid at a held command."""
-    unit = None if preset.spec.current is None else preset.spec.current.unit
+    unit = preset.spec.command_unit
     motion = sine()
     loading = replace(motion, command=command, command_unit=unit)
     force = simulate_force(preset.spec, np.array(preset.theta), loading)
@@ -60,7 +60,7 @@ def work(preset, command):
 def test_it_runs_and_dissipates_and_more_command_makes_more_force(preset):
     dissipated = work(preset, preset.largest_command)
     assert dissipated > 0.0
-    assert preset.spec.current is None or dissipated > 1.5 * work(preset, 0.0)
+    assert preset.spec.command_unit is None or dissipated > 1.5 * work(preset, 0.0)
 
 
 def test_an_unknown_set_is_refused_with_those_that_exist():

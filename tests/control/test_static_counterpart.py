@@ -43,7 +43,7 @@ def test_the_prototype_of_dyke_is_stood_for(prototype: StaticCounterpart) -> Non
     """The least misfit of 30 random starts is 85.17 %, so this is the best that the static model can do."""
     assert prototype.fit_percent == pytest.approx(85.17, abs=0.01)
     assert prototype.spec.name == "static_hysteretic"
-    assert prototype.spec.current.unit == "V"
+    assert prototype.spec.command_unit == "V"
 
 
 def test_fit_is_that_of_the_motions_it_stands_for(prototype: StaticCounterpart) -> None:

@@ -196,7 +196,7 @@ def test_the_command_line_fits_predicts_and_reports_in_the_unit_of_the_user(tmp_
         assert abs(estimate["value"] - truth) < 5.0 * estimate["standard_error"]
     assert "degC, stepped" in (out / "report.html").read_text()
     loaded = mr.load(out).fit
-    assert loaded.spec.current.unit == loaded.tested.command_unit == "degC"
+    assert loaded.spec.command_unit == loaded.tested.command_unit == "degC"
     predicted = json.loads(mrwork("predict", out, second, "--json").stdout)["files"][0]
     assert predicted["rmse_n"] == pytest.approx(NOISE_N, rel=0.15)
     printed("calibrate", out, second, "--json")

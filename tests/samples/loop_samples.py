@@ -25,7 +25,7 @@ from mrwork.control import (
 from mrwork.control.laws.fuzzy import fuzzy_table
 from mrwork.control.laws.sliding import sliding_gains
 from mrwork.dampers import DamperSpec
-from mrwork.dampers.spec import PUBLISHED_SETS
+from mrwork.dampers.spec import with_changed_laws
 from mrwork.motions import GroundMotion
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -42,11 +42,8 @@ def five_storeys() -> Building:
 @cache
 def rd1005(*, lagged: bool = True) -> tuple[DamperSpec, Floats]:
     """The static model of an RD-1005-3 by its published set, behind the lag of its driver."""
-    (published,) = (entry for entry in PUBLISHED_SETS if entry.name == "kwok2006")
     preset = mr.damper("static_hysteretic").preset("kwok2006")
-    current = preset.spec.current
-    laws = dict(zip(published.values, current.laws, strict=True))
-    spec = mr.damper("static_hysteretic").with_current_laws(laws, lagged=lagged)
+    spec = with_changed_laws(preset.spec, lagged=lagged)
     return spec, np.array([*preset.theta, LAG] if lagged else preset.theta)
 
 

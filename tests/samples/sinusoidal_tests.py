@@ -33,7 +33,7 @@ def sinusoidal_test(
     spec = damper(model) if isinstance(model, str) else model
     dt = 1.0 / (PER_CYCLE * motion[1])
     time = dt * np.arange(cycles * PER_CYCLE + 1)
-    loading = harmonic(time, motion, command if spec.current else None)
+    loading = harmonic(time, motion, command if spec.command_unit else None)
     force = simulate_force(spec, theta, loading)
     scatter = np.random.default_rng(rng).standard_normal(time.size)
     name = f"{1e3 * motion[0]:g} mm {motion[1]:g} Hz" if command is None else f"{motion} at {command} A"

@@ -20,6 +20,7 @@ from mrwork.control.laws.design_ground import damper_forces
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.regulator_settings import RegulatorSettings
 from mrwork.control.laws.weights import WeightWishes
+from mrwork.dampers.spec import with_changed_laws
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.motions import fitted_spectrum
 from mrwork.motions.spectral_density import mean_square_of, strong_part
@@ -99,15 +100,11 @@ def test_one_number_of_r_keeps_the_ratio_of_two_devices() -> None:
 def problem_with_lags(*lags: float | None, delay: float = 0.0) -> mr.control.DesignProblem:
     """The frame with a damper in each of the first storeys, whose drivers lag at these rates."""
     rd1005 = mr.damper("static_hysteretic").preset("kwok2006")
-    current = rd1005.spec.current
-    assert current is not None
-    plain = mr.damper("static_hysteretic")
-    laws = dict(zip(plain.names, current.laws, strict=True))
-    numbers = np.asarray(rd1005.theta)[: len(rd1005.theta) - current.lagged]
+    numbers = np.asarray(rd1005.theta)[: len(rd1005.theta) - rd1005.spec.lagged]
     devices = [
         mr.Device(
             name=f"{k}",
-            spec=plain.with_current_laws(laws, unit=current.unit, lagged=lag is not None),
+            spec=with_changed_laws(rd1005.spec, lagged=lag is not None),
             theta=numbers if lag is None else [*numbers, lag],
             row=FRAME.storeys[k],
             largest_command=1.88,

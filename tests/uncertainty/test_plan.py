@@ -89,7 +89,7 @@ def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> No
         replace(start.estimates[0], name=name, value=values[name], lower=low, upper=high, remark="")
         for name, low, high in ((each.name, each.lower, each.upper) for each in model.parameters)
     )
-    fit = replace(start, estimates=estimates, current=model.current)
+    fit = replace(start, estimates=estimates, current=model.current_laws)
     candidates = candidate_grid(
         model, tests, amplitudes=[0.01], frequencies=[1.0], commands=[0.0, 0.25, 0.5, 1.0, 2.0]
     )

@@ -10,7 +10,7 @@ import numpy as np
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Device
-from mrwork.dampers.parameters import LawName, common_law, law_named, polynomial_laws
+from mrwork.dampers.laws import CommandLaw, common_law
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import SettingError
 
@@ -44,17 +44,14 @@ def with_common_laws(devices: Sequence[Device]) -> tuple[Device, ...]:
                 "dampers; give all a driver of one kind, and what is passive to the building"
             )
     given = [by_parameter(device.spec, device.draws) for device in devices]
-    laws: dict[str, LawName] = {}
+    laws: dict[str, CommandLaw] = {}
     theta: list[list[Floats]] = [[] for _ in devices]
     for number, parameter in enumerate(plain.parameters):
-        own = [
-            law_named(each.spec.current.laws[number] if each.spec.current else polynomial_laws()[0])
-            for each in devices
-        ]
+        own = [each.spec.laws[number] for each in devices]
         curves = zip(own, (parts[number] for parts in given), devices, strict=True)
         common = common_law([(law, each, device.largest_command) for law, each, device in curves], parameter)
         if common is None:
-            of_each = (f"{law.name} for {device.name}" for law, device in zip(own, devices, strict=True))
+            of_each = (f"{law} for {device.name}" for law, device in zip(own, devices, strict=True))
             raise SettingError(
                 f"{parameter.name} has the laws {list_names(list(of_each))}, which have no form in common within its "
                 "range; give it by values at commands from 0 to the largest, as values:0,0.5,1"
@@ -62,9 +59,8 @@ def with_common_laws(devices: Sequence[Device]) -> tuple[Device, ...]:
         laws[parameter.name] = common[0]
         for columns, each in zip(theta, common[1], strict=True):
             columns.append(each)
-    current = first.spec.current
-    lagged = current is not None and current.lagged and first.spec.follows_command
-    spec = plain.with_current_laws(laws, unit=current.unit if current else "A", lagged=lagged)
+    lagged = first.spec.lagged and first.spec.follows_command
+    spec = plain.with_current_laws(laws, unit=first.spec.command_unit or "A", lagged=lagged)
     for columns, parts in zip(theta, given, strict=True):
         columns += [parts[-1]] * lagged
     return tuple(
@@ -74,6 +70,6 @@ def with_common_laws(devices: Sequence[Device]) -> tuple[Device, ...]:
 
 
 def _driver_of(spec: DamperSpec) -> str:
-    if spec.current is None or not spec.follows_command:
+    if not spec.follows_command:
         return "no command"
-    return f"a command in {spec.current.unit} {'with' if spec.current.lagged else 'without'} a lag"
+    return f"a command in {spec.command_unit} {'with' if spec.lagged else 'without'} a lag"

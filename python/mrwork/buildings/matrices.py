@@ -27,7 +27,7 @@ from mrwork.buildings.modes import (
     modes_of,
     settle_shapes,
 )
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
 from mrwork.errors import SettingError, UnknownNameError
 
@@ -881,12 +881,9 @@ class Device(Summarised):
 
     def _take_lag(self, lag: float) -> None:
         """Replace the rate of the lag, or append it to model and parameters; from then on it is one of them."""
-        plain, current = self.spec.without_laws, self.spec.current
-        assert current is not None  # it follows a command
-        laws = dict(zip(plain.names, current.laws, strict=True))
         theta = np.atleast_1d(np.array(self.theta, dtype=np.float64))
-        theta = theta[..., : theta.shape[-1] - current.lagged]
-        object.__setattr__(self, "spec", plain.with_current_laws(laws, unit=current.unit, lagged=True))
+        theta = theta[..., : theta.shape[-1] - self.spec.lagged]
+        object.__setattr__(self, "spec", with_changed_laws(self.spec, lagged=True))
         object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], lag, axis=-1))
         object.__setattr__(self, "lag", None)
 
@@ -917,7 +914,7 @@ class Device(Summarised):
         n_dampers = self.count * (2.0 if self.differential else 1.0)
         frequency = velocity / (2.0 * np.pi * stroke) if stroke > 0.0 else None
         command = None
-        if self.spec.current is not None and self.spec.follows_command:
+        if self.spec.follows_command:
             constant = mean_command > _CONSTANT * peak_command
             command = (peak_command if constant else 0.0, peak_command)
         return OperatingRange(
@@ -925,7 +922,7 @@ class Device(Summarised):
             velocity=velocity,
             frequency=None if frequency is None else (frequency, frequency),
             command=command,
-            command_unit=None if command is None or self.spec.current is None else self.spec.current.unit,
+            command_unit=None if command is None else self.spec.command_unit,
             force=force / n_dampers,
             power=max(0.0, energy / n_dampers / seconds),
             least_stroke=least_stroke,

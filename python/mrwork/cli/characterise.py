@@ -222,8 +222,7 @@ def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], done: l
 
     opened, compared = open_run(place)
     fit, said = opened.fit, verdict_of(opened, compared)
-    laws = () if fit.current is None else zip(fit.spec.without_laws.names, fit.current.laws, strict=True)
-    following = {name: law for name, law in laws if name in fit.spec.following}
+    following = {name: str(law) for name, law in fit.spec.laws_by_name.items() if not law.is_constant}
     if options.json:
         held_out = opened.held_out
         print_json(

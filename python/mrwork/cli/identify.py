@@ -31,7 +31,7 @@ from mrwork.cli.options import (
 from mrwork.cli.output import in_words
 from mrwork.cli.terminal import note
 from mrwork.cli.workers import add_workers, on_workers
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import others_content, read_fit

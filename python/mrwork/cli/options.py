@@ -15,7 +15,7 @@ from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number
 from mrwork.cli.output import is_quiet, reading_line
 from mrwork.cli.own_models import add_trust, is_own, own_model
 from mrwork.cli.terminal import note
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit

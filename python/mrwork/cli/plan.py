@@ -100,7 +100,7 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     place, document = opened.run.path, {"limits": asdict(limits)}
     add_to_run(place, {PLAN: json_document(check.document() | document).encode()})
     if ranked.left_out and not options.quiet:
-        unit = None if spec.current is None else spec.current.unit
+        unit = spec.command_unit
         failed = "; ".join(each.in_words(unit) for each in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")
     more = document | {"findings": findings, "out": str(place / PLAN)}

@@ -141,7 +141,7 @@ def own_axis(name: str) -> tuple[str, ...]:
 
 def command_unit_of(devices: Sequence[Device]) -> str:
     """Unit of the commands of these devices; that of commands in general where none follows a command."""
-    units = (device.spec.current.unit for device in devices if device.spec.current is not None)
+    units = (device.spec.command_unit for device in devices if device.spec.command_unit is not None)
     return next(units, COMMAND_UNIT)
 
 

@@ -31,7 +31,6 @@ from mrwork.control.laws.control_law import ControlLaw
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.linear.lqr import Observer, observer_of
 from mrwork.control.linear.plant import Plant, accelerations, deformations, plant_of, stack_outputs
-from mrwork.dampers.parameters import law_named
 from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
@@ -63,8 +62,8 @@ def _core_dampers(devices: Sequence[Device], theta: Floats) -> _rust.Dampers:
     spec = devices[0].spec
     return _rust.Dampers(
         model=spec.name,
-        laws=None if spec.current is None else spec.current.laws,
-        lagged=spec.current is not None and spec.current.lagged,
+        laws=[*map(str, spec.laws)],
+        lagged=spec.lagged,
         theta=np.ascontiguousarray(theta),
         counts=[float(device.count) for device in devices],
         differential=[device.differential for device in devices],
@@ -89,15 +88,12 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     Of `theta` (n_draws, n_devices, n_columns) and `factors` (n_candidates, n_devices) follow rows of shape
     (n_candidates * n_draws, n_devices, n_columns); draws vary fastest.
     """
-    assert spec.current is not None
     stretched = np.repeat(theta[None], len(factors), axis=0)
     for candidate, device in np.ndindex(*factors.shape):
         *given, rest = by_parameter(spec, theta[:, device])
         rescaled = (
-            law_named(law).rescale_command(
-                each, float(factors[candidate, device]), log=parameter.scale == "log"
-            )
-            for parameter, law, each in zip(spec.plain, spec.current.laws, given, strict=True)
+            law.rescale_command(each, float(factors[candidate, device]), positive=parameter.is_positive)
+            for (parameter, law), each in zip(spec.law_pairs, given, strict=True)
         )
         stretched[candidate, :, device] = np.concatenate([*rescaled, rest], axis=-1)
     return stretched.reshape(-1, *theta.shape[1:])
@@ -137,7 +133,7 @@ def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
     if law.curve is None:
         return None
     spec, theta = law.curve
-    if spec.current is None or not is_curve(spec):
+    if not is_curve(spec):
         raise SettingError(
             f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
         )
@@ -147,7 +143,7 @@ def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
             f"({len(spec.parameters)},)"
         )
     return _rust.ForceCurve(
-        spec.current.laws, np.ascontiguousarray(theta, dtype=np.float64), spec.current.lagged
+        [*map(str, spec.laws)], np.ascontiguousarray(theta, dtype=np.float64), spec.lagged
     )
 
 

@@ -290,9 +290,9 @@ def simulate_force(
 @checked
 def refuse_other_unit(loading: Loading, spec: DamperSpec) -> None:
     """Refuse a loading without the command that the model follows."""
-    if spec.current is not None and loading.command_unit != spec.current.unit:
+    if spec.command_unit is not None and loading.command_unit != spec.command_unit:
         raise SettingError(
-            f"this {spec.name} takes its command in {spec.current.unit}, the loading's is in "
+            f"this {spec.name} takes its command in {spec.command_unit}, the loading's is in "
             f"{loading.command_unit or 'no stated unit'}; set `command` and `command_unit`"
         )
 
@@ -321,8 +321,8 @@ def _outcome_of(force: Floats, substeps: NDArray[np.uint32]) -> NDArray[np.uint8
     return np.where(substeps == 0, Outcome.UNRESOLVED, diverged).astype(np.uint8)
 
 
-def _laws(spec: DamperSpec) -> tuple[list[str] | None, bool]:
-    return (None, False) if spec.current is None else (list(spec.current.laws), spec.current.lagged)
+def _laws(spec: DamperSpec) -> tuple[list[str], bool]:
+    return [*map(str, spec.laws)], spec.lagged
 
 
 def _rows(spec: DamperSpec, theta: ArrayLike) -> Floats:
@@ -443,7 +443,7 @@ def flops_per_step(model: DamperSpec | str, theta: Annotated[AnyNumbers, Shape((
     True
     """
     spec = damper(model) if isinstance(model, str) else model
-    if spec.current is not None or spec.own is not None:
+    if spec.command_unit is not None or spec.own is not None:
         raise SettingError(
             f"operations of {spec.name} are not counted; give a model of the package without current laws"
         )

@@ -20,19 +20,9 @@ from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
+from mrwork.dampers.laws import CONSTANT, CommandLaw, CurrentLaws, LawName, laws_in_order, polynomial
 from mrwork.dampers.own_equations import OwnEquations
-from mrwork.dampers.parameters import (
-    CurrentLaw,
-    CurrentLaws,
-    LawName,
-    ParamSpec,
-    coefficients,
-    law_equations,
-    law_named,
-    laws_in_order,
-    other_form,
-    polynomial_laws,
-)
+from mrwork.dampers.parameters import DRIVER_RATE, ParamSpec
 from mrwork.errors import SettingError, UnknownNameError
 
 # In place of the name of one model: every model.
@@ -106,10 +96,16 @@ PUBLISHED_SETS = (
 class DamperSpec(Summarised):
     """A damper model: equations, source and parameters in order, declared in Rust beside the equations.
 
-    The parameters of a model with current laws are their coefficients, named `k_w.0`, `k_w.1`; `plain` has the
-    parameters of the model itself. `spring` names the stiffness k and the free length x0 of the accumulator; its
-    force k (x - x0) depends on x0 through the product k x0 alone. `own` are the equations of a damper of the user, see
-    `mrwork.own_damper`.
+    `plain` has the parameters of the model itself, `laws` the law of the command of each; `parameters` are the
+    coefficients of the laws, named `k_w.0`, `k_w.1`, and the rate of a `lagged` driver. `command_unit` is `None` for
+    the plain model. With `u` the command received by the coil, a constant parameter is `p = p.0`; linear, quadratic and
+    cubic laws are `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`, an exponential one `p = p.0 + p.1 exp(p.2 u)`;
+    "quadratic:0,0.5,1" is the polynomial through values at these commands, "values:0,0.5,1" the one through their
+    logarithms where the scale of the parameter is logarithmic. A parameter that follows the command is limited to the
+    admissible range of the plain model. A lagged driver has `u' = -eta (u - command)`.
+
+    `spring` names the stiffness k and the free length x0 of the accumulator; its force k (x - x0) depends on x0 through
+    the product k x0 alone. `own` are the equations of a damper of the user, see `mrwork.own_damper`.
     """
 
     _made_by: ClassVar[str] = "mr.damper(name)"
@@ -126,7 +122,9 @@ class DamperSpec(Summarised):
     spring: tuple[str, str] | None
     parameters: tuple[ParamSpec, ...]
     plain: tuple[ParamSpec, ...]
-    current: CurrentLaws | None = None
+    laws: tuple[CommandLaw, ...]
+    command_unit: CommandUnit | None = None
+    lagged: bool = False
     own: OwnEquations | None = None
 
     def disagreement(self) -> str:
@@ -164,11 +162,33 @@ class DamperSpec(Summarised):
     @property
     def without_laws(self) -> DamperSpec:
         """The plain model, whose parameters are constant."""
-        if self.current is None:
-            return self
-        n_lines = len(law_equations(self.plain, self.current))
-        equation = "\n".join(self.equation.split("\n")[:-n_lines])
-        return replace(self, equation=equation, parameters=self.plain, current=None)
+        laws = (CONSTANT,) * len(self.plain)
+        return replace(self, parameters=self.plain, laws=laws, command_unit=None, lagged=False)
+
+    @property
+    def equations(self) -> str:
+        """The equation of the model, then a line for each law that is not constant and for the driver."""
+        lines = [law.equation(each, self.command_unit) for each, law in self.law_pairs if not law.is_constant]
+        driver = "u' = -eta (u - command)" if self.lagged else "u = command"
+        lines += [f"{driver} [{self.command_unit}]"] if self.command_unit else []
+        return "\n".join([self.equation, *lines])
+
+    @property
+    def law_pairs(self) -> list[tuple[ParamSpec, CommandLaw]]:
+        """Each parameter of the plain model with its law."""
+        return list(zip(self.plain, self.laws, strict=True))
+
+    @property
+    def laws_by_name(self) -> dict[str, CommandLaw]:
+        """The law of each parameter of the plain model by its name."""
+        return {parameter.name: law for parameter, law in self.law_pairs}
+
+    @property
+    def current_laws(self) -> CurrentLaws | None:
+        """The laws as files have them; `None` for the plain model."""
+        if self.command_unit is None:
+            return None
+        return CurrentLaws(unit=self.command_unit, laws=tuple(map(str, self.laws)), lagged=self.lagged)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -191,10 +211,7 @@ class DamperSpec(Summarised):
     @property
     def following(self) -> tuple[str, ...]:
         """Names of the parameters of the plain model that depend on the command."""
-        if self.current is None:
-            return ()
-        pairs = zip(self.plain, self.current.laws, strict=True)
-        return tuple(parameter.name for parameter, law in pairs if law_named(law).degree != 0)
+        return tuple(parameter.name for parameter, law in self.law_pairs if not law.is_constant)
 
     @property
     def follows_command(self) -> bool:
@@ -203,14 +220,14 @@ class DamperSpec(Summarised):
 
     @checked
     def with_current_laws(
-        self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False
+        self, laws: Mapping[str, LawName | CommandLaw], *, unit: CommandUnit = "A", lagged: bool = False
     ) -> DamperSpec:
         """Return the model with parameters that depend on the command; those not named are constant.
 
         Parameters
         ----------
         laws
-            Parameter name to the name of its law.
+            Parameter name to its law or the text of the law.
         unit
             Unit of the command; a test in the other unit is refused.
         lagged
@@ -223,17 +240,15 @@ class DamperSpec(Summarised):
         >>> model.names
         ('k_w.0', 'k_w.1', 'k_w.2', 'rho', 'f0')
         """
-        if self.current is not None:
+        if self.command_unit is not None:
             raise SettingError(
                 f"{self.name} has current laws already; give them to the plain model, all at once"
             )
-        current = CurrentLaws(unit=unit, laws=laws_in_order(self.plain, laws, self.name), lagged=lagged)
-        return replace(
-            self,
-            equation="\n".join([self.equation, *law_equations(self.plain, current)]),
-            parameters=coefficients(self.plain, current),
-            current=current,
-        )
+        given = laws_in_order(self.plain, laws, self.name)
+        pairs = zip(self.plain, given, strict=True)
+        parameters = [each for parameter, law in pairs for each in law.coefficients_of(parameter, unit)]
+        parameters += [DRIVER_RATE] * lagged
+        return replace(self, parameters=tuple(parameters), laws=given, command_unit=unit, lagged=lagged)
 
     @property
     def presets(self) -> tuple[str, ...]:
@@ -248,7 +263,7 @@ class DamperSpec(Summarised):
         --------
         >>> import mrwork as mr
         >>> prototype = mr.damper("modified_bouc_wen").preset("dyke1996")
-        >>> prototype.status, prototype.spec.current.unit, len(prototype.theta)
+        >>> prototype.status, prototype.spec.command_unit, len(prototype.theta)
         ('verified', 'V', 14)
         """
         for entry in PUBLISHED_SETS:
@@ -261,7 +276,7 @@ class DamperSpec(Summarised):
         return Summary(
             title=f"Damper model {self.name}: {self.title}",
             facts=(
-                ("equation", self.equation.replace("\n", "; ")),
+                ("equation", self.equations.replace("\n", "; ")),
                 ("meaning", self.description),
                 ("source", self.source),
                 ("nominal", self.nominal_source),
@@ -297,8 +312,8 @@ class Preset(Summarised):
                 (
                     "command",
                     ""
-                    if self.spec.current is None or self.largest_command is None
-                    else f"0 to {self.largest_command:g} {self.spec.current.unit}",
+                    if self.spec.command_unit is None or self.largest_command is None
+                    else f"0 to {self.largest_command:g} {self.spec.command_unit}",
                 ),
             ),
             columns=("parameter", "value", "unit"),
@@ -311,12 +326,12 @@ class Preset(Summarised):
 
 
 def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
-    laws: dict[str, LawName] = {}
+    laws: dict[str, CommandLaw] = {}
     theta: list[float] = []
     for name in plain.names:
         value = entry.values[name]
         coefficients = value if isinstance(value, tuple) else (value,)
-        laws[name] = polynomial_laws()[len(coefficients) - 1]
+        laws[name] = polynomial(len(coefficients) - 1)
         theta += coefficients
     spec = plain
     if entry.unit is not None:
@@ -336,18 +351,12 @@ def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
 @cache
 def damper_models() -> tuple[DamperSpec, ...]:
     """All registered damper models."""
-    return tuple(
-        DamperSpec(
-            **(
-                entry
-                | dict.fromkeys(
-                    ("parameters", "plain"),
-                    tuple(ParamSpec(**parameter) for parameter in entry["parameters"]),
-                )
-            )
-        )
-        for entry in _rust.damper_specs()
-    )
+    models = []
+    for entry in _rust.damper_specs():
+        plain = tuple(ParamSpec(**parameter) for parameter in entry["parameters"])
+        laws = (CONSTANT,) * len(plain)
+        models.append(DamperSpec(**entry | {"parameters": plain, "plain": plain, "laws": laws}))
+    return tuple(models)
 
 
 @checked
@@ -365,6 +374,18 @@ def damper(name: str) -> DamperSpec:
             return spec
     near = suggestion(name, [spec.name for spec in damper_models()])
     raise UnknownNameError(f"no damper model is called {name!r}{near}")
+
+
+def with_changed_laws(
+    spec: DamperSpec, laws: Mapping[str, CommandLaw] | None = None, *, lagged: bool | None = None
+) -> DamperSpec:
+    """A model with current laws with these in place of its own, and with or without the driver's lag if given."""
+    assert spec.command_unit is not None
+    return spec.without_laws.with_current_laws(
+        {**spec.laws_by_name, **(laws or {})},
+        unit=spec.command_unit,
+        lagged=spec.lagged if lagged is None else lagged,
+    )
 
 
 # Commands at which a law is evaluated.
@@ -413,7 +434,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     There the damper is not the one that was identified: a stiffness or yield force of next to nothing, or an equation
     too stiff to be solved. A number without a unit is a shape, which does not vanish.
     """
-    if spec.current is None:
+    if spec.command_unit is None:
         return ()
     command = np.linspace(*commands, _N_COMMANDS)
     limits = []
@@ -434,7 +455,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
                     command=float(command[worst]),
                     first=float(command[outside[0]]),
                     last=float(command[outside[-1]]),
-                    command_unit=spec.current.unit,
+                    command_unit=spec.command_unit,
                 )
             )
     return tuple(limits)
@@ -451,7 +472,7 @@ class HiddenExtremum(NamedTuple):
     parameter: str
     value: float
     between: tuple[float, float]
-    instead: LawName
+    instead: CommandLaw | None
     in_words: str
 
 
@@ -460,28 +481,28 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
 
     There the law passes its values at both commands by more than 5 % of the larger of them.
     """
-    if spec.current is None or len(levels) < 2:
+    if spec.command_unit is None or len(levels) < 2:
         return ()
-    unit, command = spec.current.unit, np.linspace(levels[:-1], levels[1:], _PER_GAP)
+    unit, command = spec.command_unit, np.linspace(levels[:-1], levels[1:], _PER_GAP)
 
-    def passing(law: CurrentLaw, parameter: ParamSpec, own: Floats) -> tuple[Floats, Floats]:
-        value = law.values(own, command.ravel(), log=parameter.scale == "log").reshape(command.shape)
+    def passing(law: CommandLaw, parameter: ParamSpec, own: Floats) -> tuple[Floats, Floats]:
+        value = law.values(own, command.ravel(), positive=parameter.is_positive).reshape(command.shape)
         ends = value[[0, -1]]
         beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
         return beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST), value
 
     found = []
     coefficients = by_parameter(spec, np.asarray(theta, dtype=np.float64))
-    for parameter, name, own in zip(spec.plain, spec.current.laws, coefficients, strict=False):
-        share, value = passing(law_named(name), parameter, own)
+    for (parameter, law), own in zip(spec.law_pairs, coefficients, strict=False):
+        share, value = passing(law, parameter, own)
         if share.max() <= _OVERSHOOT:
             continue
         most = int(np.argmax(share))
-        if instead := other_form(law_named(name), parameter):
-            others, values = passing(law_named(instead), parameter, own)
+        if instead := law.other_form(parameter):
+            others, values = passing(instead, parameter, own)
             dies = values.min() < max(parameter.lower, _VANISHED * values.max())
             if others.max() > _OVERSHOOT or dies or values.max() > parameter.upper:
-                instead = ""
+                instead = None
         remedy = f"give {parameter.name}={instead} as its law" if instead else "choose another law"
         low, high = (levels[most % command.shape[1] + end] for end in (0, 1))
         at = of_unit(float(value.flat[most]), "" if parameter.unit == "1" else parameter.unit, 3)
@@ -505,37 +526,22 @@ def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
 
 def plain_parameters(spec: DamperSpec, theta: ArrayLike, command: float) -> Floats:
     """Parameters of the plain model at a command, within their admissible range, shape (n_plain,)."""
-    given = np.asarray(theta, dtype=np.float64)
-    if spec.current is None:
-        return given
-    at = np.array([command])
-    return np.array(
-        [
-            float(np.clip(value[0], parameter.lower, parameter.upper)) if follows else float(value[0])
-            for parameter, value, follows in _all_values(spec, given, at)
-        ]
-    )
+    values = []
+    for (parameter, law), own in zip(
+        spec.law_pairs, by_parameter(spec, np.asarray(theta, dtype=np.float64)), strict=False
+    ):
+        value = float(law.values(own, np.float64(command), positive=parameter.is_positive))
+        values.append(value if law.is_constant else float(np.clip(value, parameter.lower, parameter.upper)))
+    return np.array(values)
 
 
 def by_parameter(spec: DamperSpec, theta: Floats) -> list[Floats]:
     """Coefficients of each parameter of the plain model, on the last axis; last what follows, the driver's rate."""
-    laws = spec.current.laws if spec.current else polynomial_laws()[:1] * len(spec.plain)
-    return np.split(theta, np.cumsum([law_named(law).n_coefficients for law in laws]), axis=-1)
+    return np.split(theta, np.cumsum([law.n_coefficients for law in spec.laws]), axis=-1)
 
 
 def law_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:
     """Each parameter that follows the command, with the values that its law gives at commands, shape (n,)."""
-    for parameter, value, follows in _all_values(spec, theta, command):
-        if follows:
-            yield parameter, value
-
-
-def _all_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats, bool]]:
-    """Each plain parameter with its values at commands, and whether it follows them."""
-    assert spec.current is not None
-    start = 0
-    for parameter, name in zip(spec.plain, spec.current.laws, strict=True):
-        law = law_named(name)
-        coefficients = theta[start : start + law.n_coefficients]
-        start += law.n_coefficients
-        yield parameter, law.values(coefficients, command, log=parameter.scale == "log"), law.degree != 0
+    for (parameter, law), own in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
+        if not law.is_constant:
+            yield parameter, law.values(own, command, positive=parameter.is_positive)

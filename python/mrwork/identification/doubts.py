@@ -18,7 +18,7 @@ import numpy as np
 
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import law_named, other_form
+from mrwork.dampers.spec import with_changed_laws
 from mrwork.identification.covariance import Slopes, autocorrelation_time
 from mrwork.identification.fit import Fit
 from mrwork.identification.force_lag import force_lag_warnings
@@ -41,7 +41,7 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
     objective, form = problem.objective, problem.form
     # On excerpts: another fit to the whole tests would cost as much as the final one.
     together: tuple[str, ...] = ()
-    if form.spec.current is None:
+    if form.spec.command_unit is None:
         excerpts = objective.on(form.spec, tuple(map(excerpt, objective.tests)))
     else:
         # The search of laws, which a plain model does not need, is slow to load.
@@ -51,7 +51,7 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
         together = worse_together(problem, excerpts, polished.theta, suspected=points.is_suspected)
     missing = missing_lag(form.spec, objective, polished.theta)
     return (
-        *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
+        *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.command_unit is not None),
         *together,
         *((missing.in_words,) if missing is not None else ()),
         *needless_average_warnings(objective, form.box, polished.theta),
@@ -149,18 +149,14 @@ _FAR_BETTER = 0.8
 def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
     """Warning where laws through values, fitted from `theta`, (n_params,), fit far better than through logarithms."""
     spec = objective.spec
-    if spec.current is None:
-        return ()
     through = {
         parameter.name: form
-        for parameter, law in zip(spec.plain, map(law_named, spec.current.laws), strict=True)
-        if law.takes_logarithms and (form := other_form(law, parameter))
+        for parameter, law in spec.law_pairs
+        if law.logarithms and (form := law.other_form(parameter))
     }
     if not through:
         return ()
-    plain = spec.without_laws
-    laws = dict(zip(plain.names, spec.current.laws, strict=True)) | through
-    by_values = plain.with_current_laws(laws, unit=spec.current.unit, lagged=spec.current.lagged)
+    by_values = with_changed_laws(spec, through)
     # Their coefficients have the same names and ranges, because they are the values at the same commands.
     other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)

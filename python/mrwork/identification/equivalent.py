@@ -7,7 +7,7 @@ of the plain model at several commands, and have ranges that follow from its own
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +22,7 @@ from mrwork.dampers.conversions import (
     of_modified,
 )
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
-from mrwork.dampers.spec import DamperSpec, damper, law_limits
+from mrwork.dampers.spec import DamperSpec, by_parameter, damper, law_limits
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
 
@@ -52,7 +51,7 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     a common scale. A is fixed at the value that the bounds give, or else at its nominal value.
     """
     equivalent = _EQUIVALENTS.get(spec.name)
-    if equivalent is not None and spec.current is not None:
+    if equivalent is not None and spec.command_unit is not None:
         raise SettingError(
             f"{spec.name} with current laws is identified as {equivalent.name}, whose parameters the data settle; "
             "give the laws to that model"
@@ -178,53 +177,19 @@ def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> 
 _EXPONENT = 5.0
 # Coefficients may reach this multiple of the range that is searched.
 _MARGIN = 10.0
-# A value of a positive parameter is at least this share of the largest to which its law is fitted.
-_LEAST_SHARE = 1e-3
 
 
 def fitted_laws(spec: DamperSpec, commands: Floats, values: Floats) -> Floats:
     """Coefficients of the laws, shape (n_params,), by least squares from `values`, shape (n_levels, n_plain)."""
-    if spec.current is None:
+    if spec.command_unit is None:
         return np.asarray(values[0])
     theta: list[float] = []
-    for parameter, law, column in zip(spec.plain, spec.current.laws, values.T, strict=True):
-        theta += fitted_law(law, parameter, commands, column)
-    if spec.current.lagged:
+    for (parameter, law), column in zip(spec.law_pairs, values.T, strict=True):
+        theta += law.through(parameter, commands, column)
+    if spec.lagged:
         theta.append(spec.parameters[-1].nominal)
     box = Box.of(spec)
     return np.clip(theta, box.lower, box.upper)
-
-
-def fitted_law(law: LawName, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
-    """Coefficients of the law of a parameter by least squares from its values at these commands."""
-    kind = law_named(law)
-    if kind.degree == 0:
-        return [float(np.median(column))]
-    if kind.nodes:
-        return _values_at_nodes(kind, parameter, commands, column)
-    full = _fitted_degree(law)
-    degree = min(full, len(commands) - 1)
-    polynomial = [float(each) for each in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
-        full - degree
-    )
-    if kind.is_exponential:
-        # a + b exp(-u) with the values of the straight line at the lowest and highest command.
-        lowest, highest = commands.min(), commands.max()
-        rise = polynomial[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
-        polynomial = [polynomial[0] + polynomial[1] * lowest - rise * np.exp(-lowest), rise, -1.0]
-    return polynomial
-
-
-def _values_at_nodes(law: CurrentLaw, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
-    """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
-    log = parameter.scale == "log" and law.takes_logarithms
-    given = np.log(np.maximum(column, parameter.lower)) if log else column
-    degree = min(len(law.nodes), len(commands)) - 1
-    values = np.polyval(np.polyfit(commands, given, degree), law.nodes)
-    if parameter.scale != "log":
-        return [float(value) for value in values]
-    least = max(parameter.lower, _LEAST_SHARE * float(np.max(column)))
-    return [max(float(value), least) for value in (np.exp(values) if log else values)]
 
 
 def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, commands: Floats) -> Floats:
@@ -233,24 +198,13 @@ def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, comman
     A law that is the same keeps its coefficients; another one is fitted to the values of the earlier one at these
     commands: exactly where both are polynomials, or both by values, and it has no fewer coefficients.
     """
-    assert spec.current is not None
     values: list[float] = []
-    own_laws, rest = _own_coefficients(earlier, theta)
-    for (parameter, old, own), new in zip(own_laws, spec.current.laws, strict=True):
-        column = law_named(old).values(own, commands, log=parameter.scale == "log")
-        values += list(own) if new == old else fitted_law(new, parameter, commands, column)
+    *coefficients, rest = by_parameter(earlier, theta)
+    for (parameter, old), new, own in zip(earlier.law_pairs, spec.laws, coefficients, strict=True):
+        column = old.values(own, commands, positive=parameter.is_positive)
+        values += list(own) if new == old else new.through(parameter, commands, column)
     box = Box.of(spec)
     return np.asarray(np.clip([*values, *rest], box.lower, box.upper))
-
-
-def _own_coefficients(
-    spec: DamperSpec, theta: Floats
-) -> tuple[list[tuple[ParamSpec, LawName, Floats]], Floats]:
-    """Each parameter with its law and the coefficients of that, and what follows them, the rate of a lag."""
-    assert spec.current is not None
-    ends = np.cumsum([law_named(law).n_coefficients for law in spec.current.laws])
-    *own, rest = np.split(theta, ends)
-    return list(zip(spec.plain, spec.current.laws, own, strict=True)), rest
 
 
 def leaves_range(spec: DamperSpec, theta: Floats, commands: Floats) -> tuple[str, ...]:
@@ -267,12 +221,12 @@ def within_range(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
     leaving = leaves_range(spec, theta, commands)
     ends = commands[[0, -1]]
     values: list[float] = []
-    own_laws, rest = _own_coefficients(spec, theta)
-    for parameter, name, own in own_laws:
+    *coefficients, rest = by_parameter(spec, theta)
+    for (parameter, law), own in zip(spec.law_pairs, coefficients, strict=True):
         if parameter.name in leaving:
-            at_ends = law_named(name).values(own, ends, log=parameter.scale == "log")
+            at_ends = law.values(own, ends, positive=parameter.is_positive)
             line = np.interp(commands, ends, np.clip(at_ends, parameter.lower, parameter.upper))
-            values += fitted_law(name, parameter, commands, line)
+            values += law.through(parameter, commands, line)
         else:
             values += own.tolist()
     return np.array([*values, *rest])
@@ -288,16 +242,6 @@ def bounds_of(box: Box, names: Collection[str]) -> dict[str, tuple[float, float]
     """Bounds of the parameters of a box that have one of these names."""
     ranges = zip(box.names, box.lower, box.upper, strict=True)
     return {name: (lower, upper) for name, lower, upper in ranges if name in names}
-
-
-def change_laws(
-    spec: DamperSpec, change: Callable[[LawName], LawName] = lambda law: law, *, lagged: bool | None = None
-) -> DamperSpec:
-    """A model with current laws, each of them changed, and with the driver's lag or without where that is given."""
-    assert spec.current is not None
-    plain, lag = spec.without_laws, spec.current.lagged if lagged is None else lagged
-    laws = {name: change(law) for name, law in zip(plain.names, spec.current.laws, strict=True)}
-    return plain.with_current_laws(laws, unit=spec.current.unit, lagged=lag)
 
 
 def joint_box(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Box:
@@ -325,7 +269,7 @@ def _law_box(spec: DamperSpec, searched: Box, commands: Floats) -> Box:
             continue
         if coefficient.is_exponent:
             reach = _EXPONENT
-        elif spec.current is not None and law_named(spec.current.laws[plain]).degree is not None:
+        elif spec.laws[plain].degree is not None:
             reach /= largest**coefficient.number
         bounds[parameter.name] = (max(-reach, admissible.lower[index]), min(reach, admissible.upper[index]))
     return admissible.with_bounds(bounds)
@@ -343,12 +287,4 @@ def _limit_box(form: Form, limits: Box) -> Box:
 
 def levels_needed(spec: DamperSpec) -> int:
     """Number of commands that the laws of a model need."""
-    return 1 + max((_fitted_degree(law) for law in spec.current.laws), default=0) if spec.current else 1
-
-
-def _fitted_degree(law: LawName) -> int:
-    """Degree of the polynomial that is fitted to values over the command; 1 for an exponential law."""
-    kind = law_named(law)
-    if kind.nodes:
-        return len(kind.nodes) - 1
-    return 1 if kind.degree is None else kind.degree
+    return 1 + max(law.fitted_degree for law in spec.laws)

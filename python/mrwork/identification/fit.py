@@ -16,7 +16,7 @@ from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import TableColumn, declared, document_of, text_table
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.parameters import CurrentLaws
+from mrwork.dampers.laws import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import outside_of
 from mrwork.errors import UnknownNameError

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.values import Floats
-from mrwork.dampers.parameters import polynomial_laws
+from mrwork.dampers.laws import MOST_DEGREE, polynomial
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import OperatingRange
@@ -101,7 +101,7 @@ def fit_like(
 
 
 def _commands(spec: DamperSpec, tested: OperatingRange) -> list[float | None]:
-    if spec.current is None or not spec.follows_command:
+    if not spec.follows_command:
         return [None]
     if tested.command is None:
         raise SettingError(f"the commands of {spec.name} are not known; give `loadings` with commands")
@@ -144,13 +144,13 @@ def _test(fit: Fit, loading: Loading, number: int) -> DamperTest:
 
 
 def _with_laws(model: DamperSpec, like: DamperSpec, tests: tuple[DamperTest, ...]) -> DamperSpec:
-    if like.current is None or not like.follows_command or model.current is not None:
+    if like.command_unit is None or not like.follows_command or model.command_unit is not None:
         return model
     # As many values as there are commands, since the force to be fitted has no noise.
     commands = tested_commands(like, tests)
-    law = polynomial_laws()[min(len(commands), len(polynomial_laws())) - 1]
+    law = polynomial(min(len(commands) - 1, MOST_DEGREE))
     following = {each.name: law for each in model.plain if each.scales_with_force and each.lower > 0.0}
-    spec = model.with_current_laws(following, unit=like.current.unit, lagged=like.current.lagged)
+    spec = model.with_current_laws(following, unit=like.command_unit, lagged=like.lagged)
     return spec_by_values(spec, commands)
 
 

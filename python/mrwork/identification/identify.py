@@ -338,7 +338,7 @@ class _Ending:
 
     def _without_states(self, spec: DamperSpec) -> tuple[Fit, ...]:
         """Fits of the models without states to the same tests; none where parameters follow the command."""
-        if spec.current is not None:
+        if spec.command_unit is not None:
             return ()
         settings, objective = self.problem.settings, self.problem.objective
         fits = []
@@ -360,7 +360,7 @@ class _Ending:
 def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
     """Fits to the tests at each command of the parameters that follow it; none where the commands vary."""
     spec, tests = fit.spec, problem.objective.tests
-    if spec.current is None or spec.own is not None:
+    if spec.command_unit is None or spec.own is not None:
         return ()
     from mrwork.identification.minimise.level_search import has_levels, levels_of
 
@@ -394,7 +394,7 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
     search = problem.search
     assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
-    if problem.form.spec.current is not None:
+    if problem.form.spec.command_unit is not None:
         from mrwork.identification.minimise.level_search import points_of_laws
 
         return points_of_laws(problem, search, on_search=on_search)

@@ -18,7 +18,8 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.command import CommandValues, command_level
 from mrwork.dampers.conversions import Conversion
-from mrwork.dampers.parameters import CurrentLaw, LawName, ParamSpec, law_named
+from mrwork.dampers.laws import CommandLaw
+from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
@@ -130,7 +131,7 @@ def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:
     """The form in which the tied parameters do not vary, and follow in the parameters of the model."""
     if not settings.ties:
         return form
-    if spec.current is not None:
+    if spec.command_unit is not None:
         raise SettingError(
             f"the parameters of {spec.name} follow the command, and ties are between constant parameters; leave out "
             "the laws or the ties"
@@ -202,11 +203,11 @@ def provenance_with(
 
 def fingerprint_of(problem: Problem) -> dict[str, object]:
     """All inputs that determine the result bit for bit; a journal can be resumed only with the same fingerprint."""
-    settings = problem.settings.as_record()
+    settings, laws = problem.settings.as_record(), problem.spec.current_laws
     return {
         "model": problem.spec.name,
         **({} if problem.spec.own is None else {"equations": problem.spec.own.digest}),
-        "current_laws": None if problem.spec.current is None else asdict(problem.spec.current),
+        "current_laws": None if laws is None else asdict(laws),
         "seed": settings.pop("rng"),
         # The order of the bounds has no effect on the result.
         "bounds": dict(sorted(settings.pop("bounds").items())),
@@ -242,7 +243,7 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
         {(unit, command_level(value, unit)) for value, unit in known if not isinstance(value, np.ndarray)}
     )
     varying = {command.in_words for command in known if command.varies}
-    constant = [spec.name for spec in specs if spec.current is None]
+    constant = [spec.name for spec in specs if spec.command_unit is None]
     if not constant or len(levels) + 2 * len(varying) < 2:
         return ()
     listing = [
@@ -291,20 +292,19 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     earlier = fit.spec
     plain, earlier_plain = model.without_laws, earlier.without_laws
     units = {parameter.name: parameter.unit for parameter in earlier_plain.parameters}
-    if model.current and earlier.current and model.current.unit != earlier.current.unit:
+    units_of_command = model.command_unit, earlier.command_unit
+    if None not in units_of_command and model.command_unit != earlier.command_unit:
         raise SettingError(
-            f"the laws of the earlier fit take {earlier.current.unit}, those of {model.name} "
-            f"{model.current.unit}; start from a fit in {model.current.unit}"
+            f"the laws of the earlier fit take {earlier.command_unit}, those of {model.name} "
+            f"{model.command_unit}; start from a fit in {model.command_unit}"
         )
     values = dict(zip(earlier.names, fit.theta, strict=True))
+    laws, earlier_laws = model.laws_by_name, earlier.laws_by_name
     start: dict[str, float] = {}
     for name in (each.name for each in plain.parameters if units.get(each.name) == each.unit):
         own = [parameter for parameter in model.parameters if parameter.plain_name == name]
         old = [values[parameter.name] for parameter in earlier.parameters if parameter.plain_name == name]
-        log = plain.parameters[plain.names.index(name)].scale == "log"
-        start |= _transfer_law(
-            own, law_named(_law_of(model, name)), np.array(old), law_named(_law_of(earlier, name)), log=log
-        )
+        start |= _transfer_law(own, laws[name], np.array(old), earlier_laws[name])
     if not start:
         raise SettingError(
             f"{model.name} shares no parameter with {earlier.name}; start from a model with some of "
@@ -316,30 +316,25 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
 
 
 def _transfer_law(
-    own: Sequence[ParamSpec], law: CurrentLaw, values: Floats, earlier: CurrentLaw, *, log: bool
+    own: Sequence[ParamSpec], law: CommandLaw, values: Floats, earlier: CommandLaw
 ) -> dict[str, float]:
     """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter."""
     names = [parameter.name for parameter in own]
     if law.nodes:
-        return dict(zip(names, earlier.values(values, np.array(law.nodes), log=log).tolist(), strict=True))
+        at_nodes = earlier.values(values, np.array(law.nodes), positive=own[0].is_positive)
+        return dict(zip(names, at_nodes.tolist(), strict=True))
     if law != earlier and not earlier.is_special_case_of(law):
         raise SettingError(
-            f"{own[0].plain_name} is {earlier.name} in the earlier fit and {law.name} now; "
+            f"{own[0].plain_name} is {earlier} in the earlier fit and {law} now; "
             "a start can keep a law or raise its degree"
         )
     nominal = [parameter.nominal for parameter in own]
     return dict(zip(names, [*values.tolist(), *nominal[len(values) :]], strict=True))
 
 
-def _law_of(spec: DamperSpec, name: str) -> LawName:
-    if spec.current is None:
-        return "constant"
-    return spec.current.laws[spec.without_laws.names.index(name)]
-
-
 def rate_is_shown(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> bool | None:
     """Whether a command that varies shows the rate of the driver's lag; `None` where no rate is estimated."""
-    if spec.current is None or not spec.current.lagged:
+    if not spec.lagged:
         return None
     if form.spec.names.index(spec.names[-1]) not in form.box.free:
         return None

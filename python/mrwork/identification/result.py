@@ -119,7 +119,7 @@ def fit_at(
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
     estimates, directions = fitted_parameters(problem, theta, covariance)
-    tested = range_of_tests(objective.tests, None if spec.current is None else spec.current.unit)
+    tested = range_of_tests(objective.tests, spec.command_unit)
     runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
     # After Ctrl-C nothing is compiled.
@@ -152,7 +152,7 @@ def fit_at(
         seconds=seconds,
         n_time=sum(each.n_time for each in quality),
         provenance=provenance_of(problem),
-        current=spec.current,
+        current=spec.current_laws,
         nuisances=objective.settings.nuisances,
         motions=tuple(RecordedMotion.of(test) for test in objective.tests),
         n_effective=None if covariance is None else covariance.n_effective,

@@ -165,7 +165,7 @@ def explore(
     if find_spec("ipywidgets") is None:
         raise LibraryError("exploring needs ipywidgets; run: pip install 'mrwork[notebook]'")
     spec = damper(model) if isinstance(model, str) else model
-    if command is not None and (test is not None or spec.current is None):
+    if command is not None and (test is not None or spec.command_unit is None):
         raise SettingError(
             "`command` is that of a model with current laws where there is no test; leave it out, or leave out `test`"
         )

@@ -24,7 +24,7 @@ def nominal_test(
     spec: DamperSpec, *, amplitude: float, frequency: float, per_cycle: int, command: float = 0.0
 ) -> DamperTest:
     """The nominal force under a sinusoid [m, Hz], at this command where the model takes one."""
-    level = None if spec.current is None else command
+    level = None if spec.command_unit is None else command
     motion = Candidate(amplitude=amplitude, frequency=frequency, command=level)
     loading, _ = harmonic_motion(motion, spec, per_cycle)
     test = test_from_arrays(

@@ -77,7 +77,7 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
     """
     fit = result.fit if isinstance(result, StoredRun) else result
     spec = fit.spec
-    if spec.current is None:
+    if spec.command_unit is None:
         raise SettingError(
             f"no parameter of the fit of {fit.model} follows the command; identify "
             "`mr.damper(model).with_current_laws(laws)` from tests at several commands"
@@ -95,7 +95,7 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
                 *points, fmt="o", color=style.INK, markersize=3.2, elinewidth=0.9, label="one command"
             )
         include_zero(axes, np.concatenate([along, *points[1:2]]))
-        finished(axes, f"Command ({spec.current.unit})", with_unit(style.symbol_text(law.name), law.unit))
+        finished(axes, f"Command ({spec.command_unit})", with_unit(style.symbol_text(law.name), law.unit))
     return panels
 
 

@@ -510,14 +510,14 @@ def same_commands(one: DamperTest, other: DamperTest) -> bool:
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     """Motion of a test, with its command in the unit of the model, constant or held from sample to sample."""
     motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
-    if spec.current is None:
+    if spec.command_unit is None:
         return motion
-    command = test.command_in(spec.current.unit)
+    command = test.command_in(spec.command_unit)
     if command is not None:
-        return replace(motion, command=command, command_unit=spec.current.unit)
+        return replace(motion, command=command, command_unit=spec.command_unit)
     raise RecordError(
-        f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
-        f"{test.command_in_words or 'none'}; give it, as in --column command=0.5{spec.current.unit} or in a table of "
+        f"{test.label}: the model takes its command in {spec.command_unit}, the test has "
+        f"{test.command_in_words or 'none'}; give it, as in --column command=0.5{spec.command_unit} or in a table of "
         "tests, as mrwork check FILES --table begins it, or a model in the other unit"
     )
 

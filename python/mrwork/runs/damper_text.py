@@ -50,7 +50,7 @@ def force_table(fit: Fit, stated: StatedCommand | None) -> str:
             "the tested ranges of this fit are not known, and the table goes over them; run mrwork identify again"
         )
     commands, rows = _commands(fit, stated, tested)
-    unit = "" if fit.spec.current is None else fit.spec.current.unit
+    unit = fit.spec.command_unit or ""
     heading = [f"command [{unit}]"] if unit else []
     remarks = ["; ".join(_left_out(fit, command)) for command in commands]
     # Readers of numbers take no words, so that there is a column for them only where there are some.
@@ -125,29 +125,26 @@ def refuse_bounds(fit: Fit) -> None:
 
 def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float | None]:
     """Parameters of the plain model at a command, shape (n_plain,), and the command in the unit of the laws."""
-    current = fit.spec.current
-    if current is None:
+    unit = fit.spec.command_unit
+    if unit is None:
         if stated is not None:
             raise SettingError(
                 "this fit has no current laws, so its damper is the same at any command; leave the command out"
             )
         return plain_parameters(fit.spec, fit.theta, 0.0), None
     if stated is None:
+        raise SettingError(f"the parameters follow the command; give one with its unit, as in 0.5{unit}")
+    if stated.value is None or stated.unit != unit:
         raise SettingError(
-            f"the parameters follow the command; give one with its unit, as in 0.5{current.unit}"
-        )
-    if stated.value is None or stated.unit != current.unit:
-        raise SettingError(
-            f"the laws of this fit take the command in {current.unit}; give a number with that unit, as in "
-            f"0.5{current.unit}"
+            f"the laws of this fit take the command in {unit}; give a number with that unit, as in 0.5{unit}"
         )
     value = stated.value
     tested = fit.tested.command
-    noise = command_noise(0.0, current.unit)
+    noise = command_noise(0.0, unit)
     if tested is not None and not tested[0] - noise <= value <= tested[1] + noise:
         raise SettingError(
-            f"{of_unit(value, current.unit)} is outside the tested commands, {tested[0]:g} to "
-            f"{of_unit(tested[1], current.unit)}; give one within"
+            f"{of_unit(value, unit)} is outside the tested commands, {tested[0]:g} to "
+            f"{of_unit(tested[1], unit)}; give one within"
         )
     if limits := law_limits(fit.spec, fit.theta, (value, value)):
         raise SettingError(f"{limits[0].in_words}; give another command")
@@ -232,8 +229,7 @@ def opensees_damper(
     material, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(loop, A=rho), Ao=rho)
     wanted = USUAL_OPENSEES_ERROR if error is None else error
     step = material.strain_step(wanted)
-    current = fit.spec.current
-    at = "" if command is None or current is None else f" at {of_unit(command, current.unit)}"
+    at = "" if command is None else f" at {of_unit(command, fit.spec.command_unit or '')}"
     facts = [
         f"{fit.spec.title}{at}, fit {fit.fit_percent:.2f} %; units N, m, s",
         f"for an error of the hysteretic force below {100.0 * wanted:g} % of its largest value, {k_w:.4g} N,",
@@ -267,7 +263,7 @@ def opensees_damper(
 def _left_out(fit: Fit, command: float | None) -> list[str]:
     """What the parameters at a command leave out: observation model, lag of the driver, gap of the tested commands."""
     facts = [fit.observation_in_words] if fit.observation_in_words else []
-    if fit.spec.current is not None and fit.spec.current.lagged:
+    if fit.spec.lagged:
         eta = fit.parameters["eta"]
         facts.append(f"the lag of the driver is not in it: its rate eta is {of_unit(eta.value, eta.unit, 4)}")
     gap, unit = fit.tested.gap, fit.tested.command_unit

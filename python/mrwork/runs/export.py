@@ -187,7 +187,7 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
     content: dict[str, Any] = {
         "title": f"Fit of {fit.model}",
         "model": fit.model,
-        "equation": spec.equation,
+        "equation": spec.equations,
         "status": fit.status,
         "fit_percent": fit.fit_percent,
         "rmse": {"value": fit.rmse_n, "unit": "N"},
@@ -199,18 +199,18 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
         "theta_units": _cells([each.unit for each in spec.parameters]),
         "parameters": _rename_keys(parameters),
     }
-    if spec.current is not None:
+    if spec.command_unit is not None:
         laws = {
             plain.name: {
-                "law": law,
+                "law": str(law),
                 "parameters": _cells(
                     [each.name for each in spec.parameters if each.plain_name == plain.name]
                 ),
             }
-            for plain, law in zip(spec.plain, spec.current.laws, strict=True)
+            for plain, law in spec.law_pairs
         }
         content["laws"] = _rename_keys(laws)
-        content["command_unit"] = spec.current.unit
+        content["command_unit"] = spec.command_unit
         content["interpolation"] = (
             "A law by values goes on along its tangents beyond its commands; every parameter that follows the command "
             "is limited to the admissible range of the model."

@@ -24,7 +24,7 @@ from mrwork.buildings.from_file import refuse_without_masses
 from mrwork.buildings.groups import with_common_laws
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
-from mrwork.dampers.parameters import LawName, law_named, polynomial_laws
+from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of, polynomial
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.dampers.tested_range import FittedDamper, OperatingRange
 from mrwork.errors import RecordError, SettingError
@@ -94,7 +94,7 @@ class _Draft:
     """A damper under construction: laws of its parameters and their coefficients by name."""
 
     plain: DamperSpec
-    laws: Mapping[str, LawName]
+    laws: Mapping[str, CommandLaw]
     values: Mapping[str, tuple[float, ...]]
     unit: CommandUnit
     lag: float | None
@@ -183,10 +183,10 @@ def _draft_of_run(
         fitted = fitted_of(table, folder, identified)
     except RecordError as error:
         table.place.within("run").refuse(str(error))
-    current = fitted.spec.current
-    if current is not None and fitted.spec.follows_command and current.unit not in get_args(DriverUnit):
+    unit = fitted.spec.command_unit
+    if fitted.spec.follows_command and unit not in get_args(DriverUnit):
         table.place.within("run").refuse(
-            f"the damper of this run follows a command in {current.unit}, and a controller sends a current or a "
+            f"the damper of this run follows a command in {unit}, and a controller sends a current or a "
             "voltage; identify it from tests with their current or voltage"
         )
     return _draft(fitted.spec, fitted.theta), fitted.tested, fitted.remark
@@ -202,19 +202,13 @@ def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> Fitte
 
 
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
-    current = spec.current
-    plain = spec.without_laws
-    laws = (polynomial_laws()[0],) * len(plain.names) if current is None else current.laws
     # Coefficients in the order of the parameters, then the rate of the lag.
     numbers = iter(theta)
     return _Draft(
-        plain=plain,
-        laws=dict(zip(plain.names, laws, strict=True)),
-        values={
-            name: tuple(islice(numbers, law_named(law).n_coefficients))
-            for name, law in zip(plain.names, laws, strict=True)
-        },
-        unit="A" if current is None else current.unit,
+        plain=spec.without_laws,
+        laws=spec.laws_by_name,
+        values={name: tuple(islice(numbers, law.n_coefficients)) for name, law in spec.laws_by_name.items()},
+        unit=spec.command_unit or "A",
         lag=next(numbers, None),
     )
 
@@ -227,16 +221,16 @@ def _change_draft(draft: _Draft, table: DamperTable) -> _Draft:
         _refuse_unknown(draft.plain, name, place)
         coefficients = given if isinstance(given, tuple) else (given,)
         values[name] = coefficients
-        if not 1 <= len(coefficients) <= len(polynomial_laws()):
+        if not 1 <= len(coefficients) <= MOST_DEGREE + 1:
             place.within(name).refuse(
-                f"{name} has {len(coefficients)} coefficients; give 1 to {len(polynomial_laws())}"
+                f"{name} has {len(coefficients)} coefficients; give 1 to {MOST_DEGREE + 1}"
             )
-        laws[name] = polynomial_laws()[len(coefficients) - 1]
+        laws[name] = polynomial(len(coefficients) - 1)
     place = table.place.within("laws")
     for name, law in (table.laws or {}).items():
         _refuse_unknown(draft.plain, name, place)
-        laws[name] = law
-        expected = law_named(law).n_coefficients
+        laws[name] = law_of(law)
+        expected = laws[name].n_coefficients
         if name in values and len(values[name]) != expected:
             place.within(name).refuse(
                 f"{name} with the law {law} takes {expected} coefficients, {len(values[name])} are given"

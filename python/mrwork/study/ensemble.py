@@ -102,8 +102,8 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
         with suppress(SimulationError):
             for spec, theta in ((device.spec, device.draws[0]), *others):
                 loading = Loading(dt=study.hardware.sample_time, displacement=x, velocity=v)
-                if spec.current is not None:
-                    loading = replace(loading, command=sent, command_unit=spec.current.unit)
+                if spec.command_unit is not None:
+                    loading = replace(loading, command=sent, command_unit=spec.command_unit)
                 forces.append(simulate_force(spec, theta, loading))
         found = sets_apart(own, x, v, sent, np.array(forces)) if forces else None
         apart += [] if found is None else [(found, device.name)]

@@ -239,10 +239,9 @@ class Trials:
                 of_runs = np.where(within, of_runs, math.nan)
             scores[list(designed.designed)] = searched(of_runs)
         best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
-        current = problem.devices[0].spec.current
+        unit = problem.devices[0].spec.command_unit or "A"
         units = {
-            entry.name: in_command_unit(entry.metadata["unit"], "A" if current is None else current.unit)
-            for entry in keys_of(SETTINGS[law])
+            entry.name: in_command_unit(entry.metadata["unit"], unit) for entry in keys_of(SETTINGS[law])
         }
         spans = (
             f"{name} from {each[0]:.3g} to {each[-1]:.3g} {units[name]}" for name, each in scanned.items()

@@ -560,7 +560,6 @@ def _study_of(
         )
     labels = [each.row.label for each in compared]
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
-    first = chosen[0].spec.current if chosen else None
     _refuse_unknown_labels(table.report, labels, place)
     study = Study(
         title=table.title or bare.name,
@@ -576,7 +575,7 @@ def _study_of(
         hardware=hardware,
         devices=devices,
         device_storeys=tuple(bare.storey_names.index(bare.storey_name(each.storey)) for each in table.damper),
-        command_unit="A" if first is None else first.unit,
+        command_unit=_command_unit(chosen),
         facts=_facts(bare, devices, chosen, hardware),
         detailed=detailed,
         histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
@@ -701,12 +700,15 @@ def _limit(
     scales = Scales.of(bare)
     if table.limit is None:
         return {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
-    current = chosen[0].spec.current if chosen else None
     with place.within("report", "limit").prefix_errors(SettingError):
-        limit = limit_of(table.limit, "A" if current is None else current.unit, scales)
+        limit = limit_of(table.limit, _command_unit(chosen), scales)
     asked = (criterion(name).question(value) for name, value in limit.items())
     place.questions.extend(f"{place.within('report', 'limit')}: {each}." for each in asked if each)
     return limit
+
+
+def _command_unit(chosen: Sequence[ChosenDamper]) -> str:
+    return (chosen[0].spec.command_unit if chosen else None) or "A"
 
 
 def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy], place: Place) -> int:

@@ -28,7 +28,6 @@ from mrwork.closed_loop.evaluation import (
     searched,
 )
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
-from mrwork.dampers.parameters import polynomial_laws
 from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
@@ -130,8 +129,7 @@ class DamperFacts:
     def of(device: Device, storey: int, share: float) -> DamperFacts:
         """Those of a device in a storey; of its laws, those of the parameters that follow the command."""
         spec = device.spec
-        laws = () if spec.current is None else zip(spec.without_laws.names, spec.current.laws, strict=True)
-        following = [f"{name} {law}" for name, law in laws if law != polynomial_laws()[0]]
+        following = [f"{name} {law}" for name, law in spec.laws_by_name.items() if not law.is_constant]
         return DamperFacts(
             name=device.name,
             model=f"{spec.name}, {', '.join(following) or 'all constant'}",

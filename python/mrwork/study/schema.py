@@ -26,7 +26,7 @@ from mrwork.base.units import DriverUnit
 from mrwork.buildings.from_file import RATIOS, BuildingTable
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import SettingError

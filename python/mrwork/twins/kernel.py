@@ -136,7 +136,6 @@ def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bo
         for _ in theta.shape[:-1]:
             own = jax.vmap(own, in_axes=(0, None))
         return own(theta, record)
-    laws = kernel.spec.current
     leading = theta.shape[:-1]
     alone = [each.reshape(*(1 for _ in leading), *each.shape) for each in record]
     shapes = [(*leading, record.n_time)]
@@ -151,8 +150,8 @@ def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bo
         _on_processor.bind(theta),
         *alone,
         model=kernel.spec.name,
-        laws="" if laws is None else "\n".join(laws.laws),
-        lagged=np.int64(laws is not None and laws.lagged),
+        laws="\n".join(map(str, kernel.spec.laws)),
+        lagged=np.int64(kernel.spec.lagged),
         columns=np.array(kernel.columns, dtype=np.int64),
         substeps=np.int64(kernel.substeps),
         threads=np.int64(kernel.threads),

@@ -93,7 +93,7 @@ class LoopDevice:
     @property
     def lagged(self) -> bool:
         """Whether the coil follows the command with a lag."""
-        return self.spec.current is not None and self.spec.current.lagged
+        return self.spec.lagged
 
     @property
     def at_rest(self) -> Array:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -23,7 +22,6 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrwork.base.progress import COMPILE_TIME
-from mrwork.dampers.parameters import CurrentLaws, interpolate, law_named
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
 
@@ -290,7 +288,7 @@ class Twin:
 @cache
 def twin_of(spec: DamperSpec) -> Twin:
     """Return the twin of a model: its equations, with the parameters of the spec."""
-    if spec.current is not None:
+    if spec.command_unit is not None:
         return twin_of(spec.without_laws)
     if spec.own is not None:
         return twin_with(spec, *spec.own.functions())
@@ -314,25 +312,16 @@ def twin_with(
 
 
 def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
-    """Parameters of the plain model, as `Theta` of the twin, for a command received by the coil; see `CurrentLaws`."""
-    columns = iter(theta[index] for index in range(len(spec.parameters)))
-    if spec.current is None:
-        return twin_of(spec).Theta(*columns)
-    values = []
-    for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
-        kind = law_named(law)
-        value, *further = islice(columns, kind.n_coefficients)
-        if kind.nodes:
-            at_nodes = jnp.stack([value, *further])
-            log = parameter.scale == "log" and kind.takes_logarithms
-            value = interpolate(kind.nodes, at_nodes, received, log=log, xp=jnp)
-        elif kind.is_exponential:
-            factor, exponent = further
-            value = value + factor * jnp.exp(exponent * received)
-        else:
-            for power, coefficient in enumerate(further, start=1):
-                value = value + coefficient * received**power
-        values.append(jnp.clip(value, parameter.lower, parameter.upper) if further else value)
+    """Parameters of the plain model, as `Theta` of the twin, for a command received by the coil."""
+    values, start = [], 0
+    for parameter, law in spec.law_pairs:
+        own = theta[start : start + law.n_coefficients]
+        start += law.n_coefficients
+        if law.is_constant:
+            values.append(own[0])
+            continue
+        value = law.values(own, received, positive=parameter.is_positive, xp=jnp)
+        values.append(jnp.clip(value, parameter.lower, parameter.upper))
     return twin_of(spec).Theta(*values)
 
 
@@ -364,8 +353,8 @@ def simulate(
     samples = jnp.concatenate([stages[:, 0, :], stages[-1:, -1, :]])
     command = jnp.asarray(command, dtype=jnp.float64)
     at_samples, at_steps = None, None
-    if spec.current is not None and command.ndim > 0:
-        at_samples, at_steps = _receive_command(spec.current, theta, command, dt, substeps)
+    if spec.command_unit is not None and command.ndim > 0:
+        at_samples, at_steps = _receive_command(theta, command, dt, substeps, lagged=spec.lagged)
     else:
         steady = parameters_at(spec, theta, command)
 
@@ -398,10 +387,10 @@ def simulate(
 
 
 def _receive_command(
-    current: CurrentLaws, theta: Array, command: Array, dt: Array | float, substeps: int
+    theta: Array, command: Array, dt: Array | float, substeps: int, *, lagged: bool
 ) -> tuple[Array, Array]:
     """Command received by the coil at the samples, shape (n_time,), and at three points of each step, (n_steps, 3)."""
-    if not current.lagged:
+    if not lagged:
         return command, jnp.repeat(command[:-1], 3 * substeps).reshape(-1, 3)
     left = jnp.exp(-theta[-1] * dt / (2 * substeps) * jnp.arange(2 * substeps + 1))
 

@@ -19,6 +19,7 @@ from mrwork.base.summary import list_names
 from mrwork.base.units import scale_of
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.laws import CONSTANT
 from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
@@ -134,6 +135,7 @@ def own_damper(
         spring=spring,
         parameters=given,
         plain=given,
+        laws=(CONSTANT,) * len(given),
     )
     if fault := spec.disagreement():
         raise SettingError(f"{name or 'an empty text'} {fault}")

@@ -41,7 +41,7 @@ def _kept(rows: Rows, *, spec: DamperSpec, n_kept: int) -> tuple[Array, Array | 
     theta, (splines, facts, command), n_time, substeps = rows
     n_batch, dt = len(theta), facts[0]
     varies = len(command) > 1
-    lagged = varies and spec.current is not None and spec.current.lagged
+    lagged = varies and spec.lagged
     if not (spec.n_states or lagged):
         received = jnp.broadcast_to(command[:, None], (n_kept, n_batch)) if varies else None
         return jnp.zeros((n_kept, n_batch, 0)), received

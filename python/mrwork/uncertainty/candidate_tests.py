@@ -114,7 +114,7 @@ def candidate_grid(
     the tested ones, and the middle of a wide gap between them. Where either grid is a default, the default limit of
     velocity is 1.5 times the largest tested one.
     """
-    if commands and spec.current is None:
+    if commands and spec.command_unit is None:
         raise SettingError(
             f"{spec.name} was identified without current laws, so no test at another current can be predicted; "
             "leave the currents out"
@@ -134,8 +134,8 @@ def candidate_grid(
     amplitudes = amplitudes or _about([each.amplitude for each in tested])
     frequencies = frequencies or _about([each.frequency for each in tested])
     levels: Sequence[float | None] = [None]
-    if spec.current is not None:
-        unit = spec.current.unit
+    if spec.command_unit is not None:
+        unit = spec.command_unit
         known = [command for test in tests for command, own in test.commands if own == unit]
         gap = range_of_tests(tests, unit).gap
         middle = () if gap is None else (command_level(0.5 * sum(gap), unit),)
@@ -161,9 +161,9 @@ def candidate_grid(
 
 def _refuse_far_commands(commands: Sequence[float], spec: DamperSpec, tests: Sequence[DamperTest]) -> None:
     """Refuse commands far above all tested ones, as those in milliamperes are."""
-    if not commands or spec.current is None:
+    if not commands or spec.command_unit is None:
         return
-    unit = spec.current.unit
+    unit = spec.command_unit
     largest = max(
         (float(np.max(command)) for test in tests for command, own in test.commands if own == unit),
         default=0.0,
@@ -177,7 +177,7 @@ def _refuse_far_commands(commands: Sequence[float], spec: DamperSpec, tests: Seq
 
 def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) -> tuple[Candidate, ...]:
     """Candidates from a CSV file: columns `amplitude` [m], `frequency` [Hz], and `current` for models with laws."""
-    columns = _COLUMNS if spec.current is not None else _COLUMNS[:2]
+    columns = _COLUMNS if spec.command_unit is not None else _COLUMNS[:2]
     text = text_of(path, CANDIDATES)
     try:
         rows = list(csv.DictReader(io.StringIO(text, newline="")))
@@ -227,7 +227,7 @@ def harmonic_motion(
         displacement=candidate.amplitude * np.sin(phase),
         velocity=candidate.peak_velocity * np.cos(phase),
         command=candidate.command,
-        command_unit=None if spec.current is None else spec.current.unit,
+        command_unit=spec.command_unit,
     )
     return loading, slice(per_cycle, _CYCLES * per_cycle)
 

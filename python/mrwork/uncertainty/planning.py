@@ -256,7 +256,7 @@ def plan(
             sorted(gains, key=lambda each: (not _is_within(fit.tested.gap, each.candidate), -each.gain))
         ),
         gap=fit.tested.gap,
-        command_unit=None if posterior.spec.current is None else posterior.spec.current.unit,
+        command_unit=posterior.spec.command_unit,
         left_out=tuple(each for each in candidates if each not in simulated),
     )
 

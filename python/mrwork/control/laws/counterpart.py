@@ -70,7 +70,7 @@ def static_counterpart(
     current in the coil. It is fitted to commands from 0 to the largest one and to sinusoids from the smallest to the
     largest `amplitude` [m] and peak `velocity` [m/s].
     """
-    if spec.current is None:
+    if spec.command_unit is None:
         raise SettingError(
             f"{spec.name} does not follow a command; give a model with current laws, which a law can drive"
         )
@@ -86,10 +86,8 @@ def static_counterpart(
         return StaticCounterpart(spec=spec, theta=values, fit_percent=100.0)
     cycles = _simulate(spec, values, largest_command, amplitude, velocity)
     model = damper(_COUNTERPART_MODEL)
-    published = model.preset(_COUNTERPART_SET).spec.current
-    assert published is not None
-    laws = dict(zip(model.names, published.laws, strict=True))
-    fitted_spec = model.with_current_laws(laws, unit=spec.current.unit)
+    laws = model.preset(_COUNTERPART_SET).spec.laws_by_name
+    fitted_spec = model.with_current_laws(laws, unit=spec.command_unit)
     fitted = _fit(fitted_spec, cycles, largest_command)
     return StaticCounterpart(
         spec=fitted_spec, theta=fitted, fit_percent=_fit_percent(fitted_spec, fitted, cycles)
@@ -98,7 +96,7 @@ def static_counterpart(
 
 def is_curve(spec: DamperSpec) -> bool:
     """Whether a model gives the force as a function of the command: static hysteretic, with any current laws."""
-    return spec.name == _COUNTERPART_MODEL and spec.current is not None
+    return spec.name == _COUNTERPART_MODEL and spec.command_unit is not None
 
 
 def _simulate(
@@ -121,7 +119,7 @@ def _simulate(
                     displacement=displacement,
                     velocity=rate,
                     command=command,
-                    command_unit=spec.current.unit if spec.current else None,
+                    command_unit=spec.command_unit,
                 )
                 force = simulate_force(spec, theta, loading)
                 parts.append([displacement[last], rate[last], np.full(_PER_CYCLE, command), force[last]])
@@ -225,7 +223,7 @@ def _fit_percent(spec: DamperSpec, theta: Sequence[float], cycles: _Cycles) -> f
         displacement=cycles.displacement,
         velocity=cycles.velocity,
         command=cycles.command,
-        command_unit=spec.current.unit if spec.current else None,
+        command_unit=spec.command_unit,
     )
     residual = simulate_force(spec, theta, loading) - cycles.force
     deviation = cycles.force - cycles.force.mean()

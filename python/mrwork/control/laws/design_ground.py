@@ -129,8 +129,8 @@ def forces_in_words(devices: Sequence[Device], forces: DamperForces) -> str:
     """The largest force of each device, with its command and motion."""
     parts = []
     for device, largest in zip(devices, forces.largest, strict=True):
-        current = device.spec.current
-        command = "" if current is None else f" at {device.largest_command:.3g} {current.unit}"
+        unit = device.spec.command_unit
+        command = "" if unit is None else f" at {device.largest_command:.3g} {unit}"
         parts.append(f"{of_unit(float(largest), 'N')}, the largest force of {device.name}{command}")
     return f"{list_names(tuple(parts))} {forces.over}"
 

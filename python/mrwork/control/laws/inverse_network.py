@@ -18,7 +18,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
 
 N_SAMPLES = 2000
@@ -251,7 +251,7 @@ def train_inverse_network(
     """
     _check(spec, amplitude, velocity, sample_time)
     spec, values = _without_lag(spec, theta)
-    assert spec.current is not None
+    assert spec.command_unit is not None
     generator = np.random.default_rng(rng)
     # A long sample time needs more cycles for the same number of samples.
     n_cycles = max(_N_CYCLES, int(2.0 * N_SAMPLES * sample_time * velocity / (2.0 * np.pi * amplitude)))
@@ -260,7 +260,7 @@ def train_inverse_network(
             amplitude=amplitude,
             velocity=velocity,
             largest_command=largest_command,
-            command_unit=spec.current.unit,
+            command_unit=spec.command_unit,
             dt=sample_time,
             n_cycles=n_cycles,
             rng=generator,
@@ -288,7 +288,7 @@ def train_inverse_network(
 
 
 def _check(spec: DamperSpec, amplitude: float, velocity: float, sample_time: float) -> None:
-    if spec.current is None:
+    if spec.command_unit is None:
         raise SettingError(
             f"{spec.name} does not follow a command, so there is nothing to invert; give a model with current laws"
         )
@@ -307,11 +307,7 @@ def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats
         raise SettingError(
             f"`theta` has shape {values.shape}, {spec.name} takes ({len(spec.names)},); see `spec.names`"
         )
-    current = spec.current
-    if current is None or not current.lagged:
-        return spec, values
-    laws = dict(zip((parameter.name for parameter in spec.plain), current.laws, strict=True))
-    return spec.without_laws.with_current_laws(laws, unit=current.unit), values[:-1]
+    return (with_changed_laws(spec, lagged=False), values[:-1]) if spec.lagged else (spec, values)
 
 
 def _train(

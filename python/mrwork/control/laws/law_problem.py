@@ -137,12 +137,7 @@ class DesignProblem(Summarised):
     def driver_rates(self) -> tuple[float | None, ...]:
         """Rate of the lag of the driver of each device [1/s]; `None` without one."""
         # It is the last parameter of a model that has one.
-        return tuple(
-            float(device.draws[0, -1])
-            if device.spec.current is not None and device.spec.current.lagged
-            else None
-            for device in self.devices
-        )
+        return tuple(float(device.draws[0, -1]) if device.spec.lagged else None for device in self.devices)
 
     @checked
     def each(self, number: float) -> Floats:

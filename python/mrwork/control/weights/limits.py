@@ -187,14 +187,14 @@ def sine_force(device: Device, amplitude: float, velocity: float, command: float
     samples, w = 400, velocity / amplitude
     phase = 2.0 * np.pi * np.arange(3 * samples + 1) / samples
     x, v = amplitude * np.sin(phase), amplitude * w * np.cos(phase)
-    force, current = np.zeros_like(x), device.spec.current
+    force, unit = np.zeros_like(x), device.spec.command_unit
     for sign in (1.0, -1.0) if device.differential else (1.0,):
         loading = Loading(
             dt=float(phase[1] / w),
             displacement=sign * x,
             velocity=sign * v,
-            command=None if current is None else command,
-            command_unit=None if current is None else current.unit,
+            command=None if unit is None else command,
+            command_unit=unit,
         )
         force += sign * device.count * simulate_force(device.spec, device.draws[0], loading)
     return force[2 * samples : 3 * samples]

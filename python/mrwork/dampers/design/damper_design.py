@@ -22,7 +22,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.dampers.design.flow import PRESSURES, FlowModel, Length, Slot, broadcast, roots_between
 from mrwork.dampers.design.materials import Fields, MRFluid, Steel, steel
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 

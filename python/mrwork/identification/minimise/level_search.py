@@ -22,14 +22,12 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import LawName, law_by_values, law_through
-from mrwork.dampers.spec import DamperSpec, plain_parameters
+from mrwork.dampers.laws import CommandLaw, LawName
+from mrwork.dampers.spec import DamperSpec, plain_parameters, with_changed_laws
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import (
     Form,
     bounds_of,
-    change_laws,
-    fitted_law,
     fitted_laws,
     identifiable_form,
     joint_box,
@@ -354,12 +352,19 @@ def spec_by_values(spec: DamperSpec, commands: Floats) -> DamperSpec:
     Positive parameters are then interpolated in their logarithms: on measured tests the force at commands between those
     that were fitted is predicted better, by up to four points in the mean and ten in the worst test.
     """
-    return change_laws(spec, lambda law: law_by_values(law, commands.tolist()))
+    return with_changed_laws(spec, _laws_at(spec, commands, logarithms=True))
+
+
+def _laws_at(spec: DamperSpec, commands: Floats, *, logarithms: bool) -> dict[str, CommandLaw]:
+    return {
+        name: law.at_commands(commands.tolist(), logarithms=logarithms)
+        for name, law in spec.laws_by_name.items()
+    }
 
 
 def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
     """Commands of all tests in the unit of the laws, and levels of varying ones, shape (n_commands,), lowest first."""
-    unit = "A" if spec.current is None else spec.current.unit
+    unit = spec.command_unit or "A"
     commands = (loading_of(test, spec).command for test in tests)
     known = [command for command in commands if command is not None]
     return np.array(
@@ -369,7 +374,7 @@ def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
 
 def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
     """The form with each polynomial law written by its values at tested commands; other bounds stay."""
-    spec = change_laws(form.spec, lambda law: law_through(law, commands.tolist()))
+    spec = with_changed_laws(form.spec, _laws_at(form.spec, commands, logarithms=False))
     if spec == form.spec:
         return form
     through = identifiable_form(spec, bounds_of(form.box, spec.names))
@@ -389,7 +394,7 @@ def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
 
 def _group_by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
-    unit = "A" if spec.current is None else spec.current.unit
+    unit = spec.command_unit or "A"
     level_of = [command_level(command, unit) for command in commands]
     return {
         level: tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
@@ -400,7 +405,7 @@ def _group_by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float
 def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     """The tests at each command, lowest first."""
     levels = _group_by_level(spec, tests)
-    if spec.current is not None:
+    if spec.command_unit is not None:
         refuse_few_levels(spec, len(levels))
     return levels
 
@@ -449,8 +454,8 @@ def _fit_level(
         starts = np.concatenate([nearest.minima, scaled])
     rng = problem.settings.rng
     spec = problem.form.spec
-    assert spec.current is not None
-    at_command = f"at {of_unit(command, spec.current.unit)}"
+    assert spec.command_unit is not None
+    at_command = f"at {of_unit(command, spec.command_unit)}"
     try:
         if isinstance(search, Multistart):
             settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
@@ -587,17 +592,16 @@ def scaled_laws(
     Parameters that have a law and scale with the force follow the straight line of the measured force over the command;
     others with a law start constant. Each coefficient is a plain parameter times a factor, or the factor alone.
     """
-    assert spec.current is not None
     force = relative_force(spec, tests, commands)
     # The plain parameter of each coefficient; -1 where there is none.
     owner: list[int] = []
     factor: list[float] = []
-    for place, (parameter, law) in enumerate(zip(spec.plain, spec.current.laws, strict=True)):
+    for place, (parameter, law) in enumerate(spec.law_pairs):
         column = force if parameter.scales_with_force else np.ones_like(force)
-        own = fitted_law(law, parameter, commands, column)
+        own = law.through(parameter, commands, column)
         owner += [place] * len(own)
         factor += own
-    if spec.current.lagged:
+    if spec.lagged:
         owner.append(-1)
         factor.append(spec.parameters[-1].nominal)
     for index, parameter in enumerate(spec.parameters):
@@ -659,7 +663,7 @@ def points_from_scaled_forces(
         problem, search, objective, joint_form, from_unit, n_params=len(box.free), on_search=on_excerpts
     )
     starts = from_unit(elite.elite[:_SCALED_STARTS])
-    if form.spec.current is not None and form.spec.current.lagged:
+    if form.spec.lagged:
         starts[:, -1] *= np.resize(_RATES, len(starts))
     box = joint_form.box
     starts = np.array([box.inside(start) for start in np.clip(starts, box.lower, box.upper)])
@@ -692,7 +696,7 @@ def points_from_scaled_forces(
     )
 
 
-def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName], commands: Floats) -> str:
+def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName | CommandLaw], commands: Floats) -> str:
     """Options that let the dampings and yield forces of a model follow these commands, beside the laws given."""
     own = {
         each.name: "linear" if each.unit == "N s/m" or len(commands) < 3 else "quadratic"

@@ -15,9 +15,9 @@ import numpy as np
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.identification.covariance import Covariance, Slopes
-from mrwork.identification.equivalent import bounds_of, change_laws, identifiable_form
+from mrwork.identification.equivalent import bounds_of, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import (
     Hopeless,
     LocalMinimum,
@@ -160,10 +160,13 @@ class MissingLag:
 
 def missing_lag(spec: DamperSpec, objective: Objective, theta: Floats) -> MissingLag | None:
     """The lag with which the fit `theta` without one describes the tests better; `None` where there is none."""
-    current = spec.current
-    if current is None or current.lagged or not any(test.has_varying_command for test in objective.tests):
+    if (
+        not spec.follows_command
+        or spec.lagged
+        or not any(test.has_varying_command for test in objective.tests)
+    ):
         return None
-    lagged = objective.on(change_laws(spec, lagged=True), objective.tests)
+    lagged = objective.on(with_changed_laws(spec, lagged=True), objective.tests)
     tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
     before = float(objective(theta[None])[0])
     best = int(np.argmin(tried))
@@ -236,7 +239,7 @@ def polish_with_wanted_lag(
 
 
 def _without_lag(problem: Problem) -> Problem:
-    spec = change_laws(problem.spec, lagged=False)
+    spec = with_changed_laws(problem.spec, lagged=False)
     rate = problem.spec.names[-1]
 
     def drop_rate(values: Mapping[str, T]) -> dict[str, T]:

@@ -27,7 +27,7 @@ def parameters_section(run: StoredRun) -> Section:
     fit, spec = run.fit, run.fit.spec
     words = {each.verdict for each in fit.estimates}
     advice = " ".join(_ADVICE[word] for word in get_args(Verdict) if word in _ADVICE and word in words)
-    model = Markup('<div class="equation">{}</div>').format(Markup(equation_html(spec.equation)))
+    model = Markup('<div class="equation">{}</div>').format(Markup(equation_html(spec.equations)))
     groups = [Group(markup=model + Markup('<p class="note">{}</p>').format(spec.source))]
     if spec.own is not None:
         step = (

@@ -23,7 +23,7 @@ from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper, damper_models
 from mrwork.errors import (
     Interrupted,
@@ -90,7 +90,7 @@ def families(
     lawful = tuple(_with_own_laws(spec, tests, laws, unit, lagged) for spec in specs)
     refuse_unknown("law", laws, {each.name for spec in specs for each in spec.plain})
     refuse_unknown("bound", bounds, {name for spec in lawful for name in spec.names})
-    plain = [spec.name for spec in lawful if spec.current is None]
+    plain = [spec.name for spec in lawful if spec.command_unit is None]
     if laws and plain:
         remarks += (f"none of the parameters that follow the command is one of {', '.join(plain)}",)
     return lawful, remarks
@@ -153,7 +153,7 @@ def _refuse_few_commands(
     unit = "test" if splits is None else splits.fold
     inside = [] if splits is None else [split.members for split in splits.splits if not split.beyond]
     rests = [tuple(test for index, test in enumerate(tests) if index not in members) for members in inside]
-    for spec in filter(lambda spec: spec.current is not None, compared):
+    for spec in filter(lambda spec: spec.command_unit is not None, compared):
         n_levels, needed = count_levels(spec, tests), levels_needed(spec)
         refuse_few_levels(spec, n_levels)
         remaining = min((count_levels(spec, rest) for rest in rests), default=n_levels)

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import interpolate, law_named
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.identification.residual import ObservedTest
 from mrwork.uncertainty.choice.folded_tests import FoldedTests, NormalEquations
 from mrwork.uncertainty.choice.splits import Splits
@@ -119,18 +118,8 @@ class LinearisedTests:
 
 def _latent_curves(spec: DamperSpec, theta: Floats, commands: Floats, box: Box) -> Floats:
     """Latent plain parameters, (n_rows, n_commands, n_plain), at commands by the laws of each row of `theta`."""
-    assert spec.current is not None
-    laws = [law_named(law) for law in spec.current.laws]
-    ends = np.cumsum([law.n_coefficients for law in laws])
     columns = []
-    for parameter, law, own in zip(spec.plain, laws, np.split(theta, ends, axis=1), strict=False):
-        log = parameter.scale == "log"
-        if law.degree == 0:
-            values = np.repeat(own, len(commands), axis=1)
-        elif law.nodes:
-            by_logarithms = log and law.takes_logarithms
-            values = interpolate(law.nodes, own.T, commands[:, None], log=by_logarithms).T
-        else:
-            values = np.array([law.values(row, commands, log=log) for row in own])
+    for (parameter, law), own in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
+        values = law.values(own.T, commands[:, None], positive=parameter.is_positive).T
         columns.append(np.clip(values, parameter.lower, parameter.upper))
     return np.asarray(box.latent_from_theta(box.inside(np.stack(columns, axis=-1))))

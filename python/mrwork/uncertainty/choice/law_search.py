@@ -19,7 +19,8 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import LawName, Scale, law_named, law_through, polynomial_laws
+from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, CommandLaw, LawName, polynomial
+from mrwork.dampers.parameters import Scale
 from mrwork.dampers.spec import DamperSpec, hidden_extrema
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
@@ -51,7 +52,7 @@ from mrwork.uncertainty.choice.ranking import is_as_good
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 
 T = TypeVar("T")
-Laws = dict[str, LawName]
+Laws = dict[str, CommandLaw]
 
 # Degree of the first laws.
 _FIRST_DEGREE = 2
@@ -144,7 +145,7 @@ class LawSearch:
         return self._laws_of("log")
 
     def _laws_of(self, *scales: Scale) -> Laws:
-        law = polynomial_laws()[min(_FIRST_DEGREE, self.most)]
+        law = polynomial(min(_FIRST_DEGREE, self.most))
         names = sorted(each.name for each in self.plain.parameters if each.scale in scales)
         return {name: law for name in names if name in self.free}
 
@@ -176,11 +177,11 @@ class LawSearch:
         """The same with those of these laws interpolated the other way that have the force of every test by both."""
         laws = fitted.laws
         for name in names:
-            degree = _degree(own := laws.get(name, ""))
-            if degree == len(self.commands) - 1:
-                laws = self._with_law(laws, name, degree, direct=":" not in own)
+            own = laws.get(name, CONSTANT)
+            if own.fitted_degree == len(self.commands) - 1:
+                laws = self._with_law(laws, name, own.fitted_degree, direct=not own.nodes)
         spec, box = self.model(laws)
-        tried = replace(fitted.tried, laws=self.given | laws)
+        tried = replace(fitted.tried, laws=self._texts(laws))
         return replace(fitted, spec=spec, box=box, laws=laws, tried=tried)
 
     def _is_best_sound(self) -> bool:
@@ -315,8 +316,8 @@ class LawSearch:
         for each in self.plain.parameters:
             if each.name not in self.free:
                 continue
-            own = laws.get(each.name, "")
-            degree, is_direct = _degree(own), ":" in own
+            own = laws.get(each.name, CONSTANT)
+            degree, is_direct = own.fitted_degree, bool(own.nodes)
             wanted = [(near, is_direct and near > 0) for near in (degree - 1, degree + 1)]
             if each.scale == "log" and 0 < degree < len(self.commands) - 1:
                 wanted.append((degree, not is_direct))
@@ -329,13 +330,17 @@ class LawSearch:
 
     def _with_law(self, laws: Laws, name: str, degree: int, *, direct: bool) -> Laws:
         """The laws with one of another degree; constant ones are not listed, direct ones have values themselves."""
-        law = polynomial_laws()[degree]
-        changed = laws | {name: law_through(law, self.commands.tolist()) if direct and degree else law}
-        return {each: own for each, own in sorted(changed.items()) if own != polynomial_laws()[0]}
+        law = polynomial(degree)
+        if direct:
+            law = law.at_commands(self.commands.tolist(), logarithms=False)
+        return {each: own for each, own in sorted((laws | {name: law}).items()) if not own.is_constant}
 
     def _count(self, laws: Laws) -> int:
         """Number of parameters, up to a constant."""
-        return sum(map(_degree, laws.values()))
+        return sum(law.fitted_degree for law in laws.values())
+
+    def _texts(self, laws: Laws) -> dict[str, LawName]:
+        return {name: str(law) for name, law in (self.given | laws).items()}
 
     def _move_to(self, current: FittedLaws, laws: Laws) -> FittedLaws:
         spec, box = self.model(laws)
@@ -363,7 +368,7 @@ class LawSearch:
         }
         cost = BuildingCost.of(spec, fit.theta[0], self.tests)
         tried = TriedLaws.of(
-            self.given | laws,
+            self._texts(laws),
             n_params=len(box.free),
             fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared[0]))), _NOT_PREDICTED)),
             left_out=[np.minimum(own, _NOT_PREDICTED) for own in errors],
@@ -409,11 +414,6 @@ class LawSearch:
         return self.journal.once(step, digest_of(*inputs), kind, compute)
 
 
-def _degree(law: LawName) -> int:
-    """Degree of a law by values, of a polynomial, or of none, which is constant."""
-    return law_named(law).n_coefficients - 1 if law else 0
-
-
 def prepare_search(
     plain: DamperSpec,
     tests: tuple[DamperTest, ...],
@@ -424,7 +424,7 @@ def prepare_search(
     threads: int,
 ) -> LawSearch:
     """Check the settings and prepare the folds."""
-    if plain.current is not None:
+    if plain.command_unit is not None:
         raise SettingError(f"{plain.name} has current laws already; give the plain model to choose laws for")
     if settings.starts or settings.power != 2.0 or settings.engine != "lanes":
         raise SettingError(
@@ -461,7 +461,7 @@ def prepare_search(
         (np.unique(np.delete(levels, split.members)).size for split in splits.splits if not split.beyond),
         default=len(commands),
     )
-    most = min(len(polynomial_laws()), n_levels) - 1
+    most = min(MOST_DEGREE, n_levels - 1)
     if most < 1:
         raise SettingError(
             f"the tests run at {counted(len(commands), 'command')}, {n_levels} without those left out; laws are chosen "

@@ -15,7 +15,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table, TableColumn, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.laws import CommandLaw, LawName, law_of, polynomial
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.identification.result import MANY
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
@@ -124,10 +124,13 @@ class TriedLaws(Summarised):
         return laws_in_words(self.laws)
 
 
-def laws_in_words(laws: Mapping[str, LawName]) -> str:
+def laws_in_words(laws: Mapping[str, LawName | CommandLaw]) -> str:
     """Laws in one line; "direct" are those through values themselves, not through their logarithms."""
-    words = {name: f"direct {law.partition(':')[0]}" if ":" in law else law for name, law in laws.items()}
-    return ", ".join(f"{name} {law}" for name, law in words.items()) or "all constant"
+    return ", ".join(f"{name} {_law_in_words(law_of(law))}" for name, law in laws.items()) or "all constant"
+
+
+def _law_in_words(law: CommandLaw) -> str:
+    return f"direct {polynomial(law.fitted_degree)}" if law.nodes and not law.logarithms else str(law)
 
 
 def _format_behind(each: TriedLaws) -> str:

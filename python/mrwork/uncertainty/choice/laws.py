@@ -19,7 +19,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.laws import LawName, law_of
 from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SettingError
@@ -154,7 +154,14 @@ class RunningLawChoice:
         if journal is not None:
             spec, _ = search.model(search.first_laws)
             facts = fingerprint_of(Problem.of(spec, search.tests, search.excerpt_settings))
-            journal.agree("choice of laws", facts | {"leave_out": search.splits.fold, "given": search.given})
+            journal.agree(
+                "choice of laws",
+                facts
+                | {
+                    "leave_out": search.splits.fold,
+                    "given": {name: str(law) for name, law in search.given.items()},
+                },
+            )
         search.run(self.firsts[search.name])
 
     def _with_others(self, choice: LawChoice) -> LawChoice:
@@ -351,7 +358,9 @@ def choose_laws(
     for spec in specs:
         # A single model refuses what is given for parameters that it has not.
         own = replace(settings, bounds=select_known(settings.bounds, spec)) if several else settings
-        own_laws = select_known(given, spec) if several else given
+        own_laws = {
+            name: law_of(law) for name, law in (select_known(given, spec) if several else given).items()
+        }
         compared.append(prepare_search(spec, tests, own_laws, unit, leave_out, own, threads))
     running = RunningLawChoice(
         tests=tests,

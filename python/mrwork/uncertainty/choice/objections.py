@@ -39,7 +39,7 @@ def objections_to(
 
 def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> tuple[LawLimit, ...]:
     """Laws of positive parameters that leave their range or vanish within the tested commands."""
-    tested = range_of_tests(tests, None if spec.current is None else spec.current.unit)
+    tested = range_of_tests(tests, spec.command_unit)
     limits = law_limits(spec, theta, tested.command) if tested.command is not None else ()
     positive = {each.name for each in spec.plain if each.scale == "log"}
     return tuple(each for each in limits if each.parameter in positive)
@@ -52,7 +52,7 @@ def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest])
         command = loading_of(test, spec).command
         if isinstance(command, np.ndarray):
             continue
-        unit = "A" if spec.current is None else spec.current.unit
+        unit = spec.command_unit or "A"
         fastest[0.0 if command is None else command_level(float(command), unit)] = test
     worst, sentence = -_FALLS, ""
     for test in fastest.values():

@@ -199,11 +199,11 @@ class SamplingProblem:
 
     def fingerprint(self) -> dict[str, Any]:
         """All inputs that determine the chain to the bit; a stored chain is resumed only if they agree."""
-        objective = self.target.objective
+        objective, laws = self.target.objective, self.spec.current_laws
         bounds = objective.settings.bounds
         return {
             "model": self.spec.name,
-            "current_laws": None if self.spec.current is None else asdict(self.spec.current),
+            "current_laws": None if laws is None else asdict(laws),
             "noise": self.target.noise.name,
             "bounds": {name: list(bounds[name]) for name in sorted(bounds)},
             "priors": {

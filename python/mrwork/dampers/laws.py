@@ -1,0 +1,385 @@
+"""Laws of the command: how a parameter of a damper follows the command that reaches its coil."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
+from types import ModuleType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mrwork.base.keys import check_known, suggestion
+from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
+from mrwork.dampers.parameters import Coefficient, ParamSpec
+from mrwork.errors import UnknownChoiceError
+
+# NumPy or JAX array; no annotation covers both without importing JAX.
+Array = Any
+
+LawName = str
+"""Text of a law: "constant", "linear", "quadratic", "cubic", "exponential", "quadratic:0,0.5,1" or "values:0,0.5,1"."""
+
+_POLYNOMIALS = ("constant", "linear", "quadratic", "cubic")
+_EXPONENTIAL, _VALUES = "exponential", "values"
+MOST_DEGREE = len(_POLYNOMIALS) - 1
+"""Largest degree of a polynomial by its coefficients."""
+# Most commands at which a law may have values; the compiled module refuses more.
+_MOST_NODES = 8
+# Commands in the text of a law have twelve digits.
+_ROUNDED = 1.0 - 1e-9
+# A value of a positive parameter is at least this share of the largest to which its law is fitted.
+_LEAST_SHARE = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class CommandLaw:
+    """A law by which a parameter p follows the command u: a polynomial, an exponential, or a curve through values.
+
+    A polynomial of a `degree` has its coefficients, p.0 + p.1 u + ...; degree 0 is constant. A law with `nodes` is the
+    polynomial through values at these commands, of a positive parameter through their `logarithms`, and goes on along
+    its tangents beyond them. Without a degree and nodes the law is p.0 + p.1 exp(p.2 u).
+    """
+
+    degree: int | None = None
+    nodes: tuple[float, ...] = ()
+    logarithms: bool = False
+
+    def __str__(self) -> LawName:
+        """Text of the law, see `law_of`."""
+        if not self.nodes:
+            return _EXPONENTIAL if self.degree is None else _POLYNOMIALS[self.degree]
+        name = _VALUES if self.logarithms else _POLYNOMIALS[len(self.nodes) - 1]
+        return f"{name}:{','.join(f'{node:.12g}' for node in self.nodes)}"
+
+    @property
+    def n_coefficients(self) -> int:
+        """Number of coefficients."""
+        return len(self.nodes) or (3 if self.degree is None else self.degree + 1)
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether the parameter does not follow the command."""
+        return self.degree == 0
+
+    @property
+    def is_exponential(self) -> bool:
+        """Whether this is p.0 + p.1 exp(p.2 u)."""
+        return self.degree is None and not self.nodes
+
+    @property
+    def fitted_degree(self) -> int:
+        """Degree of the polynomial in the command that values determine: 1 for an exponential."""
+        return 1 if self.is_exponential else self.n_coefficients - 1
+
+    def values(
+        self, coefficients: Array, command: Array, *, positive: bool = False, xp: ModuleType = np
+    ) -> Any:
+        """The parameter at commands, perhaps beyond its range, of NumPy or, with `xp`, of JAX.
+
+        The first axis of `coefficients` is that of the coefficients; the others broadcast with `command`. `positive`
+        says whether the scale of the parameter is logarithmic.
+        """
+        if self.nodes:
+            log = positive and self.logarithms
+            return interpolate(self.nodes, coefficients, command, log=log, xp=xp)
+        if self.is_exponential:
+            at_zero, factor, exponent = coefficients
+            return at_zero + factor * xp.exp(exponent * command)
+        value = coefficients[-1] + 0.0 * command
+        for coefficient in coefficients[-2::-1]:
+            value = coefficient + value * command
+        return value
+
+    def through(self, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
+        """Coefficients by least squares from the values `column` of a parameter at commands, (n_commands,)."""
+        if self.is_constant:
+            return [float(np.median(column))]
+        if self.nodes:
+            return self._values_at_nodes(parameter, commands, column)
+        full = self.fitted_degree
+        degree = min(full, len(commands) - 1)
+        polynomial = [float(each) for each in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
+            full - degree
+        )
+        if self.is_exponential:
+            # a + b exp(-u) with the values of the straight line at the lowest and highest command.
+            lowest, highest = commands.min(), commands.max()
+            rise = polynomial[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
+            polynomial = [polynomial[0] + polynomial[1] * lowest - rise * np.exp(-lowest), rise, -1.0]
+        return polynomial
+
+    def _values_at_nodes(self, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
+        """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
+        log = parameter.is_positive and self.logarithms
+        given = np.log(np.maximum(column, parameter.lower)) if log else column
+        degree = min(len(self.nodes), len(commands)) - 1
+        values = np.polyval(np.polyfit(commands, given, degree), self.nodes)
+        if not parameter.is_positive:
+            return [float(value) for value in values]
+        least = max(parameter.lower, _LEAST_SHARE * float(np.max(column)))
+        return [max(float(value), least) for value in (np.exp(values) if log else values)]
+
+    def coefficients_of(self, parameter: ParamSpec, unit: CommandUnit | None) -> list[ParamSpec]:
+        """The coefficients as parameters of a model, for a command in `unit`; the nominal ones make it constant."""
+        if self.is_constant:
+            return [parameter]
+        assert unit is not None  # what follows a command has its unit
+        if self.nodes:
+            return [
+                replace(
+                    parameter,
+                    name=f"{parameter.name}@{node:g}{unit}",
+                    coefficient=Coefficient(parameter=parameter.name, number=number, command=node),
+                    description=f"{parameter.description}; at {node:g} {unit}",
+                )
+                for number, node in enumerate(self.nodes)
+            ]
+        widest = max(abs(parameter.lower), abs(parameter.upper))
+        entries = []
+        for power in range(self.n_coefficients):
+            exponent = self.is_exponential and power == 2
+            bound = 20.0 if exponent else widest
+            # An exponential law has two coefficients in the unit of the parameter, and the exponent in 1/unit.
+            order = int(exponent) if self.is_exponential else power
+            entries.append(
+                replace(
+                    parameter,
+                    name=f"{parameter.name}.{power}",
+                    unit=_per("" if exponent else parameter.unit, unit, order),
+                    scale="linear",
+                    lower=-bound,
+                    upper=bound,
+                    coefficient=Coefficient(parameter=parameter.name, number=power, is_exponent=exponent),
+                    nominal=parameter.nominal if power == 0 else -1.0 if exponent else 0.0,
+                    description=f"{parameter.description}; coefficient {power} of its {self} law",
+                )
+            )
+        return entries
+
+    def equation(self, parameter: ParamSpec, unit: CommandUnit | None) -> str:
+        """The law in a line."""
+        name = parameter.name
+        if self.nodes:
+            what = f"ln {name}" if parameter.is_positive and self.logarithms else name
+            at = ", ".join(f"{node:g}" for node in self.nodes)
+            return f"{what} = polynomial in u through its values at {at} {unit}"
+        if self.is_exponential:
+            return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
+        powers = ["", " u", " u^2", " u^3"][: self.n_coefficients]
+        return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
+
+    def at_commands(self, commands: Sequence[float], *, logarithms: bool) -> CommandLaw:
+        """A polynomial by its coefficients as the law through as many values at tested commands; another law as it is.
+
+        The nodes are the commands, each taken once, that are nearest to evenly spaced ones.
+        """
+        if not self.degree or len(commands) <= self.degree:
+            return self
+        levels = sorted(set(commands))
+        nodes: list[float] = []
+        for wanted in np.linspace(levels[0], levels[-1], self.degree + 1):
+            left = [level for level in levels if level not in nodes]
+            nodes.append(min(left, key=lambda level: abs(level - float(wanted))))
+        return law_through(sorted(nodes), logarithms=logarithms)
+
+    def other_form(self, parameter: ParamSpec) -> CommandLaw | None:
+        """The law through the same values of a positive parameter, direct or in logarithms, if there is one."""
+        if not self.nodes or not parameter.is_positive or len(self.nodes) > len(_POLYNOMIALS):
+            return None
+        return replace(self, logarithms=not self.logarithms)
+
+    def _through(self, coefficients: Floats, commands: Floats, *, log: bool) -> Floats:
+        """The polynomial through the values on the last axis, itself at any commands, (n,)."""
+        there = _powers(self.nodes, commands) @ _basis(self.nodes)
+        log = log and self.logarithms
+        given = np.log(coefficients) if log else coefficients
+        return np.asarray(np.exp(given @ there.T) if log else given @ there.T)
+
+    def rescale_command(self, coefficients: Floats, factor: float, *, positive: bool = False) -> Floats:
+        """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u)."""
+        if self.nodes:
+            return self._through(coefficients, factor * np.array(self.nodes), log=positive)
+        powers = np.arange(coefficients.shape[-1], dtype=np.float64)
+        scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
+        return np.asarray(coefficients * scale)
+
+    def rewrite(
+        self, coefficients: Floats, other: CommandLaw, parameter: ParamSpec, largest: float
+    ) -> Floats | None:
+        """Coefficients of another law for the curve from 0 to `largest`, on the last axis; `None` if it has none."""
+        if other == self:
+            return coefficients
+        padded = [(0, 0)] * (coefficients.ndim - 1) + [(0, other.n_coefficients - self.n_coefficients)]
+        if self.is_constant:
+            # What follows the command is limited to its range.
+            if not ((parameter.lower <= coefficients) & (coefficients <= parameter.upper)).all():
+                return None
+            return np.pad(coefficients, padded, mode="edge" if other.nodes else "constant")
+        if self.is_exponential or self.n_coefficients > other.n_coefficients:
+            return None
+        if not other.nodes:
+            both = self.degree is not None and other.degree is not None
+            return np.pad(coefficients, padded) if both else None
+        # Beyond its nodes a law goes on straight, as one of two coefficients does anyway.
+        ends = (self.nodes[0], self.nodes[-1]) if self.nodes else (-np.inf, np.inf)
+        low, high = zip(ends, (other.nodes[0], other.nodes[-1]), strict=True)
+        covers = max(low) <= 0.0 or low[0] == low[1], min(high) >= largest * _ROUNDED or high[0] == high[1]
+        logarithms = [parameter.is_positive and law.logarithms for law in (self, other)]
+        if logarithms[0] != logarithms[1] or not (self.n_coefficients == 2 or all(covers)):
+            return None
+        if self.nodes:
+            return self._through(coefficients, np.array(other.nodes), log=parameter.is_positive)
+        return np.asarray(coefficients @ np.vander(other.nodes, self.n_coefficients, increasing=True).T)
+
+    def is_special_case_of(self, other: CommandLaw) -> bool:
+        """Whether this law is the other one with some coefficients at zero, or all of its values equal."""
+        if self.degree is None:
+            return False
+        return self.is_constant if other.degree is None else self.degree < other.degree
+
+
+CONSTANT = CommandLaw(0)
+"""The law of a parameter that does not follow the command."""
+EXPONENTIAL = CommandLaw()
+"""p.0 + p.1 exp(p.2 u)."""
+
+
+def polynomial(degree: int) -> CommandLaw:
+    """The polynomial of a degree up to `MOST_DEGREE` by its coefficients."""
+    return CommandLaw(degree)
+
+
+def law_through(commands: Iterable[float], *, logarithms: bool = True) -> CommandLaw:
+    """The law through values at commands, given to twelve digits; beyond four values always in `logarithms`."""
+    nodes = tuple(float(f"{command:.12g}") for command in commands)
+    return CommandLaw(nodes=nodes, logarithms=logarithms or len(nodes) > len(_POLYNOMIALS))
+
+
+@cache
+def law_of(text: LawName | CommandLaw) -> CommandLaw:
+    """The law of a text, such as "quadratic", "quadratic:0,0.5,1" or "values:0,0.5,1"; a law is returned as it is.
+
+    Raises
+    ------
+    UnknownChoiceError
+        If there is no such law, or its commands are not as many rising numbers as it takes.
+    """
+    if isinstance(text, CommandLaw):
+        return text
+    named = {str(each): each for each in named_laws()}
+    if text in named:
+        return named[text]
+    name, _, commands = text.partition(":")
+    try:
+        nodes = tuple(float(command) for command in commands.split(","))
+    except ValueError:
+        nodes = ()
+    rising = all(before < after for before, after in pairwise(nodes)) and bool(np.isfinite(nodes).all())
+    polynomials = [each + 1 for each in range(1, len(_POLYNOMIALS)) if _POLYNOMIALS[each] == name]
+    counts = range(2, _MOST_NODES + 1) if name == _VALUES else polynomials
+    if not (rising and len(nodes) in counts):
+        near = suggestion(name, [*named, _VALUES]) if name == text else ""
+        raise UnknownChoiceError(
+            f"no current law is called {text!r}{near}; a law by values takes rising commands: two to {_MOST_NODES}, as "
+            "in values:0,0.5,1, or as many as a polynomial has coefficients, as in quadratic:0,0.5,1"
+        )
+    return law_through(nodes, logarithms=name == _VALUES)
+
+
+def named_laws() -> tuple[CommandLaw, ...]:
+    """The laws that have a name of their own: polynomials in order of their degree, and the exponential."""
+    return (*map(CommandLaw, range(len(_POLYNOMIALS))), EXPONENTIAL)
+
+
+def laws_in_order(
+    plain: tuple[ParamSpec, ...], laws: Mapping[str, LawName | CommandLaw], model: str
+) -> tuple[CommandLaw, ...]:
+    """Return one law per parameter of the plain model; those not named are constant."""
+    names = [parameter.name for parameter in plain]
+    for name in laws:
+        check_known(
+            name, names, f"{model} has no parameter {name!r} to follow the command", otherwise="it has"
+        )
+    return tuple(law_of(laws.get(name, CONSTANT)) for name in names)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CurrentLaws:
+    """Laws of a model as files have them: text of the law of each plain parameter, unit of the command, lag or not.
+
+    The laws are those of `DamperSpec.with_current_laws`.
+    """
+
+    _made_by: ClassVar[str] = "fit.current"
+
+    unit: CommandUnit
+    laws: tuple[LawName, ...]
+    lagged: bool
+
+
+def interpolate(
+    nodes: tuple[float, ...], values: Array, command: Array, *, log: bool, xp: ModuleType = np
+) -> Array:
+    """Polynomial through values at the nodes, (n_nodes,), its tangent beyond; of the logarithms where `log`."""
+    coefficients = _basis(nodes) @ (xp.log(values) if log else values)
+    t = _place(nodes, command)
+    inside = xp.clip(t, -1.0, 1.0)
+    value, slope = 0.0 * inside, 0.0 * inside
+    for power in reversed(range(len(nodes))):
+        slope = slope * inside + value
+        value = value * inside + coefficients[power]
+    curve = value + slope * (t - inside)
+    return xp.exp(curve) if log else curve
+
+
+def _place(nodes: tuple[float, ...], command: Array) -> Array:
+    """-1 at the first node, 1 at the last."""
+    return (command - 0.5 * (nodes[0] + nodes[-1])) * (2.0 / (nodes[-1] - nodes[0]))
+
+
+def _powers(nodes: tuple[float, ...], command: Floats) -> Floats:
+    """Powers of the place of each command, shape (n_commands, n_nodes)."""
+    return np.asarray(np.vander(_place(nodes, command), len(nodes), increasing=True))
+
+
+@cache
+def _basis(nodes: tuple[float, ...]) -> Floats:
+    """Coefficients of the polynomial in the place of the command for a value of 1 at each node, one column each."""
+    return np.asarray(np.linalg.inv(_powers(nodes, np.array(nodes))), dtype=np.float64)
+
+
+def common_law(
+    curves: Sequence[tuple[CommandLaw, Floats, float]], parameter: ParamSpec
+) -> tuple[CommandLaw, list[Floats]] | None:
+    """The law of fewest coefficients that writes every curve, and the coefficients of each; `None` if there is none.
+
+    A curve has a law, coefficients on the last axis, and a largest command. Polynomials have the highest degree of all;
+    laws by values the commands of one of them, or as many evenly spaced from 0 to the largest command.
+    """
+    tried = sorted(dict.fromkeys(law for law, _, _ in curves), key=lambda law: law.n_coefficients)
+    count = tried[-1].n_coefficients
+    if any(law.nodes for law in tried):
+        logarithms = not parameter.is_positive or any(law.logarithms for law in tried)
+        commands = np.linspace(0.0, max(largest for _, _, largest in curves), count)
+        if logarithms or count <= len(_POLYNOMIALS):
+            tried.append(law_through(commands, logarithms=logarithms))
+    for other in tried:
+        written = [law.rewrite(each, other, parameter, largest) for law, each, largest in curves]
+        if all(each is not None for each in written):
+            return other, [each for each in written if each is not None]
+    return None
+
+
+def _per(unit: str, command: CommandUnit, power: int) -> str:
+    """`unit` divided by a power of the unit of the command, in the notation of this package: N/(m A), 1/A."""
+    if power == 0:
+        return unit
+    divisor = command if power == 1 else f"{command}^{power}"
+    if unit in ("", "1"):
+        return f"1/{divisor}"
+    numerator, slash, denominator = unit.partition("/")
+    return f"{numerator}/({denominator} {divisor})" if slash else f"{numerator}/{divisor}"
