@@ -20,7 +20,6 @@ from .passive_devices import with_optimal_tuned_mass as with_optimal_tuned_mass
 from .passive_devices import with_tuned_mass as with_tuned_mass
 from .passive_devices import with_yielding_damper as with_yielding_damper
 from .state_space import LinearSystem as LinearSystem
-from .state_space import balanced_truncation as balanced_truncation
 from .state_space import building_of as building_of
 from .state_space import from_control as from_control
 from .state_space import modal_truncation as modal_truncation

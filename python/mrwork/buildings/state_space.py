@@ -1,4 +1,4 @@
-"""Linear systems of first order: from and to buildings, model reduction, exchange with python-control, files."""
+"""Linear systems of first order: from and to buildings, to and from python-control, from files; reduction to modes."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LinearSystem(Summarised):
     A, B, C, D
         Shapes (n, n), (n, n_inputs), (n_outputs, n), (n_outputs, n_inputs).
     input_names, output_names
-        By default "input 1", "output 1" and so on.
+        Empty where the inputs or outputs have no names.
     """
 
     _made_by: ClassVar[str] = "mr.buildings.system_of(building) or mr.buildings.read_system(path)"
@@ -63,52 +63,18 @@ class LinearSystem(Summarised):
                     f"linear system: {title} is {given[0]} x {given[1]} where {rows} x {columns} was expected"
                 )
         for field, noun, count in (("input_names", "input", n_inputs), ("output_names", "output", n_outputs)):
-            names = tuple(getattr(self, field)) or tuple(f"{noun} {number}" for number in range(1, count + 1))
-            if len(names) != count:
+            names = getattr(self, field)
+            if names and len(names) != count:
                 raise SettingError(
                     f"linear system: {len(names)} {noun} names for {count} {noun}s; name each of them"
                 )
-            if len(set(names)) < count:
+            if len(set(names)) < len(names):
                 raise SettingError(f"linear system: two {noun}s have one name; give each a name of its own")
-            object.__setattr__(self, field, names)
 
     @property
     def n_states(self) -> int:
         """Number of states."""
         return len(self.A)
-
-    @property
-    def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of A [rad/s], shape (n,)."""
-        return np.linalg.eigvals(self.A).astype(np.complex128)
-
-    @checked
-    def frequency_response(self, frequency: Floats) -> NDArray[np.complex128]:
-        """`C (i omega - A)^-1 B + D` at frequencies [Hz], shape (n_frequencies, n_outputs, n_inputs)."""
-        if frequency.ndim != 1:
-            raise SettingError(f"`frequency` has shape {frequency.shape}; give (n_frequencies,)")
-        s = 2j * np.pi * frequency[:, None, None]
-        try:
-            states = np.linalg.solve(s * np.eye(self.n_states) - self.A, self.B[None])
-        except np.linalg.LinAlgError:
-            raise SettingError(
-                "the response is infinite at one of the frequencies, that of an undamped pole; leave it out"
-            ) from None
-        return np.asarray(self.C @ states + self.D, dtype=np.complex128)
-
-    @checked
-    def select(self, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> LinearSystem:
-        """Return the system with selected inputs and outputs, by name and in that order; an empty selection is all."""
-        columns = _indices(inputs, self.input_names, "input")
-        rows = _indices(outputs, self.output_names, "output")
-        return replace(
-            self,
-            B=self.B[:, columns],
-            C=self.C[rows],
-            D=self.D[np.ix_(rows, columns)],
-            input_names=tuple(self.input_names[column] for column in columns),
-            output_names=tuple(self.output_names[row] for row in rows),
-        )
 
     def to_control(self) -> StateSpace:
         """Convert to a StateSpace of python-control.
@@ -126,7 +92,8 @@ class LinearSystem(Summarised):
             ) from error
         # python-control reserves the point in signal names.
         inputs, outputs = (
-            [name.replace(".", ",") for name in names] for names in (self.input_names, self.output_names)
+            [name.replace(".", ",") for name in names] or None
+            for names in (self.input_names, self.output_names)
         )
         return StateSpace(self.A, self.B, self.C, self.D, inputs=inputs, outputs=outputs)
 
@@ -151,13 +118,6 @@ def from_control(system: StateSpace) -> LinearSystem:
         input_names=tuple(system.input_labels),
         output_names=tuple(system.output_labels),
     )
-
-
-def _indices(selected: Sequence[str], names: tuple[str, ...], noun: str) -> list[int]:
-    for name in selected:
-        if name not in names:
-            raise UnknownNameError(f"there is no {noun} {name!r}; choose among {', '.join(names)}")
-    return [names.index(name) for name in selected or names]
 
 
 OUTPUTS: Final[Mapping[str, tuple[Literal["floor", "storey"], Literal[0, 1, 2]]]] = {
@@ -401,12 +361,6 @@ def _real_modes(stiffness: Floats, name: str) -> tuple[Floats, list[slice]]:
     return np.asarray(shapes), spaces
 
 
-# Square roots of the Gramians are exact to the square root of rounding; smaller singular values are noise.
-_NOISE: Final = 1e-8
-# Real parts of poles below this share of the largest magnitude are rounding.
-_POLE_ROUNDING: Final = 1e-13
-
-
 @checked
 def modal_truncation(building: Building, *, n_modes: int) -> Building:
     """Return the building in the coordinates of its lowest modes.
@@ -442,58 +396,3 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
         source=source_with(building, f"reduced to {n_modes} modes"),
         status="ours",
     )
-
-
-@array_dataclass(repr=False)
-class BalancedReduction(Summarised):
-    """A reduced system, the Hankel singular values of the full system, shape (n,), and an error bound.
-
-    `error_bound` limits the largest singular value of the difference of the frequency responses at any frequency.
-    """
-
-    system: LinearSystem
-    hankel: Floats
-    error_bound: float
-
-
-@checked
-def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReduction:
-    """Reduce a stable system to its most controllable and observable states.
-
-    Square-root method (Tombs, Postlethwaite, Int. J. Control 46, 1987, 1319-1330); the error is at most twice the sum
-    of the truncated Hankel singular values (Glover, Int. J. Control 39, 1984, 1115-1193).
-
-    Raises
-    ------
-    SettingError
-        If the system is not stable, or has fewer significant states than `order`.
-    """
-    if not system.n_states:
-        raise SettingError("balanced truncation: the system has no states; give one that has")
-    slowest, noise = float(system.poles.real.max()), _POLE_ROUNDING * float(np.abs(system.poles).max())
-    if slowest >= -noise:
-        # Of an undamped mode it is rounding, which differs between machines.
-        raise SettingError(
-            f"balanced truncation: a pole of the system has the real part {slowest if slowest > noise else 0.0:g} 1/s; "
-            "it must be stable, so give each mode some damping"
-        )
-    controllability = _root(scipy.linalg.solve_continuous_lyapunov(system.A, -system.B @ system.B.T))
-    observability = _root(scipy.linalg.solve_continuous_lyapunov(system.A.T, -system.C.T @ system.C))
-    left, hankel, right = scipy.linalg.svd(observability.T @ controllability)
-    n_clear = int((hankel > _NOISE * hankel[0]).sum())
-    if not 1 <= order <= n_clear:
-        raise SettingError(
-            f"balanced truncation: order {order} was requested; {n_clear} of {system.n_states} states are clear of "
-            f"rounding, give a number from 1 to {n_clear}"
-        )
-    scale = 1.0 / np.sqrt(hankel[:order])
-    into = scale[:, None] * (left[:, :order].T @ observability.T)
-    out = (controllability @ right[:order].T) * scale
-    reduced = replace(system, A=into @ system.A @ out, B=into @ system.B, C=system.C @ out)
-    return BalancedReduction(system=reduced, hankel=hankel, error_bound=2.0 * float(hankel[order:].sum()))
-
-
-def _root(gramian: NDArray[np.floating]) -> Floats:
-    """Return L with L L' = gramian; eigenvalues made negative by rounding are set to zero."""
-    values, vectors = np.linalg.eigh((gramian + gramian.T) / 2.0)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
