@@ -118,10 +118,12 @@ with (script.folder / "tuned.toml").open("rb") as file:
     tuned = tomllib.load(file)
 if script.quick:
     tuned = {name: tuned[name] for name in ("clipped_optimal", "lyapunov_direct", "inverse_direct")}
+with (script.folder / "networks.toml").open("rb") as file:
+    networks = tomllib.load(file)
 
 
 def law_of(
-    name: str, setting: Any, sample_time: float = 1e-3, *, lagged: bool = True
+    name: str, level: float, setting: Any, sample_time: float = 1e-3, *, lagged: bool = True
 ) -> tuple[mr.ControlLaw, mr.Device]:
     """The law with these settings, and its device."""
     name = name.removesuffix("_limited")
@@ -129,13 +131,14 @@ def law_of(
     # A law is designed for the pair with its driver, also where the loop has none.
     believed = pair(setting["largest_current"], differential=name != "active")
     problem = mr.control.DesignProblem(building=FRAME, devices=[believed], sample_time=sample_time)
-    return mr.control.design_law(name, problem, setting["settings"]), device
+    network = networks[f"{level:g} g"][f"{1e3 * sample_time:g} ms"] if name == "inverse_network" else {}
+    return mr.control.design_law(name, problem, setting["settings"] | network), device
 
 
 def run(name: str, level: float, setting: Any, *, lagged: bool = True, **loop: Any) -> Any:
     """Ratios of a law to i = 0, shape (1, 4 records, 4 criteria), and its responses."""
     sample_time = loop.get("hardware", HARDWARE).sample_time
-    responses = simulated(level, *law_of(name, setting, sample_time, lagged=lagged), **loop)
+    responses = simulated(level, *law_of(name, level, setting, sample_time, lagged=lagged), **loop)
     return criteria(responses) / OFF[level], responses
 
 
@@ -219,7 +222,6 @@ if not script.quick:
     )
 
 # %% A search: 48 candidates about the settings of a law, a factor exp(N(0, 0.4^2)) on every number.
-TRAINED = ("amplitude", "velocity", "hidden", "seed")  # what the network of an inverse learns stays
 for name in script.options.tune:
     rng, rows = np.random.default_rng(script.seed), {}
     for level in LEVELS:
@@ -228,7 +230,7 @@ for name in script.options.tune:
         rows[f"{level:g} g, as it was"] = {"phi": least, "settings": str(start)}
         for number in range(48):
             settings = {
-                key: value if key in TRAINED else float(f"{value * np.exp(0.4 * rng.standard_normal()):.3g}")
+                key: float(f"{value * np.exp(0.4 * rng.standard_normal()):.3g}")
                 for key, value in start["settings"].items()
             }
             largest = min(FULL, start["largest_current"] * (0.7, 0.85, 1.0, 1.2)[number % 4])

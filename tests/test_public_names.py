@@ -52,7 +52,6 @@ SMALL_VALUES = {
     "Envelope",
     "Fault",
     "Finding",
-    "FurtherSignal",
     "GammaEnvelope",
     "Judgement",
     "KanaiTajimi",

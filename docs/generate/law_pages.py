@@ -8,7 +8,6 @@ from generate.equations import tex
 from generate.markdown import code, directive, document, fenced, prose, table, toctree
 from generate.study_keys import documentation, key_table
 from mrwork.control import ControlLawSpec, control_laws
-from mrwork.control.laws.control_law import SOURCES
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.study.arrangements import CONSTANT_LAWS
@@ -83,24 +82,8 @@ def _page(spec: ControlLawSpec) -> str:
             ],
         )
         or "The law has no gains.",
-        _further_signals() if spec.takes_signals else "",
         "## Use",
         fenced("toml", f'[[controller]]\nlaw = "{spec.name}"'),
-    )
-
-
-def _further_signals() -> str:
-    """What a law of measured signals may take besides those of its device."""
-    rows = [
-        (code(name), code(source), "running root mean square" if is_rms else "reading")
-        for name, (source, is_rms) in SOURCES.items()
-    ]
-    return document(
-        "## Further signals",
-        "The setting `signals` names readings that the law takes besides those of its device; `floors` and "
-        "`rms_floors` add the absolute accelerations of floors. {py:class}`mrwork.control.FurtherSignal` defines the "
-        "running root mean square.",
-        table(("signal", "of", "as"), rows),
     )
 
 
@@ -109,6 +92,5 @@ def _shape(shape: str, numbers: int) -> str:
         "device": "one for each device",
         "state": "one for each device and state",
         "numbers": f"{numbers} for each device",
-        "signal": f"{numbers} for each device and further signal",
         "loop": "one",
     }[shape]

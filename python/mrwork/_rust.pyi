@@ -173,14 +173,6 @@ class ForceCurve:
 class LoopModel:
     def __new__(cls, building: Building, dampers: Dampers) -> LoopModel: ...
 
-class _FurtherSignal(Protocol):
-    @property
-    def source(self) -> str: ...
-    @property
-    def floor(self) -> int: ...
-    @property
-    def time_constant(self) -> float | None: ...
-
 @final
 class Controller:
     def __new__(
@@ -191,7 +183,6 @@ class Controller:
         curve: ForceCurve | None = None,
         shaping: _Floats | None = None,
         model: LoopModel | None = None,
-        signals: Sequence[_FurtherSignal] = ...,
     ) -> Controller: ...
 
 @final

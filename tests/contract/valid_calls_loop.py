@@ -49,11 +49,8 @@ def buildings_calls(_: Path) -> Calls:
     yield call(of.LinearSystem, **{name: getattr(system, name) for name in "ABCD"})
     plain = {"A": [[-1.0]], "B": [[1.0]], "C": [[1.0]], "D": [[0.0]]}
     yield call(of.LinearSystem, **plain, input_names=["u"], output_names=["y"])
-    yield call(system.frequency_response, frequency=[0.1, 1.0])
-    yield call(system.select, inputs=["force in storey 1"], outputs=["drift of storey 1"])
     yield call(of.system_of, building=frame, outputs=["drift", "acceleration"], devices=[1, "storey 2"])
     yield from calls_with({**facts, "system": of.system_of(frame)}, of.building_of)
-    yield call(of.balanced_truncation, system=system, order=4)
     yield call(of.chain, storeys=frame.storeys, values=[1.0, 2.0, 3.0, 4.0, 5.0])
     shear = {"masses": [1.0, 2.0], "stiffnesses": [100.0, 200.0], "storey_damping": [1.0, 1.0]}
     shear |= {"floor_names": ["a", "b"], "storey_names": ["c", "d"]}
@@ -139,14 +136,11 @@ def laws_calls(_: Path) -> Calls:
     clipped = {"accelerations": [1.0] * 5, "control_weight": [1e-7, 1e-7], "full_force": 1e3}
     known = of.design_law("clipped_optimal", problem, of.RegulatorSettings(control_weight=1e-7))
     table = fuzzy_table()[1].ravel()
-    tables = {"terms": [1.0, 0, 0, 0, 0, 1], "reach": [1e-2, 1.0, 1e3, 1e3, 2.0]}
-    signals = (of.FurtherSignal(source="ground_acceleration"),)
     scales = {"deformation_scale": [2e-3, 2e-3], "rate_scale": [0.05, 0.05]}
     gains = dict(known.gains)
     yield call(mr.ControlLaw, name="clipped_optimal", gains=gains)
     yield call(mr.ControlLaw, name="fuzzy", gains=scales, tables={"shares": table})
     yield call(mr.ControlLaw, name="inverse_direct", gains=gains, curve=rd1005())
-    yield call(mr.ControlLaw, name="signal_polynomial", gains=gains, tables=tables, signals=signals)
     yield call(known.gain_rows, n_devices=2, n_states=10)
     yield call(of.settings_of, name="modified_clipped_optimal", given=clipped)
     yield call(of.design_law, name="modified_clipped_optimal", problem=problem, settings=clipped)
@@ -165,7 +159,6 @@ def loop_calls(_: Path) -> Calls:
     device = {
         name: getattr(loop[0], name) for name in ("name", "spec", "theta", "row", "largest_command", "count")
     }
-    commands = of.PrescribedCommands(interval=0.02, command=[[0.0, 0.0], [1.0, 1.0]])
     yield call(mr.Device, **device, differential=True, lag=190.0)
     yield call(mr.Device, **{**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))})
     demand = {
@@ -183,14 +176,12 @@ def loop_calls(_: Path) -> Calls:
         **{"deformation_resolution": 1e-5, "faults": (of.Fault(channel="force"),)},
     }
     yield call(mr.Hardware, **hardware)
-    yield call(of.PrescribedCommands, interval=0.5, command=[[0.0, 1.0], [1.0, 0.5]])
-    yield call(of.PrescribedCommands.of_history, command=np.ones((40, 2)), sample_time=1e-3, interval=0.01)
     yield call(of.UserLaw, name="x", command=_viscous, n_candidates=2, n_memory=1, rms_time=1.0, source="s")
     values = {
         **{"building": frame, "nominal": frame, "devices": loop, "law": law},
         **{"motions": [motion], "motion": motion},
         **{"hardware": mr.Hardware(feedback="observer"), "histories": False, "step_factor": 1, "threads": 1},
-        **{"shaping": [[0.01, 50.0]], "commands": commands},
+        **{"shaping": [[0.01, 50.0]]},
         "variation": of.LoopVariation(
             buildings=(frame, frame), delay=np.zeros(2), seed=np.zeros(2, dtype=np.int64)
         ),

@@ -277,13 +277,6 @@ def _signal_network(run: Recorded) -> Floats:
     return np.column_stack(shares) * run.largest
 
 
-def _signal_polynomial(run: Recorded) -> Floats:
-    inputs = np.clip(_signals(run) / np.reshape(np.asarray(run.law.tables["reach"]), (4, 1, 1)), -1.0, 1.0)
-    terms = np.reshape(run.law.tables["terms"], (-1, 5))
-    share = sum(term[0] * np.prod(inputs ** term[1:, None, None], axis=0) for term in terms)
-    return np.clip(share, 0.0, 1.0) * run.largest
-
-
 def _acceleration_driven(run: Recorded) -> Floats:
     return _on(run.absolute_acceleration * run.rate, run.largest)
 
@@ -333,7 +326,6 @@ FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "inverse_parabola": _inverse_parabola,
     "inverse_network": _network,
     "signal_network": _signal_network,
-    "signal_polynomial": _signal_polynomial,
     "active": _active,
     "acceleration_driven": _acceleration_driven,
     "mixed_skyhook": _mixed_skyhook,

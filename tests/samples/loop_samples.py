@@ -118,7 +118,7 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
     inverses = ("inverse_direct", "inverse_parabola", "inverse_network")
     gains: dict[str, dict[str, Floats]] = {
         **{key: {"weight": weight} for key in weighed},
-        **{key: {"gain": K} for key in ("clipped_optimal", *inverses, "signal_polynomial", "active")},
+        **{key: {"gain": K} for key in ("clipped_optimal", *inverses, "active")},
         **{
             key: {"gain": K, "full_force": 1000.0 * each}
             for key in ("modified_clipped_optimal", "proportional_clipped_optimal")
@@ -161,7 +161,6 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
     tables: dict[str, dict[str, Floats]] = {
         "fuzzy": {"shares": strength * _shares()},
         "inverse_network": _network(strength),
-        "signal_polynomial": _signal_polynomial(strength),
         "predictive_rollout": {
             # A decision of two samples of 4 ms, in eight steps.
             "timing": np.array([8e-3, 1e-3, 0.0, 0.2, 5.0]),
@@ -207,15 +206,6 @@ def _signal_network(n_devices: int) -> Floats:
     networks = np.random.default_rng(7).normal(size=(n_devices, 25))
     networks[:, :-1].reshape(n_devices, 4, 6)[:, :, 1:-1] /= [2e-3, 0.05, 1000.0, 1000.0]
     return networks
-
-
-def _signal_polynomial(strength: float) -> dict[str, Floats]:
-    coefficients = strength * np.array([0.2, 1.5, -0.7])
-    powers = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [2.0, 1.0, 0.0, 1.0]])
-    return {
-        "terms": np.column_stack([coefficients, powers]),
-        "reach": np.array([2e-3, 0.05, 1000.0, 1000.0]),
-    }
 
 
 def plant_with(loop: list[Device], of: Building | None = None) -> Plant:

@@ -24,11 +24,16 @@ from mrwork.tuning.run import plan_of
 from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
 from mrwork.tuning.space import LARGEST, objective_of, space_of
 
-# A network is trained for every score.
-SMOOTH = [law.name for law in control_laws() if not law.switches and law.name != "inverse_network"]
+SMOOTH = [law.name for law in control_laws() if not law.switches]
 MOTIONS = tuning_samples.motion("A", 1) + tuning_samples.motion("B", 2).replace("3\n", "1.5\n", 1)
 SHORT = MOTIONS.replace("duration = 3", "duration = 1")
-HELD: dict[str, dict[str, Any]] = {"signal_polynomial": {"terms": [[0.5, 0, 1, 0, 1], [0.2, 1, 0, 1, 0]]}}
+HELD: dict[str, dict[str, Any]] = {
+    "inverse_network": {
+        "layer": [[0.1, 100.0, 5.0, 5e-4, 1.0], [-0.3, 40.0, -8.0, 8e-4, 0.7]],
+        "output": 0.8,
+        "reach": [5e-3, 0.1, 2000.0],
+    }
+}
 
 
 def slopes_of(study: mr.Study, table: TuneTable, threads: int = 1) -> ScoreSlopes:

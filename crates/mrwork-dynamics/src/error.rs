@@ -163,12 +163,6 @@ pub enum DynamicsError {
     /// A law that reads accelerations, for a device that is not between floors or floor and ground.
     #[error("the law `{0}` reads accelerations at the ends of each device; attach the devices to floors")]
     NoAcceleration(&'static str),
-    /// Further signals of a law that takes none.
-    #[error("the law `{0}` takes no further signals; leave them out")]
-    NoSignals(&'static str),
-    /// A signal with a time constant that no mean can have.
-    #[error("signal {0}, counted from 0, has a time constant that is not positive or not finite")]
-    TimeConstant(usize),
     /// A dead zone or a slope that no command can have.
     #[error(
         "candidate {0}, counted from 0, has a dead zone that is negative or not finite, or a slope that is not positive"

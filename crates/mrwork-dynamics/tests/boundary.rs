@@ -9,7 +9,7 @@ use mrwork_dynamics::closed_loop::{
     Batch, Channel, Directions, Fault, Hardware, RUN_QUANTITIES, Run, Sensor, Shaping, respond,
     respond_with_slopes, width,
 };
-use mrwork_dynamics::control::{Law, LoopSizes, Signal, Source};
+use mrwork_dynamics::control::{Law, LoopSizes};
 use mrwork_dynamics::coupled::Mounting;
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{REGISTRY, find_device};
@@ -48,13 +48,6 @@ fn number() -> impl Strategy<Value = f64> {
 
 fn plain() -> impl Strategy<Value = f64> {
     prop_oneof![20 => -1.0..1.0, 1 => select(vec![0.0, 1e300, -1e300, 5e-324, f64::NAN])]
-}
-
-/// What a further signal may be of.
-fn source() -> impl Strategy<Value = Source> {
-    let known =
-        [Source::Deformation, Source::Rate, Source::Force, Source::Acceleration, Source::GroundAcceleration];
-    prop_oneof![5 => select(known.to_vec()), 1 => count(0).prop_map(Source::Floor)]
 }
 
 /// Entries of which few are not zero.
@@ -216,7 +209,7 @@ proptest! {
             (prop_oneof![6 => Just(0.01), 1 => 0.001..1.0, 1 => select(vec![0.0, -1.0, f64::NAN, f64::INFINITY])], count(1), count(0), number()),
         sensors in vec([number(), number()], 4),
         fault in proptest::option::of((select(vec![Channel::Acceleration(0), Channel::Command(0), Channel::Force(usize::MAX), Channel::GroundAcceleration]), count(0), count(2), proptest::option::of(number()))),
-        (shaping, signals) in (vec((number(), number()), 0..3), vec((source(), proptest::option::of(number())), 0..3)),
+        shaping in vec((number(), number()), 0..3),
         (factors, later, runs) in (vec(number(), 0..3), prop_oneof![6 => 0..4_u32, 1 => any::<u32>()], vec((0..2_u32, 0..2_u32, 0..2_u32), 0..5)),
         (fit, right, set) in (any::<bool>(), 0..8_u8, set()),
     ) {
@@ -258,8 +251,6 @@ proptest! {
                 building.with_springs(&scaled(&damping, factor), &scaled(&stiffness, factor)).ok()
             })
             .collect();
-        let signals: Vec<Signal> =
-            signals.into_iter().map(|(source, time_constant)| Signal { source, time_constant }).collect();
         let damper = find_device("static_hysteretic").expect("a registered model");
         let laws = CurrentLaws::constant(damper.spec());
         let theta: Vec<f64> = (0..2 * n_devices).flat_map(|_| nominal(damper)).collect();
@@ -270,7 +261,7 @@ proptest! {
             mountings.resize(n_devices, Mounting { count: 1.0, differential: false });
             ranges.resize(n_devices, [0.0, 1.0]);
             ranges.iter_mut().filter(|[from, to]| from > to || from.is_nan() || to.is_nan()).for_each(|range| *range = [0.0, 1.0]);
-            gains.resize(2 * law.spec().n_gains(LoopSizes { n_devices, n_states: 2 * n, n_signals: signals.len() }), 0.5);
+            gains.resize(2 * law.spec().n_gains(LoopSizes { n_devices, n_states: 2 * n }), 0.5);
         }
         let motion = GroundMotion::new(0.01, &[0.0, 1.0, -1.0, 0.5]).expect("a motion");
         let [acceleration, deformation, force, ground_acceleration] =
@@ -305,7 +296,6 @@ proptest! {
             outside: None,
             gains: &gains,
             tables: &tables,
-            signals: &signals,
             shaping: &shaping,
             curve: None,
             model: None,

@@ -236,7 +236,6 @@ pub fn respond<'py>(
         outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
         gains: controller.gains(n_devices, 2 * n_coordinates)?,
         tables: &controller.tables,
-        signals: &controller.signals,
         shaping: &controller.shaping,
         curve: controller.curve()?,
         model: controller.model(),

@@ -1,13 +1,11 @@
 //! Control laws in Python, and a law with its gains.
 
 use mrwork_dynamics::closed_loop::Shaping;
-use mrwork_dynamics::control::{
-    CurveModel, Law, LawSpec, LoopModel as DynamicsModel, LoopSizes, Signal, Source, Unit,
-};
+use mrwork_dynamics::control::{CurveModel, Law, LawSpec, LoopModel as DynamicsModel, LoopSizes, Unit};
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::find;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
-use pyo3::exceptions::{PyLookupError, PyValueError};
+use pyo3::exceptions::PyLookupError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -34,7 +32,6 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
     entry.set_item("needs_model", spec.needs_model)?;
     entry.set_item("commands_force", spec.commands_force)?;
     entry.set_item("reads_acceleration", spec.reads_acceleration)?;
-    entry.set_item("takes_signals", spec.takes_signals)?;
     entry.set_item("switches", spec.switches)?;
     let gains = spec.gains.iter().map(|gain| {
         let entry = PyDict::new(py);
@@ -86,42 +83,13 @@ impl LoopModel {
     }
 }
 
-/// A further signal of a law, by the names of its numbers in Python.
-#[derive(FromPyObject)]
-struct FurtherSignal {
-    source: String,
-    floor: usize,
-    time_constant: Option<f64>,
-}
-
-impl FurtherSignal {
-    fn dynamics(self) -> PyResult<Signal> {
-        let source = match self.source.as_str() {
-            "deformation" => Source::Deformation,
-            "rate" => Source::Rate,
-            "force" => Source::Force,
-            "acceleration" => Source::Acceleration,
-            "floor_acceleration" => Source::Floor(self.floor),
-            "ground_acceleration" => Source::GroundAcceleration,
-            other => {
-                return Err(PyValueError::new_err(format!(
-                    "a signal is a deformation, rate, force, acceleration, floor_acceleration or ground_acceleration, \
-                     not `{other}`"
-                )));
-            }
-        };
-        Ok(Signal { source, time_constant: self.time_constant })
-    }
-}
-
-/// A control law with the gains of its candidates, its tables, its models of the dampers and of the loop, the dead zone
-/// and slope of the command of each candidate, shape (candidates, 2), and the further signals that it takes.
+/// A control law with the gains of its candidates, its tables, its models of the dampers and of the loop, and the dead zone
+/// and slope of the command of each candidate, shape (candidates, 2).
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Controller {
     pub(crate) law: Law,
     pub(crate) tables: Vec<Vec<f64>>,
     pub(crate) shaping: Vec<Shaping>,
-    pub(crate) signals: Vec<Signal>,
     gains: Vec<f64>,
     shape: Vec<usize>,
     curve: Option<Py<ForceCurve>>,
@@ -131,7 +99,7 @@ pub struct Controller {
 #[pymethods]
 impl Controller {
     #[new]
-    #[pyo3(signature = (law, gains, tables=Vec::new(), curve=None, shaping=None, model=None, signals=Vec::new()))]
+    #[pyo3(signature = (law, gains, tables=Vec::new(), curve=None, shaping=None, model=None))]
     fn new(
         law: &str,
         gains: PyReadonlyArray2<'_, f64>,
@@ -139,7 +107,6 @@ impl Controller {
         curve: Option<Py<ForceCurve>>,
         shaping: Option<PyReadonlyArray2<'_, f64>>,
         model: Option<Py<LoopModel>>,
-        signals: Vec<FurtherSignal>,
     ) -> PyResult<Self> {
         let law = Law::find(law)
             .ok_or_else(|| PyLookupError::new_err(format!("no control law is called `{law}`")))?;
@@ -155,7 +122,6 @@ impl Controller {
         Ok(Self {
             law,
             shaping,
-            signals: signals.into_iter().map(FurtherSignal::dynamics).collect::<PyResult<_>>()?,
             tables: tables.collect::<PyResult<_>>()?,
             gains: contiguous("gains", &gains)?.to_vec(),
             shape: gains.shape().to_vec(),
@@ -168,8 +134,7 @@ impl Controller {
 impl Controller {
     /// The gains, shape (candidates, gains), of a loop with these numbers of devices and states.
     pub fn gains(&self, n_devices: usize, n_states: usize) -> PyResult<&[f64]> {
-        let n_gains =
-            self.law.spec().n_gains(LoopSizes { n_devices, n_states, n_signals: self.signals.len() });
+        let n_gains = self.law.spec().n_gains(LoopSizes { n_devices, n_states });
         with_shape("gains", &self.shape, &[("candidates", None), ("gains", Some(n_gains))])?;
         Ok(&self.gains)
     }

@@ -2,8 +2,6 @@ from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
 from .evaluation import criteria as criteria
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
-from .prescribed import PrescribedCommands as PrescribedCommands
-from .prescribed import simulate_prescribed as simulate_prescribed
 from .responses import History as History
 from .responses import Responses as Responses
 from .simulate import Device as Device

@@ -111,7 +111,7 @@ class Criterion:
     name: str
     title: str
     short: str
-    quantity: str = ""
+    of_quantity: str = ""
     summed: bool = False
     of_roof: bool = False
     scale: Scale = ""
@@ -123,8 +123,10 @@ class Criterion:
     optional: bool = False
     usual: tuple[float, float] | None = None
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "quantity", self.quantity or self.name)
+    @property
+    def quantity(self) -> str:
+        """Quantity of a run that is reduced to it: of the same name where no other is stated."""
+        return self.of_quantity or self.name
 
     @property
     def reference_criterion(self) -> str:
@@ -298,29 +300,29 @@ _CRITERIA = (
     Criterion(name="peak_displacement", title="Peak displacement", short="Displ.", labels=(f"J1 of {_JANSEN}",)),
     Criterion(name="peak_drift", title="Peak drift", short="Drift", labels=(f"J1 of {_OHTORI}", f"J2 of {_JANSEN}"),
         usual=(5e-5, 1.0)),
-    Criterion(name="peak_drift_ratio", title="Peak drift ratio", short="Drift ratio", quantity="peak_drift",
+    Criterion(name="peak_drift_ratio", title="Peak drift ratio", short="Drift ratio", of_quantity="peak_drift",
         scale="height", ratio=False, optional=True, usual=DRIFT_RATIOS),
     Criterion(name="peak_roof_displacement", title="Peak displacement of the roof", short="Roof displ.",
-        quantity="peak_displacement", of_roof=True, ratio=False, optional=True),
-    Criterion(name="peak_ductility", title="Peak drift over yield drift", short="Ductility", quantity="peak_drift",
+        of_quantity="peak_displacement", of_roof=True, ratio=False, optional=True),
+    Criterion(name="peak_ductility", title="Peak drift over yield drift", short="Ductility", of_quantity="peak_drift",
         scale="yield drift", ratio=False, optional=True),
-    Criterion(name="stability_coefficient", title="Stability coefficient", short="Stability", quantity="peak_drift",
+    Criterion(name="stability_coefficient", title="Stability coefficient", short="Stability", of_quantity="peak_drift",
         scale="stability", ratio=False, optional=True),
     Criterion(name="residual_drift", title="Residual drift", short="Residual drift", ratio=False, optional=True),
     Criterion(name="residual_drift_ratio", title="Residual drift ratio", short="Residual ratio",
-        quantity="residual_drift", scale="height", ratio=False, optional=True, usual=(1e-5, 0.1)),
+        of_quantity="residual_drift", scale="height", ratio=False, optional=True, usual=(1e-5, 0.1)),
     Criterion(name="peak_acceleration", title="Peak acceleration", short="Acc.",
         labels=(f"J2 of {_OHTORI}", f"J3 of {_JANSEN}"), usual=(0.1, 80.0)),
     Criterion(name="peak_base_shear", title="Peak base shear", short="Shear", labels=(f"J3 of {_OHTORI}",)),
     Criterion(name="base_shear_coefficient", title="Peak base shear over weight", short="Shear over weight",
-        quantity="peak_base_shear", scale="weight", ratio=False, optional=True),
+        of_quantity="peak_base_shear", scale="weight", ratio=False, optional=True),
     Criterion(name="rms_displacement", title="RMS displacement", short="RMS displ."),
     Criterion(name="rms_drift", title="RMS drift", short="RMS drift", labels=(f"J4 of {_OHTORI}",)),
     Criterion(name="rms_acceleration", title="RMS acceleration", short="RMS acc.", labels=(f"J5 of {_OHTORI}",)),
     Criterion(name="rms_base_shear", title="RMS base shear", short="RMS shear", labels=(f"J6 of {_OHTORI}",)),
     Criterion(name="peak_force", title="Peak device force", short="Force", ratio=False),
     Criterion(name="peak_force_share", title="Peak device force over weight", short="Force share",
-        quantity="peak_force", scale="weight", labels=(f"J11 of {_OHTORI}", f"J4 of {_JANSEN}"), ratio=False),
+        of_quantity="peak_force", scale="weight", labels=(f"J11 of {_OHTORI}", f"J4 of {_JANSEN}"), ratio=False),
     Criterion(name="peak_stroke", title="Peak stroke", short="Stroke", labels=(f"J12 of {_OHTORI}",),
         over="peak_drift", ratio=False, usual=(1e-4, 1.0)),
     Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False, of_command=True),

@@ -6,14 +6,12 @@ Its keys are also those of [hardware] in a study file, where floors and dampers 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
 from mrwork.base.arguments import May, checked
 from mrwork.base.keys import key, optional, positive
 from mrwork.base.summary import Summarised, Summary
-from mrwork.control.laws.control_law import FurtherSignal
 from mrwork.errors import InvalidSettingError, SettingError
 
 LoopSignal = Literal["acceleration", "deformation", "force", "command", "ground_acceleration"]
@@ -257,16 +255,3 @@ def refuse_unread(hardware: Hardware, *, accelerations: bool, forecasts: bool) -
             raise InvalidSettingError(name, f"`{name}` {_UNREAD}")
     if any(fault.channel == "acceleration" for fault in hardware.faults):
         raise SettingError(f"a fault of the accelerations {_UNREAD}")
-
-
-def refuse_unmeasured(hardware: Hardware, signals: Sequence[FurtherSignal]) -> None:
-    """Refuse signals of a law that are accelerations of floors without an accelerometer."""
-    if hardware.measured_floors is None:
-        return
-    for signal in signals:
-        if signal.source == "floor_acceleration" and signal.floor not in hardware.measured_floors:
-            raise InvalidSettingError(
-                "measured_floors",
-                f"a law reads the acceleration of floor {signal.floor + 1}, counted from 1, which has no "
-                "accelerometer; add it to `measured_floors`, or leave the floor out of the signals of the law",
-            )

@@ -19,8 +19,6 @@ def beyond_twin(
     devices: Sequence[Device],
     hardware: Hardware,
     law: str = "passive",
-    *,
-    signals: bool = False,
 ) -> str:
     """A sentence on what a loop with dampers of the user does not have; empty where nothing is in the way.
 
@@ -34,11 +32,10 @@ def beyond_twin(
         name
         for name, wanted in (
             (f"the law {law}", law not in OWN_LAWS),
-            (f"further signals of {law}", signals),
             ("passive elements, yield or P-delta", bool(building.elements or building.nonlinear)),
             ("an observer", hardware.feedback != "state"),
             ("sensors with noise or a resolution", noisy),
-            ("faults and prescribed commands", bool(hardware.faults)),
+            ("faults", bool(hardware.faults)),
         )
         if wanted
     ]

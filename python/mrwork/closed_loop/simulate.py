@@ -23,7 +23,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import with_common_laws
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
-from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured
+from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
 from mrwork.closed_loop.user_law import UserLaw
@@ -151,7 +151,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
     """The loop model inside the law, `None` if it has none; strokes of additions are no drifts."""
     if law.model is None:
         return None
-    building, devices = law.model.building, law.model.devices
+    building, devices = law.model.building, with_common_laws(law.model.devices)
     linear = replace(
         building,
         storeys=building.drifts,
@@ -220,7 +220,6 @@ class _Core:
                     _core_curve(law),
                     runs.shaping,
                     _core_model(law),
-                    law.signals,
                 ),
             )
 
@@ -616,9 +615,8 @@ def simulate_loop(
             "law passive and a command of zero"
         )
     _check_commands(law, devices)
-    refuse_unmeasured(hardware, law.signals)
     name = law.name if user is None else f"{user.name} in Python"
-    if lacking := beyond_twin(building, devices, hardware, name, signals=bool(law.signals)):
+    if lacking := beyond_twin(building, devices, hardware, name):
         raise SettingError(lacking)
     theta = np.empty((1, len(devices), 0)) if actuators else _theta_of(devices)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
@@ -775,7 +773,7 @@ def _shears(
 def _without_gains(law: ControlLaw, n_devices: int, n_states: int) -> ControlLaw:
     """The law as its candidates share it: with gains of zero, which are of no candidate."""
     zeros = {
-        gain.name: np.zeros(gain.shape_for(n_devices, n_states, len(law.signals)))
+        gain.name: np.zeros(gain.shape_for(n_devices, n_states))
         for gain in law.spec.gains
         if gain.name in law.gains
     }

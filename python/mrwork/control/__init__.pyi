@@ -1,10 +1,8 @@
 from .laws.control_law import ControlLaw as ControlLaw
 from .laws.control_law import ControlLawSpec as ControlLawSpec
-from .laws.control_law import FurtherSignal as FurtherSignal
 from .laws.control_law import LoopModel as LoopModel
 from .laws.control_law import control_law as control_law
 from .laws.control_law import control_laws as control_laws
-from .laws.inverse_network import train_inverse_network as train_inverse_network
 from .laws.law_problem import DesignProblem as DesignProblem
 from .laws.law_problem import ReferencePeaks as ReferencePeaks
 from .laws.law_settings import design_law as design_law

@@ -296,9 +296,7 @@ def _refuse_beyond_twin(
     if controller.user is None and (given is None or control_law(controller.law).commands_force):
         return
     law = controller.law if controller.user is None else f"{controller.user.function} in Python"
-    if lacking := beyond_twin(
-        problem.building, problem.devices, hardware, law, signals=takes_signals(given or {})
-    ):
+    if lacking := beyond_twin(problem.building, problem.devices, hardware, law):
         controller.place.within("law" if controller.user is None else "user").refuse(lacking)
 
 
@@ -448,11 +446,6 @@ def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
         )
     if "gain" in (table.settings or {}):
         where.refuse("the gain stands here and among the settings; keep one")
-
-
-def takes_signals(settings: Mapping[str, Any]) -> bool:
-    """Whether settings of a law name further signals."""
-    return any(settings.get(name) for name in ("signals", "floors", "rms_floors"))
 
 
 def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:

@@ -27,9 +27,9 @@ from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import Scales, criterion
-from mrwork.closed_loop.hardware import Hardware, refuse_unmeasured, refuse_unread
+from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.own_runs import beyond_twin
-from mrwork.control.laws.control_law import ControlLaw, control_laws
+from mrwork.control.laws.control_law import control_laws
 from mrwork.control.laws.law_problem import ReferencePeaks
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import SettingError
@@ -82,7 +82,6 @@ from mrwork.study.schema import (
     ReportTable,
     StudyTable,
     SuiteTable,
-    TuneTable,
 )
 from mrwork.study.study import (
     Kind,
@@ -544,17 +543,12 @@ def _study_of(
     )
     compared = arrangements(table, bare, problem, folder, hardware, settings, on_progress)
     tuned = {law for each in table.tune for law in each.laws}
-    with place.within("hardware").prefix_errors(SettingError):
-        for arrangement in compared:
-            if isinstance(arrangement.law, ControlLaw):
-                refuse_unmeasured(hardware, arrangement.law.signals)
     of_tuned = [spec for spec in control_laws() if spec.name in tuned]
     with place.within("hardware").prefix_errors(SettingError):
         refuse_unread(
             hardware,
             accelerations=any(each.reads_acceleration for each in compared)
-            or any(spec.reads_acceleration for spec in of_tuned)
-            or any(_tunes_accelerations(each) for each in table.tune),
+            or any(spec.reads_acceleration for spec in of_tuned),
             forecasts=any(each.forecasts_ground for each in compared)
             or any(spec.needs_model for spec in of_tuned),
         )
@@ -644,15 +638,6 @@ def _realisations(
 def _with_parameters(table: DamperTable, fit: FittedDamper, theta: Floats, folder: Path) -> Floats:
     drawn = replace(fit, theta=tuple(theta.tolist()))
     return chosen_damper(table, folder, lambda run: drawn).theta
-
-
-def _tunes_accelerations(table: TuneTable) -> bool:
-    """Whether further signals among the settings of tuned laws are accelerations of floors."""
-    settings = table.settings or {}
-    names = settings.get("signals")
-    listed = names if isinstance(names, list | tuple) else ()
-    named = any(name in ("acceleration", "rms_acceleration") for name in listed)
-    return named or bool(settings.get("floors") or settings.get("rms_floors"))
 
 
 def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> None:

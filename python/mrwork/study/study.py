@@ -214,7 +214,7 @@ class Arrangement:
     @property
     def reads_acceleration(self) -> bool:
         """Whether its law may read accelerations of floors."""
-        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.reads_acceleration)
+        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.spec.reads_acceleration)
 
     @property
     def forecasts_ground(self) -> bool:
@@ -527,7 +527,6 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
         *((law.rms_time,) if isinstance(law, UserLaw) and law.rms_time is not None else ()),
         *(() if own is None or own.shaping is None else own.shaping),
-        *(() if own is None else own.signals),
         *((_digest(each.row), each.numbers) for each in building.elements),
         *((_digest(building.loads), _digest(building.heights)) if building.loads.any() else ()),
         *(_digest_of_motion(motion) for motion in motions),

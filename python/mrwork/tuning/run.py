@@ -19,7 +19,7 @@ from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.errors import Interrupted, SettingError
 from mrwork.search.registry import ALL_OPTIMISERS, library
 from mrwork.store.journal import Journal
-from mrwork.study.arrangements import check_law, refuse_within, takes_signals
+from mrwork.study.arrangements import check_law, refuse_within
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
@@ -234,8 +234,7 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
     _check_objectives(table)
     base = study.at_zero
     for law in table.laws:
-        signals = takes_signals(table.settings or {})
-        if lacking := beyond_twin(base.building, base.devices, study.hardware, law, signals=signals):
+        if lacking := beyond_twin(base.building, base.devices, study.hardware, law):
             refuse_within(table, lacking, "laws")
     check_finish(table, study)
     objective = objective_of(table, study.command_unit)

@@ -2,7 +2,7 @@
 
 use super::hardware::{Hardware, Observer};
 use crate::building::{Building, Springs};
-use crate::control::{CurveModel, Law, LoopModel, LoopSizes, Signal};
+use crate::control::{CurveModel, Law, LoopModel, LoopSizes};
 use crate::coupled::Mounting;
 use crate::current_law::CurrentLaws;
 use crate::ground_motion::GroundMotion;
@@ -91,8 +91,6 @@ pub struct Batch<'a> {
     pub gains: &'a [f64],
     /// Its tables.
     pub tables: &'a [Vec<f64>],
-    /// Further signals that it takes.
-    pub signals: &'a [Signal],
     /// Dead zone and slope of each candidate; empty if none has any.
     pub shaping: &'a [Shaping],
     /// The controller's own model of the dampers.
@@ -127,14 +125,12 @@ impl<'a> Batch<'a> {
 
     /// Sizes of the gains of the law.
     pub(super) fn sizes(&self) -> LoopSizes {
-        let (n_devices, n_states) = (self.mountings.len(), 2 * self.building.n);
-        LoopSizes { n_devices, n_states, n_signals: self.signals.len() }
+        LoopSizes { n_devices: self.mountings.len(), n_states: 2 * self.building.n }
     }
 
     /// Whether the law reads the absolute accelerations of floors.
     pub(super) fn reads_acceleration(&self) -> bool {
-        let further = self.signals.iter().any(|signal| signal.source.is_acceleration());
-        further || self.law.spec().reads_acceleration || self.outside.is_some()
+        self.law.spec().reads_acceleration || self.outside.is_some()
     }
 
     /// Number of rows of damper parameters; 1 without devices.

@@ -3,7 +3,7 @@
 use super::batch::{Batch, Run};
 use super::hardware::{Channel, Observer};
 use crate::building::Building;
-use crate::control::{LoopModel, Source, Timing};
+use crate::control::{LoopModel, Timing};
 use crate::error::DynamicsError;
 
 /// Most integration steps per control sample that the hardware may ask for; finer runs multiply them.
@@ -42,8 +42,10 @@ impl Batch<'_> {
                 expected: n_gains,
             });
         }
-        self.check_signals()?;
-        self.law.check_tables(self.tables, self.signals.len())?;
+        self.law.check_tables(self.tables)?;
+        if spec.reads_acceleration && self.building.device_floors.is_none() {
+            return Err(DynamicsError::NoAcceleration(spec.name));
+        }
         if spec.needs_curve && self.curve.is_none() {
             return Err(DynamicsError::NoCurve(spec.name));
         }
@@ -120,30 +122,6 @@ impl Batch<'_> {
     fn longest_delay(&self) -> usize {
         let later = self.runs.iter().map(|run| run.delay_steps as usize).max().unwrap_or(0);
         self.hardware.delay_steps.saturating_add(later)
-    }
-
-    fn check_signals(&self) -> Result<(), DynamicsError> {
-        let spec = self.law.spec();
-        if !(self.signals.is_empty() || spec.takes_signals) {
-            return Err(DynamicsError::NoSignals(spec.name));
-        }
-        for (index, signal) in self.signals.iter().enumerate() {
-            let (what, count) = ("the floor of a signal", self.building.n_floors());
-            match signal.source {
-                Source::Floor(floor) if floor >= count => {
-                    return Err(DynamicsError::NoSuchEntry { run: 0, what, index: floor, count });
-                }
-                _ if !signal.time_constant.is_none_or(|time| time > 0.0 && time.is_finite()) => {
-                    return Err(DynamicsError::TimeConstant(index));
-                }
-                _ => {}
-            }
-        }
-        let across = self.signals.iter().any(|signal| signal.source == Source::Acceleration);
-        if (spec.reads_acceleration || across) && self.building.device_floors.is_none() {
-            return Err(DynamicsError::NoAcceleration(spec.name));
-        }
-        Ok(())
     }
 }
 

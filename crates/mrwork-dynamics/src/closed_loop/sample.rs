@@ -5,7 +5,7 @@ use super::directions::Directions;
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
 use crate::control::{
-    ForceCurve, Further, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan,
+    Beginning, ForceCurve, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan,
 };
 use crate::coupled::PlantMotion;
 use crate::lanes::Lanes;
@@ -99,11 +99,7 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
             furthest: R::from_fn(|lane| {
                 hardware.command_rate.min(shaping(lane).slope) * hardware.sample_time
             }),
-            memory: Memory {
-                numbers: vec![zero; law.spec().memory * n_devices],
-                further: Further::new(batch.signals, n_devices, hardware.sample_time),
-                plan,
-            },
+            memory: law.start(Beginning { n_devices, plan }),
             state: vec![zero; n_states],
             next_state: vec![zero; n_states],
             acceleration: vec![zero; building.n_floors()],
@@ -118,7 +114,9 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
             command_invalid: zero,
         }
     }
+}
 
+impl<R: Lanes> Controller<'_, R> {
     /// Commands of a sample.
     #[inline(always)]
     pub(super) fn sent_at(&self, sample: usize) -> &[R] {
@@ -308,7 +306,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
             sent: &controller.sent[earlier..earlier + n_devices],
         };
         match outside {
-            None => law.command(&gains, &measured, &mut controller.memory, &mut controller.raw),
+            None => controller.memory.command(&gains, &measured, &mut controller.raw),
             Some(outside) => ask(outside, self.runs, self.number, &measured, &mut controller.raw),
         }
         let position = (self.number % self.controller.depth) * n_devices;

@@ -3,7 +3,7 @@
 //! A vehicle's body is in a building the floor above the device, or for a device between floors the upper floor with respect
 //! to the lower one: `x = e (q + r u_g)`, whose rate is that of the device but for the ground.
 
-use super::law::{ControlLaw, Memory};
+use super::law::Formula;
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
@@ -12,7 +12,7 @@ use crate::real::where_positive;
 /// On or off by the sign of absolute acceleration times damper velocity.
 pub struct AccelerationDriven;
 
-impl ControlLaw for AccelerationDriven {
+impl Formula for AccelerationDriven {
     const SPEC: LawSpec = LawSpec {
         name: "acceleration_driven",
         title: "Acceleration-driven damping",
@@ -23,24 +23,13 @@ impl ControlLaw for AccelerationDriven {
                       accelerometers at the ends of each device, and no model of the building. Good above the \
                       crossover frequency of the mixed law, weak at resonance. It may switch at every sample.",
         source: "Savaresi, Silani, Bittanti, J. Dyn. Syst. Meas. Control 127(2), 2005, 218-229",
-        gains: &[],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
         reads_acceleration: true,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        _: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(_: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = where_positive(
                 measured.absolute_acceleration(device) * measured.rate[device],
@@ -53,7 +42,7 @@ impl ControlLaw for AccelerationDriven {
 /// Skyhook below a crossover frequency, acceleration-driven damping above.
 pub struct MixedSkyhook;
 
-impl ControlLaw for MixedSkyhook {
+impl Formula for MixedSkyhook {
     const SPEC: LawSpec = LawSpec {
         name: "mixed_skyhook",
         title: "Mixed skyhook and acceleration-driven damping",
@@ -69,23 +58,13 @@ impl ControlLaw for MixedSkyhook {
             shape: Shape::Device,
             description: "frequency a below which the law is skyhook",
         }],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
         reads_acceleration: true,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             let velocity = measured.absolute_rate(device);
             let acceleration = measured.absolute_acceleration(device);

@@ -1,7 +1,7 @@
 //! Ideal active control: the force of a linear regulator without limits.
 
 use super::clipped_optimal::GAIN;
-use super::law::{ControlLaw, Memory};
+use super::law::Formula;
 use super::measurement::Measurement;
 use super::spec::{Gains, LawSpec};
 use crate::lanes::Lanes;
@@ -9,7 +9,7 @@ use crate::lanes::Lanes;
 /// The desired force itself, for a device that can give any force.
 pub struct Active;
 
-impl ControlLaw for Active {
+impl Formula for Active {
     const SPEC: LawSpec = LawSpec {
         name: "active",
         title: "Ideal active force",
@@ -18,23 +18,12 @@ impl ControlLaw for Active {
                       `ideal_actuator`, which may also add energy to the building.",
         source: "linear quadratic regulator",
         gains: &[GAIN],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
         commands_force: true,
-        reads_acceleration: false,
-        takes_signals: false,
-        switches: false,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = -gains.of_state(0, device, measured);
         }

@@ -1,6 +1,6 @@
 //! Clipped-optimal control: the damper follows the force of a linear regulator as far as it can.
 
-use super::law::{ControlLaw, Memory};
+use super::law::Formula;
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
@@ -22,7 +22,7 @@ const FULL_FORCE: GainSpec = GainSpec {
 /// Zero or the largest command.
 pub struct ClippedOptimal;
 
-impl ControlLaw for ClippedOptimal {
+impl Formula for ClippedOptimal {
     const SPEC: LawSpec = LawSpec {
         name: "clipped_optimal",
         title: "Clipped-optimal",
@@ -32,23 +32,12 @@ impl ControlLaw for ClippedOptimal {
                       sample time.",
         source: "Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
         gains: &[GAIN],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             let desired = -gains.of_state(0, device, measured);
             *command = clipped(desired, measured.force[device], R::splat(measured.largest[device]));
@@ -65,7 +54,7 @@ pub(super) fn clipped<R: Real>(desired: R, force: R, command: R) -> R {
 /// Command in proportion to the desired force.
 pub struct ModifiedClippedOptimal;
 
-impl ControlLaw for ModifiedClippedOptimal {
+impl Formula for ModifiedClippedOptimal {
     const SPEC: LawSpec = LawSpec {
         name: "modified_clipped_optimal",
         title: "Modified clipped-optimal",
@@ -73,23 +62,12 @@ impl ControlLaw for ModifiedClippedOptimal {
         description: "The clipped-optimal law with a command in proportion to the desired force.",
         source: "Yoshida, Dyke, J. Eng. Mech. 130(4), 2004",
         gains: &[GAIN, FULL_FORCE],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             let desired = -gains.of_state(0, device, measured);
             let share = (desired.abs() / gains.of_device(1, device)).min(R::splat(1.0));
@@ -104,7 +82,7 @@ pub struct ProportionalClippedOptimal;
 /// Missing force, as a share of the full force, at which the largest command is sent.
 const BAND: f64 = 0.1;
 
-impl ControlLaw for ProportionalClippedOptimal {
+impl Formula for ProportionalClippedOptimal {
     const SPEC: LawSpec = LawSpec {
         name: "proportional_clipped_optimal",
         title: "Proportional clipped-optimal",
@@ -113,23 +91,12 @@ impl ControlLaw for ProportionalClippedOptimal {
                       measured force; smooth where the damper follows.",
         source: "our definition",
         gains: &[GAIN, FULL_FORCE],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             let desired = -gains.of_state(0, device, measured);
             let missing = (desired - measured.force[device]).abs();

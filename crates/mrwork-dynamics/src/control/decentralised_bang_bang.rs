@@ -1,6 +1,6 @@
 //! Decentralised bang-bang control: the command that takes most energy out of the building's absolute motion.
 
-use super::law::{ControlLaw, Memory};
+use super::law::Formula;
 use super::measurement::Measurement;
 use super::spec::{Gains, LawSpec};
 use crate::lanes::Lanes;
@@ -9,7 +9,7 @@ use crate::real::where_positive;
 /// On or off by the sign of absolute velocity times force.
 pub struct DecentralisedBangBang;
 
-impl ControlLaw for DecentralisedBangBang {
+impl Formula for DecentralisedBangBang {
     const SPEC: LawSpec = LawSpec {
         name: "decentralised_bang_bang",
         title: "Decentralised bang-bang",
@@ -18,24 +18,12 @@ impl ControlLaw for DecentralisedBangBang {
                       is attached. Each device needs its own motion and force, and the motion of the ground if \
                       it is attached to it.",
         source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
-        gains: &[],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        _: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(_: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = where_positive(
                 measured.absolute_rate(device) * measured.force[device],

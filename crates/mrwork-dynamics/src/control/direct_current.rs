@@ -5,7 +5,7 @@
 //! through the forces at 0, half and all of the largest current.
 
 use super::clipped_optimal::GAIN;
-use super::law::{ControlLaw, Memory};
+use super::law::Formula;
 use super::lyapunov::WEIGHT;
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
@@ -18,7 +18,7 @@ const THESIS: &str =
 /// The current that makes V = s'Ps/2 fall fastest.
 pub struct LyapunovDirect;
 
-impl ControlLaw for LyapunovDirect {
+impl Formula for LyapunovDirect {
     const SPEC: LawSpec = LawSpec {
         name: "lyapunov_direct",
         title: "Lyapunov, current directly",
@@ -27,23 +27,13 @@ impl ControlLaw for LyapunovDirect {
                       measured force.",
         source: THESIS,
         gains: &[WEIGHT],
-        tables: &[],
-        memory: 0,
         needs_curve: true,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = measured.minimiser(device, gains.of_state(0, device, measured));
         }
@@ -53,7 +43,7 @@ impl ControlLaw for LyapunovDirect {
 /// The same with the parabola of the thesis.
 pub struct LyapunovParabola;
 
-impl ControlLaw for LyapunovParabola {
+impl Formula for LyapunovParabola {
     const SPEC: LawSpec = LawSpec {
         name: "lyapunov_parabola",
         title: "Lyapunov, current by a parabola",
@@ -63,23 +53,13 @@ impl ControlLaw for LyapunovParabola {
                       inside the tanh depends on the current.",
         source: THESIS,
         gains: &[WEIGHT],
-        tables: &[],
-        memory: 0,
         needs_curve: true,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         let zero = R::splat(0.0);
         for (device, command) in command.iter_mut().enumerate() {
             let sigma = gains.of_state(0, device, measured);
@@ -104,7 +84,7 @@ fn gain_of<R: Real>(sigma: R, slope: R, bend: R, i: R) -> R {
 /// On or off by the sign of sigma G.
 pub struct LyapunovDirectBangBang;
 
-impl ControlLaw for LyapunovDirectBangBang {
+impl Formula for LyapunovDirectBangBang {
     const SPEC: LawSpec = LawSpec {
         name: "lyapunov_direct_bang_bang",
         title: "Lyapunov, current directly, on or off",
@@ -113,23 +93,13 @@ impl ControlLaw for LyapunovDirectBangBang {
                       parabola through the forces at 0, i_max/2 and i_max.",
         source: THESIS,
         gains: &[WEIGHT],
-        tables: &[],
-        memory: 0,
         needs_curve: true,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             let sigma = gains.of_state(0, device, measured);
             let [_, slope, _] = measured.parabola(device);
@@ -141,7 +111,7 @@ impl ControlLaw for LyapunovDirectBangBang {
 /// Current in proportion to -sigma G.
 pub struct ProportionalDirect;
 
-impl ControlLaw for ProportionalDirect {
+impl Formula for ProportionalDirect {
     const SPEC: LawSpec = LawSpec {
         name: "proportional_direct",
         title: "Direct current, proportional",
@@ -159,23 +129,12 @@ impl ControlLaw for ProportionalDirect {
                 description: "kappa, or 1/R",
             },
         ],
-        tables: &[],
-        memory: 0,
         needs_curve: true,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
-        switches: false,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             let sigma = gains.of_state(0, device, measured);
             let [_, slope, _] = measured.parabola(device);
@@ -187,7 +146,7 @@ impl ControlLaw for ProportionalDirect {
 /// The current at which the damper exerts the desired force.
 pub struct InverseDirect;
 
-impl ControlLaw for InverseDirect {
+impl Formula for InverseDirect {
     const SPEC: LawSpec = LawSpec {
         name: "inverse_direct",
         title: "Linear regulator, damper inverted",
@@ -195,23 +154,13 @@ impl ControlLaw for InverseDirect {
         description: "Inverts the force of the damper's model itself; of several currents it takes the least.",
         source: THESIS,
         gains: &[GAIN],
-        tables: &[],
-        memory: 0,
         needs_curve: true,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = measured.inverse(device, -gains.of_state(0, device, measured));
         }
@@ -221,7 +170,7 @@ impl ControlLaw for InverseDirect {
 /// The same with the parabola of the thesis.
 pub struct InverseParabola;
 
-impl ControlLaw for InverseParabola {
+impl Formula for InverseParabola {
     const SPEC: LawSpec = LawSpec {
         name: "inverse_parabola",
         title: "Linear regulator, damper inverted by a parabola",
@@ -230,23 +179,13 @@ impl ControlLaw for InverseParabola {
                       where a parameter inside the tanh depends on the current.",
         source: THESIS,
         gains: &[GAIN],
-        tables: &[],
-        memory: 0,
         needs_curve: true,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         let (zero, two) = (R::splat(0.0), R::splat(2.0));
         for (device, command) in command.iter_mut().enumerate() {
             let desired = -gains.of_state(0, device, measured);

@@ -1,6 +1,6 @@
 //! Fuzzy control: a rule base over deformation and velocity, tabulated.
 
-use super::law::{ControlLaw, Memory};
+use super::law::Formula;
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::error::DynamicsError;
@@ -10,7 +10,7 @@ use crate::real::within;
 /// A table of command shares, interpolated.
 pub struct Fuzzy;
 
-impl ControlLaw for Fuzzy {
+impl Formula for Fuzzy {
     const SPEC: LawSpec = LawSpec {
         name: "fuzzy",
         title: "Fuzzy",
@@ -33,22 +33,11 @@ impl ControlLaw for Fuzzy {
             },
         ],
         tables: &["shares"],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
-        switches: false,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         let table = &gains.tables[0];
         let side = table.len().isqrt();
         let (lower, upper) = (R::splat(-1.0), R::splat(1.0));
@@ -59,7 +48,7 @@ impl ControlLaw for Fuzzy {
         }
     }
 
-    fn check_tables(tables: &[Vec<f64>], _: usize) -> Result<(), DynamicsError> {
+    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
         let found = tables[0].len();
         let side = found.isqrt();
         if side < 2 || side * side != found {

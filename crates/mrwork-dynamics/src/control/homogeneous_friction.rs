@@ -1,10 +1,18 @@
 //! Modulated homogeneous friction: a friction force in proportion to the last peak of the deformation.
 
-use super::law::{ControlLaw, Memory};
+use super::law::{Beginning, ControlLaw};
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
 use crate::real::where_positive;
+
+/// What a device did at the sample before, and the deformation of its last peak; all zero before the first sample.
+#[derive(Clone)]
+pub(crate) struct LastPeak<R> {
+    rate: R,
+    deformation: R,
+    peak: R,
+}
 
 /// On while the force is below the friction desired at the last peak.
 pub struct ModulatedHomogeneousFriction;
@@ -24,32 +32,30 @@ impl ControlLaw for ModulatedHomogeneousFriction {
             shape: Shape::Device,
             description: "g, desired friction force per deformation at the last peak",
         }],
-        tables: &[],
-        memory: 3,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
+
+    type Memory<'a, R: Lanes> = Vec<LastPeak<R>>;
+
+    fn start<R: Lanes>(Beginning { n_devices, .. }: Beginning<'_, R>) -> Self::Memory<'_, R> {
+        let zero = R::splat(0.0);
+        vec![LastPeak { rate: zero, deformation: zero, peak: zero }; n_devices]
+    }
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut Memory<'_, R>,
+        memory: &mut Self::Memory<'_, R>,
         command: &mut [R],
     ) {
-        for (device, (command, memory)) in
-            command.iter_mut().zip(memory.numbers.chunks_exact_mut(3)).enumerate()
-        {
-            let [last_rate, last_deformation, peak] = memory else { continue };
-            let turned = (*last_rate * measured.rate[device]).less(R::splat(0.0));
-            *peak = R::select(turned, last_deformation.abs(), *peak);
-            *last_rate = measured.rate[device];
-            *last_deformation = measured.deformation[device];
-            let missing = gains.of_device(0, device).mul_add(*peak, -measured.force[device].abs());
+        for (device, (command, last)) in command.iter_mut().zip(memory).enumerate() {
+            let turned = (last.rate * measured.rate[device]).less(R::splat(0.0));
+            last.peak = R::select(turned, last.deformation.abs(), last.peak);
+            last.rate = measured.rate[device];
+            last.deformation = measured.deformation[device];
+            let missing = gains.of_device(0, device).mul_add(last.peak, -measured.force[device].abs());
             *command = where_positive(missing, R::splat(measured.largest[device]));
         }
     }

@@ -1,13 +1,21 @@
 //! The inverse of the damper as a small neural network: command as a function of motion and desired force.
 
 use super::clipped_optimal::GAIN;
-use super::law::{ControlLaw, Memory};
+use super::law::{Beginning, ControlLaw};
 use super::measurement::Measurement;
 use super::spec::{Gains, LawSpec};
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
 use crate::real::within;
+
+/// Inputs of a device at the sample before; zero before the first sample.
+#[derive(Clone)]
+pub(crate) struct Earlier<R> {
+    deformation: R,
+    rate: R,
+    desired: R,
+}
 
 /// One hidden layer of hyperbolic tangents.
 pub struct InverseNetwork;
@@ -27,45 +35,52 @@ impl ControlLaw for InverseNetwork {
         source: "after Chang, Zhou, J. Struct. Eng. 128(2), 2002; form our own",
         gains: &[GAIN],
         tables: &["layer", "output", "reach"],
-        memory: SIGNALS,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
-        switches: false,
+        ..LawSpec::PLAIN
     };
+
+    type Memory<'a, R: Lanes> = Vec<Earlier<R>>;
+
+    fn start<R: Lanes>(Beginning { n_devices, .. }: Beginning<'_, R>) -> Self::Memory<'_, R> {
+        let zero = R::splat(0.0);
+        vec![Earlier { deformation: zero, rate: zero, desired: zero }; n_devices]
+    }
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut Memory<'_, R>,
+        memory: &mut Self::Memory<'_, R>,
         command: &mut [R],
     ) {
         let [layer, output, reach] = gains.tables else { return };
         let n_inputs = reach.len();
-        for (device, (command, before)) in
-            command.iter_mut().zip(memory.numbers.chunks_exact_mut(SIGNALS)).enumerate()
-        {
+        for (device, (command, earlier)) in command.iter_mut().zip(memory).enumerate() {
             let desired = -gains.of_state(0, device, measured);
-            let now = [measured.deformation[device], measured.rate[device], desired];
+            let now =
+                Earlier { deformation: measured.deformation[device], rate: measured.rate[device], desired };
+            let inputs: [&R; 2 * SIGNALS] = [
+                &now.deformation,
+                &now.rate,
+                &now.desired,
+                &earlier.deformation,
+                &earlier.rate,
+                &earlier.desired,
+            ];
             let mut sum = R::splat(output.iter().sum());
             for unit in layer.chunks_exact(n_inputs + 2) {
                 let mut inner = R::splat(unit[0]);
-                let inputs = now.iter().chain(before.iter());
-                for ((&input, &weight), &reach) in inputs.zip(&unit[1..=n_inputs]).zip(reach) {
+                for ((&&input, &weight), &reach) in inputs.iter().zip(&unit[1..=n_inputs]).zip(reach) {
                     let known = within(input, R::splat(-reach), R::splat(reach));
                     inner = known.mul_add(R::splat(weight), inner);
                 }
                 sum = tanh(inner).mul_add(R::splat(unit[n_inputs + 1]), sum);
             }
-            before.copy_from_slice(&now);
+            *earlier = now;
             *command = sum;
         }
     }
 
-    fn check_tables(tables: &[Vec<f64>], _: usize) -> Result<(), DynamicsError> {
+    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
         let law = Self::SPEC.name;
         let (layer, output, inputs) = (tables[0].len(), tables[1].len(), tables[2].len());
         if inputs != SIGNALS && inputs != 2 * SIGNALS {

@@ -1,6 +1,6 @@
 //! Lyapunov control: the command that makes V = s'Ps/2 fall fastest, on or off.
 
-use super::law::{ControlLaw, Memory};
+use super::law::Formula;
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
@@ -16,7 +16,7 @@ pub(super) const WEIGHT: GainSpec = GainSpec {
 /// On or off by the sign of sigma f.
 pub struct Lyapunov;
 
-impl ControlLaw for Lyapunov {
+impl Formula for Lyapunov {
     const SPEC: LawSpec = LawSpec {
         name: "lyapunov",
         title: "Lyapunov",
@@ -24,23 +24,12 @@ impl ControlLaw for Lyapunov {
         description: "Full command where the damper force reduces V = s'Ps/2. Needs the measured force.",
         source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
         gains: &[WEIGHT],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             let sigma = gains.of_state(0, device, measured);
             *command = where_positive(-sigma * measured.force[device], R::splat(measured.largest[device]));

@@ -20,20 +20,17 @@ mod measurement;
 mod passive;
 mod predictive_rollout;
 mod rollout;
-mod signal_feedback;
-mod signals;
+mod signal_network;
 mod sliding_mode;
 mod spec;
 
 pub use force_curve::CurveModel;
 pub(crate) use force_curve::ForceCurve;
+pub(crate) use law::Beginning;
 use law::ControlLaw;
-pub(crate) use law::Memory;
 pub use loop_model::LoopModel;
 pub(crate) use measurement::{Measurement, Preview, ground_reach};
 pub(crate) use rollout::{Timing, plan};
-pub(crate) use signals::Further;
-pub use signals::{Signal, Source};
 pub(crate) use spec::Gains;
 pub use spec::{GainSpec, LawSpec, LoopSizes, Shape, Unit};
 
@@ -57,20 +54,30 @@ macro_rules! laws {
                 match self { $(Self::$law => const { &<$module::$law as ControlLaw>::SPEC },)+ }
             }
 
-            /// With derivatives a law that switches is not compiled, and sends nothing.
-            #[inline(always)]
-            pub(crate) fn command<R: Lanes>(
-                self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut Memory<'_, R>, command: &mut [R],
-            ) {
-                match self {
-                    $(Self::$law => if const { !R::HAS_DERIVATIVES || !<$module::$law as ControlLaw>::SPEC.switches } {
-                        $module::$law::command(gains, measured, memory, command);
-                    })+
-                }
+            /// Its memory before the first sample.
+            pub(crate) fn start<R: Lanes>(self, beginning: Beginning<'_, R>) -> Memory<'_, R> {
+                match self { $(Self::$law => Memory::$law(<$module::$law as ControlLaw>::start(beginning)),)+ }
             }
 
-            pub(crate) fn check_tables(self, tables: &[Vec<f64>], n_signals: usize) -> Result<(), DynamicsError> {
-                match self { $(Self::$law => $module::$law::check_tables(tables, n_signals),)+ }
+            pub(crate) fn check_tables(self, tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+                match self { $(Self::$law => <$module::$law as ControlLaw>::check_tables(tables),)+ }
+            }
+        }
+
+        /// A law in a loop, with what it keeps from sample to sample.
+        pub(crate) enum Memory<'a, R: Lanes> { $($law(<$module::$law as ControlLaw>::Memory<'a, R>),)+ }
+
+        impl<R: Lanes> Memory<'_, R> {
+            /// Commands at a sample. With derivatives a law that switches is not compiled, and sends nothing.
+            #[inline(always)]
+            pub(crate) fn command(
+                &mut self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R],
+            ) {
+                match self {
+                    $(Self::$law(memory) => if const { !R::HAS_DERIVATIVES || !<$module::$law as ControlLaw>::SPEC.switches } {
+                        <$module::$law as ControlLaw>::command(gains, measured, memory, command);
+                    })+
+                }
             }
         }
     };
@@ -96,8 +103,7 @@ laws! {
     direct_current::InverseDirect,
     direct_current::InverseParabola,
     inverse_network::InverseNetwork,
-    signal_feedback::SignalNetwork,
-    signal_feedback::SignalPolynomial,
+    signal_network::SignalNetwork,
     active::Active,
     acceleration_driven::AccelerationDriven,
     acceleration_driven::MixedSkyhook,

@@ -1,6 +1,6 @@
 //! A constant command: passive off, passive on, and all between.
 
-use super::law::{ControlLaw, Memory};
+use super::law::Formula;
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
@@ -8,7 +8,7 @@ use crate::lanes::Lanes;
 /// The same command throughout.
 pub struct Passive;
 
-impl ControlLaw for Passive {
+impl Formula for Passive {
     const SPEC: LawSpec = LawSpec {
         name: "passive",
         title: "Constant command",
@@ -22,23 +22,11 @@ impl ControlLaw for Passive {
             shape: Shape::Device,
             description: "the constant command",
         }],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
-        switches: false,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        _: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, _: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = gains.of_device(0, device);
         }

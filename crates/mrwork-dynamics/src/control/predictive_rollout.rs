@@ -1,9 +1,9 @@
 //! Predictive rollout: a few commands, each held for one decision and followed by a base command, are tried on the
 //! controller's own model under a forecast of the ground motion; the one of least cost is sent.
 
-use super::law::{ControlLaw, Memory};
+use super::law::{Beginning, ControlLaw};
 use super::measurement::Measurement;
-use super::rollout::{LEVELS, OTHER_TAILS};
+use super::rollout::{LEVELS, OTHER_TAILS, Planner};
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
@@ -67,29 +67,31 @@ impl ControlLaw for PredictiveRollout {
             ),
         ],
         tables: &["timing", "forecast", "correction"],
-        memory: 0,
-        needs_curve: false,
         needs_model: true,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
+
+    type Memory<'a, R: Lanes> = Option<Box<Planner<'a, R>>>;
+
+    fn start<R: Lanes>(Beginning { plan, .. }: Beginning<'_, R>) -> Self::Memory<'_, R> {
+        plan
+    }
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut Memory<'_, R>,
+        memory: &mut Self::Memory<'_, R>,
         command: &mut [R],
     ) {
-        match &mut memory.plan {
+        match memory {
             Some(plan) => plan.command(gains, measured, command),
             None => command.fill(R::splat(f64::NAN)),
         }
     }
 
-    fn check_tables(tables: &[Vec<f64>], _: usize) -> Result<(), DynamicsError> {
+    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
         let law = Self::SPEC.name;
         let positive = |number: f64| number > 0.0 && number.is_finite();
         let not_negative = |number: f64| number >= 0.0 && number.is_finite();

@@ -1,7 +1,7 @@
 //! Sliding-mode control: the state is driven to a surface S s = 0 and kept there.
 
 use super::clipped_optimal::{GAIN, clipped};
-use super::law::{ControlLaw, Memory};
+use super::law::{Beginning, ControlLaw, Formula};
 use super::measurement::Measurement;
 use super::spec::{GainSpec, Gains, LawSpec, Shape, Unit};
 use crate::lanes::Lanes;
@@ -24,7 +24,7 @@ const BOUNDARY: GainSpec = GainSpec {
 /// First order, with a boundary layer.
 pub struct SlidingMode;
 
-impl ControlLaw for SlidingMode {
+impl Formula for SlidingMode {
     const SPEC: LawSpec = LawSpec {
         name: "sliding_mode",
         title: "Sliding mode",
@@ -43,23 +43,12 @@ impl ControlLaw for SlidingMode {
             },
             BOUNDARY,
         ],
-        tables: &[],
-        memory: 0,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(
-        gains: &Gains<'_, R>,
-        measured: &Measurement<'_, R>,
-        _: &mut Memory<'_, R>,
-        command: &mut [R],
-    ) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, measured: &Measurement<'_, R>, command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             let layer = saturated(gains.of_state(1, device, measured), gains.of_device(3, device));
             let equivalent = gains.of_state(0, device, measured);
@@ -74,6 +63,12 @@ impl ControlLaw for SlidingMode {
 fn saturated<R: Real>(distance: R, boundary: R) -> R {
     let width = within(boundary, R::splat(f64::MIN_POSITIVE), R::splat(f64::INFINITY));
     within(distance / width, R::splat(-1.0), R::splat(1.0))
+}
+
+/// The switching force [N] of a device; zero before the first sample, which lifts it to the floor.
+#[derive(Clone)]
+pub(crate) struct Switching<R> {
+    force: R,
 }
 
 /// The switching force grows while the state is off the surface, and shrinks while it is near.
@@ -110,34 +105,41 @@ impl ControlLaw for AdaptiveSlidingMode {
                 description: "largest switching force",
             },
         ],
-        tables: &[],
-        memory: 1,
-        needs_curve: false,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
+
+    type Memory<'a, R: Lanes> = Vec<Switching<R>>;
+
+    fn start<R: Lanes>(Beginning { n_devices, .. }: Beginning<'_, R>) -> Self::Memory<'_, R> {
+        vec![Switching { force: R::splat(0.0) }; n_devices]
+    }
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut Memory<'_, R>,
+        memory: &mut Self::Memory<'_, R>,
         command: &mut [R],
     ) {
-        for (device, (command, switching)) in command.iter_mut().zip(memory.numbers.iter_mut()).enumerate() {
+        for (device, (command, switching)) in command.iter_mut().zip(memory).enumerate() {
             let distance = gains.of_state(1, device, measured);
             let boundary = gains.of_device(3, device);
             let growth = gains.of_device(2, device) * R::splat(measured.sample_time) * distance.abs();
             let change = R::select(boundary.less(distance.abs()), growth, -growth);
-            *switching = within(*switching + change, gains.of_device(4, device), gains.of_device(5, device));
+            switching.force =
+                within(switching.force + change, gains.of_device(4, device), gains.of_device(5, device));
             let equivalent = gains.of_state(0, device, measured);
-            let desired = switching.mul_add(saturated(distance, boundary), -equivalent);
+            let desired = switching.force.mul_add(saturated(distance, boundary), -equivalent);
             *command = clipped(desired, measured.force[device], R::splat(measured.largest[device]));
         }
     }
+}
+
+/// The integral part w of the rate of S s of a device; zero before the first sample.
+#[derive(Clone)]
+pub(crate) struct Integral<R> {
+    rate: R,
 }
 
 /// Second order, turned into current by the damper's own curve.
@@ -180,31 +182,32 @@ impl ControlLaw for SuperTwisting {
                 description: "k2",
             },
         ],
-        tables: &[],
-        memory: 1,
         needs_curve: true,
-        needs_model: false,
-        commands_force: false,
-        reads_acceleration: false,
-        takes_signals: false,
         switches: true,
+        ..LawSpec::PLAIN
     };
+
+    type Memory<'a, R: Lanes> = Vec<Integral<R>>;
+
+    fn start<R: Lanes>(Beginning { n_devices, .. }: Beginning<'_, R>) -> Self::Memory<'_, R> {
+        vec![Integral { rate: R::splat(0.0) }; n_devices]
+    }
 
     #[inline(always)]
     fn command<R: Lanes>(
         gains: &Gains<'_, R>,
         measured: &Measurement<'_, R>,
-        memory: &mut Memory<'_, R>,
+        memory: &mut Self::Memory<'_, R>,
         command: &mut [R],
     ) {
-        for (device, (command, integral)) in command.iter_mut().zip(memory.numbers.iter_mut()).enumerate() {
+        for (device, (command, integral)) in command.iter_mut().zip(memory).enumerate() {
             let distance = gains.of_state(0, device, measured);
             let side =
                 R::select(distance.equal(R::splat(0.0)), R::splat(0.0), R::splat(1.0).copysign(distance));
             let rise = gains.of_device(4, device) * R::splat(-measured.sample_time);
-            *integral = rise.mul_add(side, *integral);
+            integral.rate = rise.mul_add(side, integral.rate);
             let reach = gains.of_device(3, device) * distance.abs().sqrt();
-            let desired = *integral - reach * side;
+            let desired = integral.rate - reach * side;
             let [f_0, _, f_max] =
                 measured.curves[device].points(measured.deformation[device], measured.rate[device]);
             let push = gains.of_device(2, device);

@@ -12,8 +12,6 @@ pub enum Shape {
     State,
     /// That many per device.
     Numbers(usize),
-    /// That many per device and further signal of the law.
-    Signal(usize),
     /// One for all devices.
     Loop,
 }
@@ -25,8 +23,6 @@ pub struct LoopSizes {
     pub n_devices: usize,
     /// Number of states.
     pub n_states: usize,
-    /// Number of further signals of the law.
-    pub n_signals: usize,
 }
 
 impl Shape {
@@ -37,16 +33,15 @@ impl Shape {
             Self::Device => "device",
             Self::State => "state",
             Self::Numbers(_) => "numbers",
-            Self::Signal(_) => "signal",
             Self::Loop => "loop",
         }
     }
 
-    /// Numbers of a device, or of a device and signal, where there are several.
+    /// Numbers of a device, where there are several.
     #[must_use]
     pub const fn numbers(self) -> usize {
         match self {
-            Self::Numbers(count) | Self::Signal(count) => count,
+            Self::Numbers(count) => count,
             Self::Device | Self::State | Self::Loop => 1,
         }
     }
@@ -54,12 +49,11 @@ impl Shape {
     /// Number of entries.
     #[must_use]
     pub const fn size(self, sizes: LoopSizes) -> usize {
-        let LoopSizes { n_devices, n_states, n_signals } = sizes;
+        let LoopSizes { n_devices, n_states } = sizes;
         match self {
             Self::Device => n_devices,
             Self::State => n_devices * n_states,
             Self::Numbers(count) => n_devices * count,
-            Self::Signal(count) => n_devices * n_signals * count,
             Self::Loop => 1,
         }
     }
@@ -125,8 +119,6 @@ pub struct LawSpec {
     pub gains: &'static [GainSpec],
     /// Arrays that all candidates share: networks, rule tables.
     pub tables: &'static [&'static str],
-    /// Numbers per device that it keeps from sample to sample.
-    pub memory: usize,
     /// Whether it needs the damper force as a function of the command.
     pub needs_curve: bool,
     /// Whether it predicts the motion by a model of the loop, from the state and the ground acceleration.
@@ -135,13 +127,27 @@ pub struct LawSpec {
     pub commands_force: bool,
     /// Whether it reads the absolute accelerations of floors.
     pub reads_acceleration: bool,
-    /// Whether it takes further signals, where some are given.
-    pub takes_signals: bool,
     /// Whether its command jumps where a signal changes sign, so that results jump with its gains and have no derivatives.
     pub switches: bool,
 }
 
 impl LawSpec {
+    /// A law without gains and tables of which no flag is set, for `..LawSpec::PLAIN`.
+    pub const PLAIN: Self = Self {
+        name: "",
+        title: "",
+        equation: "",
+        description: "",
+        source: "",
+        gains: &[],
+        tables: &[],
+        needs_curve: false,
+        needs_model: false,
+        commands_force: false,
+        reads_acceleration: false,
+        switches: false,
+    };
+
     /// Number of gain entries of one candidate.
     #[must_use]
     pub fn n_gains(&self, sizes: LoopSizes) -> usize {

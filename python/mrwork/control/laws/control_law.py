@@ -1,4 +1,4 @@
-"""Control laws as the Rust core declares them, and a law with its gains, its model of the loop and further signals."""
+"""Control laws as the Rust core declares them, and a law with its gains and its model of the loop."""
 
 from __future__ import annotations
 
@@ -12,27 +12,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork import _rust
-from mrwork.base.arguments import May, NotNegative, Positive, checked
+from mrwork.base.arguments import May, NotNegative, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.groups import with_common_laws
 from mrwork.buildings.matrices import Building, Device
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
-Shape = Literal["device", "state", "numbers", "signal", "loop"]
+Shape = Literal["device", "state", "numbers", "loop"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
     """A gain of a law: for each device one number, one for each state [q; q'] or `numbers`, or one for the loop.
-
-    Of the shape "signal" are `numbers` for each device and further signal of the law; without signals there are none.
 
     A gain that `is_command` is itself the command of each device; one that `scales_with_command` has the unit of the
     command, or that unit per another.
@@ -51,10 +48,8 @@ class GainSpec:
         """Number of axes of the gain of one candidate."""
         return len(self.shape_for(1, 2))
 
-    def shape_for(self, n_devices: int, n_states: int, n_signals: int = 0) -> tuple[int, ...]:
+    def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
         """Shape of the gain of one candidate."""
-        if self.shape == "signal":
-            return (n_devices, n_signals * self.numbers)
         if self.shape == "loop":
             return (1,)
         if self.shape == "device":
@@ -69,8 +64,8 @@ class ControlLawSpec:
     `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
     the command, by a static hysteretic model of the damper. A law that `needs_model` predicts the motion by a model of
     building and dampers. A law that `commands_force` drives ideal actuators, one that `reads_acceleration` needs
-    accelerometers on the floors to which devices are attached. One that `takes_signals` may be given further ones. The
-    command of one that `switches` jumps where a signal changes sign, so that results have no derivatives in its gains.
+    accelerometers on the floors to which devices are attached. The command of
+    one that `switches` jumps where a signal changes sign, so that results have no derivatives in its gains.
     """
 
     name: str
@@ -84,7 +79,6 @@ class ControlLawSpec:
     needs_model: bool
     commands_force: bool
     reads_acceleration: bool
-    takes_signals: bool
     switches: bool
 
     @property
@@ -92,58 +86,6 @@ class ControlLawSpec:
         """Whether the command scales with the largest command."""
         absolute = any(gain.scales_with_command for gain in self.gains)
         return not (absolute or self.tables or self.needs_curve or self.needs_model or self.commands_force)
-
-
-SignalSource = Literal[
-    "deformation", "rate", "force", "acceleration", "floor_acceleration", "ground_acceleration"
-]
-"""What is measured: of a device, of a floor, or of the ground."""
-
-SignalName = Literal[
-    "acceleration", "ground_acceleration", "rms_deformation", "rms_rate", "rms_force", "rms_acceleration",
-    "rms_ground_acceleration",
-]  # fmt: skip
-"""Further signals in a study; those of floors are chosen by the numbers of the floors."""
-
-
-@checked
-class FurtherSignal:
-    """A reading that a law of measured signals takes besides those of its device, or its running root mean square.
-
-    The mean of the squares fades: `s = a s + (1 - a) y^2` at each control sample, `a = exp(-Ts / time_constant)`, from
-    zero on; the signal is its root. A reading that is not finite leaves it as it is, and sends no command.
-
-    Parameters
-    ----------
-    source
-        Elongation [m], rate [m/s] or force [N] of the device; its absolute acceleration [m/s^2], that of its upper end
-        less that of its lower end; that of a floor, or of the ground [m/s^2].
-    floor
-        Number of the floor, from 0, of a floor's acceleration.
-    time_constant
-        That of the running root mean square [s]; `None` for the reading itself.
-    """
-
-    source: SignalSource
-    floor: Annotated[int, Within(least=0)] = 0
-    time_constant: Positive | None = None
-
-    @property
-    def reads_acceleration(self) -> bool:
-        """Whether it is the absolute acceleration of floors."""
-        return self.source in {"acceleration", "floor_acceleration"}
-
-
-SOURCES: Mapping[SignalName, tuple[SignalSource, bool]] = {
-    "acceleration": ("acceleration", False),
-    "ground_acceleration": ("ground_acceleration", False),
-    "rms_deformation": ("deformation", True),
-    "rms_rate": ("rate", True),
-    "rms_force": ("force", True),
-    "rms_acceleration": ("acceleration", True),
-    "rms_ground_acceleration": ("ground_acceleration", True),
-}
-"""Source of each signal of a study, and whether it is a running root mean square."""
 
 
 @checked
@@ -162,7 +104,6 @@ class LoopModel(Summarised):
     def __post_init__(self) -> None:
         if not self.devices:
             raise SettingError("the model of a loop has no device; give one")
-        object.__setattr__(self, "devices", with_common_laws(self.devices))
 
 
 @checked
@@ -193,8 +134,6 @@ class ControlLaw(Summarised):
         Largest change of the command per time [A/s or V/s], from control sample to control sample, after the dead zone.
     model
         Building and dampers by which the law predicts the motion; they may differ from those of the loop.
-    signals
-        Further signals of a law of measured signals, in the order of their weights and powers.
 
     Raises
     ------
@@ -202,7 +141,7 @@ class ControlLaw(Summarised):
         If there is no such law.
     SettingError
         If a gain or table is unknown or missing, is not an array of numbers or has NaN, the law has no `curve` or
-        `model` and needs one, it has `signals` and takes none, or the gains differ in their number of candidates.
+        `model` and needs one, or the gains differ in their number of candidates.
     """
 
     _made_by: ClassVar[str] = "mr.control.design_law(name, problem)"
@@ -215,19 +154,15 @@ class ControlLaw(Summarised):
     dead_zone: NotNegative = 0.0
     command_slope: Annotated[float, Within(above=0.0), May.BE_INFINITE] = math.inf
     model: LoopModel | None = None
-    signals: tuple[FurtherSignal, ...] = ()
     notes: tuple[str, ...] = ()
     weights: DesignedWeights | None = None
     margins: LoopMargins | None = None
 
     def __post_init__(self) -> None:
         spec = self.spec
-        needed = [gain.name for gain in spec.gains if gain.shape != "signal" or self.signals]
-        _check_names(spec, "gain", self.gains, needed)
+        _check_names(spec, "gain", self.gains, [gain.name for gain in spec.gains])
         _check_names(spec, "table", self.tables, spec.tables)
-        if self.signals and not spec.takes_signals:
-            raise SettingError(f"{spec.name} takes no further signals; leave `signals` out")
-        counts = [count for gain in self._given_gains if (count := self._candidates(gain)) > 1]
+        counts = [count for gain in spec.gains if (count := self._candidates(gain)) > 1]
         if len(set(counts)) > 1:
             raise SettingError(
                 f"the gains of {spec.name} have {', '.join(map(str, counts))} candidates; give the same number for "
@@ -252,16 +187,6 @@ class ControlLaw(Summarised):
     def spec(self) -> ControlLawSpec:
         """The declaration of the law."""
         return control_law(self.name)
-
-    @property
-    def _given_gains(self) -> list[GainSpec]:
-        """The gains that the law has; those of further signals only with signals."""
-        return [gain for gain in self.spec.gains if gain.name in self.gains]
-
-    @property
-    def reads_acceleration(self) -> bool:
-        """Whether it reads the absolute accelerations of floors."""
-        return self.spec.reads_acceleration or any(signal.reads_acceleration for signal in self.signals)
 
     @property
     def forecasts_ground(self) -> bool:
@@ -296,8 +221,8 @@ class ControlLaw(Summarised):
         """
         spec = self.spec
         blocks = []
-        for gain in self._given_gains:
-            shape = gain.shape_for(n_devices, n_states, len(self.signals))
+        for gain in spec.gains:
+            shape = gain.shape_for(n_devices, n_states)
             given = np.asarray(self.gains[gain.name], dtype=np.float64)
             if given.shape[-len(shape) :] != shape or given.ndim > len(shape) + 1:
                 raise SettingError(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from math import exp, log
 from typing import Any, ClassVar, Literal, Self
 
@@ -21,7 +21,6 @@ from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device, elongation_rows
-from mrwork.control.laws.control_law import FurtherSignal
 from mrwork.control.laws.counterpart import is_curve, static_counterpart
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.linear.plant import Plant, plant_of
@@ -47,14 +46,15 @@ _counterpart = lru_cache(maxsize=32)(static_counterpart)
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class DesignProblem(Summarised):
     """The building with its devices for which a law is designed.
 
     `sample_time` and `delay` [s] are those of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the
     largest ones expected of the dampers, if given. `motions` are the ground motions whose strength and spectrum a
     design from limits takes, the training motions of a study; `judged` says that laws are judged on them, too.
-    `reference_peaks` finds the largest motions under a constant command, to which a law may refer.
+    `reference_peaks` finds the largest motions under a constant command, to which a law may refer. A problem that
+    `limited_to` made is `limited_from` the one with the largest commands of the dampers themselves.
     """
 
     _made_by: ClassVar[str] = "mr.control.DesignProblem(building=..., devices=..., sample_time=...)"
@@ -69,14 +69,15 @@ class DesignProblem(Summarised):
     motions: Sequence[GroundMotion] = ()
     judged: bool = False
     reference_peaks: Callable[[], ReferencePeaks] | None = field(default=None, repr=False, compare=False)
-    # The plant, once a law has asked for it: it keeps the weights that are designed for it.
-    _plant: list[Plant] = field(default_factory=list, init=False, repr=False, compare=False)
+    limited_from: DesignProblem | None = field(default=None, repr=False, compare=False)
     # The grounds of the motions that designs have asked for, by kind and given numbers.
     _grounds: dict[object, StationaryGround] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
-    # The problem that this one was limited from.
-    _whole: list[DesignProblem] = field(default_factory=list, init=False, repr=False, compare=False)
+    # The weights that were designed for the plant, by what was wished; see `WeightWishes.of_problem`.
+    _weights: dict[object, DesignedWeights] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @property
     def curve(self) -> tuple[DamperSpec, Floats]:
@@ -109,19 +110,18 @@ class DesignProblem(Summarised):
         )
         return counterpart.spec, np.array(counterpart.theta)
 
-    @property
+    @cached_property
     def plant(self) -> Plant:
         """The linear system of the building with its devices."""
-        known = self.whole._plant
-        if not known:
-            rows = elongation_rows(self.building, self.devices)
-            known.append(plant_of(self.building, rows, [device.name for device in self.devices]))
-        return known[0]
+        if self.limited_from is not None:
+            return self.limited_from.plant
+        rows = elongation_rows(self.building, self.devices)
+        return plant_of(self.building, rows, [device.name for device in self.devices])
 
     @property
     def whole(self) -> DesignProblem:
         """The problem with the largest commands of the dampers themselves, which a law may not send."""
-        return self._whole[0] if self._whole else self
+        return self if self.limited_from is None else self.limited_from
 
     @checked
     def limited_to(self, command: float) -> DesignProblem:
@@ -129,9 +129,7 @@ class DesignProblem(Summarised):
         devices = tuple(
             replace(device, largest_command=min(command, device.largest_command)) for device in self.devices
         )
-        problem = replace(self, devices=devices)
-        problem._whole.append(self.whole)
-        return problem
+        return replace(self, devices=devices, limited_from=self.whole)
 
     @property
     def driver_rates(self) -> tuple[float | None, ...]:
@@ -145,15 +143,12 @@ class DesignProblem(Summarised):
         return np.full(len(self.devices), number)
 
 
-def unlike_first(problem: DesignProblem, *, groups: bool = False) -> tuple[str, ...]:
-    """A sentence where dampers differ from the first, whose force a law knows; as `groups` also in their number."""
+def unlike_first(problem: DesignProblem) -> tuple[str, ...]:
+    """A sentence where dampers differ from the first, whose force a law knows."""
     first = problem.devices[0]
 
     def same(device: Device) -> bool:
-        alike = device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
-        return alike and (
-            not groups or (device.count, device.differential) == (first.count, first.differential)
-        )
+        return device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
 
     others = [device.name for device in problem.devices if not same(device)]
     said = f"It knows the force of {first.name} alone, and takes it for that of {list_names(others)} too."
@@ -162,11 +157,10 @@ def unlike_first(problem: DesignProblem, *, groups: bool = False) -> tuple[str, 
 
 @array_dataclass(repr=False)
 class Design(Summarised):
-    """Gains of a law by name, one number or one row over the state for each device; its tables and further signals."""
+    """Gains of a law by name, one number or one row over the state for each device, and its tables."""
 
     gains: Mapping[str, Floats] = field(default_factory=dict)
     tables: Mapping[str, Floats] = field(default_factory=dict)
-    signals: tuple[FurtherSignal, ...] = ()
 
 
 Magnitude = Literal[
@@ -270,11 +264,6 @@ class LawSettings(ABC):
         """The weights of outputs or states among settings by name."""
         names = cls.weight_names()
         return {name: value for name, value in settings.items() if name in names}
-
-    @classmethod
-    def span_of(cls, name: str, span: Span, held: Mapping[str, Any]) -> Span | None:
-        """The span of a setting beside those that are held; `None` where the law does not use it with them."""
-        return span
 
     @classmethod
     def cost(cls, held: Mapping[str, Any], magnitudes: Magnitudes) -> float:

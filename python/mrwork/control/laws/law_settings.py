@@ -24,7 +24,6 @@ from mrwork.control.laws.regulator_settings import (
     NetworkSettings,
     RegulatorSettings,
     SignalNetworkSettings,
-    SignalPolynomialSettings,
 )
 from mrwork.control.laws.rollout import RolloutSettings
 from mrwork.control.laws.sliding import AdaptiveSlidingSettings, SlidingSettings, SuperTwistingSettings
@@ -118,7 +117,6 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "inverse_parabola": RegulatorSettings,
     "inverse_network": NetworkSettings,
     "signal_network": SignalNetworkSettings,
-    "signal_polynomial": SignalPolynomialSettings,
     "active": RegulatorSettings,
     "acceleration_driven": NoSettings,
     "mixed_skyhook": MixedSkyhookSettings,
@@ -131,8 +129,7 @@ SettingValue = (
     float | str | Sequence[float] | Sequence[str] | Sequence[Sequence[float]]
     | Floats | WeightWishes | Mapping[str, Any] | None
 )  # fmt: skip
-"""A value of a setting of a control law: a number, a word, an array or matrix of weights, a table of designed ones,
-names of signals."""
+"""A value of a setting of a control law: a number, a word, an array or matrix of weights, a table of designed ones,"""
 
 _NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
 
@@ -204,7 +201,6 @@ def design_law(
         name=name,
         gains=design.gains,
         tables=design.tables,
-        signals=design.signals,
         curve=curve,
         model=_model_of(spec, problem),
         notes=(
@@ -253,9 +249,7 @@ def design_candidates(
         if isinstance(design, SettingError):
             refusals[index] = str(design)
         elif designs and not _same_tables(design, designs[0]):
-            refusals[index] = (
-                f"{name} with these settings has other tables or signals than the first candidate"
-            )
+            refusals[index] = f"{name} with these settings has other tables than the first candidate"
         else:
             designs.append(design)
             designed.append(index)
@@ -266,7 +260,6 @@ def design_candidates(
         name=name,
         gains=gains,
         tables=designs[0].tables,
-        signals=designs[0].signals,
         curve=curve,
         model=_model_of(spec, problem),
     )
@@ -281,8 +274,6 @@ def _check_settings(spec: ControlLawSpec, settings: LawSettings) -> None:
 
 
 def _same_tables(one: Design, other: Design) -> bool:
-    return (
-        one.signals == other.signals
-        and one.tables.keys() == other.tables.keys()
-        and all(np.array_equal(one.tables[name], other.tables[name]) for name in one.tables)
+    return one.tables.keys() == other.tables.keys() and all(
+        np.array_equal(one.tables[name], other.tables[name]) for name in one.tables
     )

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any, ClassVar, Self
+from dataclasses import replace
+from typing import ClassVar, Self
 
 import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import describe_key, key, keys_of, optional, positive
 from mrwork.base.values import Floats
-from mrwork.control.laws.control_law import SOURCES, FurtherSignal, SignalName, SignalSource, control_law
+from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.design_ground import AskedForce, asked_forces
-from mrwork.control.laws.inverse_network import train_inverse_network
 from mrwork.control.laws.law_problem import (
     Design,
     DesignProblem,
     LawSettings,
     Magnitude,
     Span,
-    unlike_first,
 )
 from mrwork.control.laws.weights import CostWeights
 from mrwork.control.linear.lqr import (
@@ -226,52 +223,45 @@ def _about(magnitude: Magnitude) -> Span:
     return Span(lower=0.3, upper=3.0, start=1.0, of=((magnitude, 1.0),), free=False)
 
 
-# The network of a device does not depend on the regulator, of which a search tries many.
-_trained_network = lru_cache(maxsize=32)(train_inverse_network)
-
-
 @checked
 class NetworkSettings(RegulatorSettings):
-    """A regulator with a neural network from the desired force to the command.
+    """A regulator with a neural network from the desired force to the command, which is trained elsewhere.
 
-    The network is that of the first device, with all its dampers; all devices have it.
+    All devices have the same network, of a device with all its dampers. Its inputs are deformation [m], velocity [m/s]
+    and desired force [N], or these and then those of the sample before.
     """
 
-    amplitude: float = key("expected peak damper displacement", unit="m", above=0.0, span=_about("stroke"))
-    velocity: float = key("expected peak damper velocity", unit="m/s", above=0.0, span=_about("rate"))
-    hidden: int = key("units of the hidden layer", default=12, least=1)
-    seed: int = key("seed of the training", default=0, least=0)
+    layer: MatrixRows = key(
+        "a row for each hidden unit: its bias, the weights of its inputs in SI units, its weight in the output [A or "
+        "V]; rows of numbers, or the name of a .csv, .tsv, .txt, .npy or .mat file with them",
+        matrix=True,
+    )
+    output: float = key("bias of the output [A or V]")
+    reach: tuple[float, ...] = key(
+        "largest magnitude of each input, to which it is clipped: that of the training", above=0.0
+    )
 
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
-        """The gain, and the trained network."""
-        device = problem.devices[0]
-        network = _trained_network(
-            device.spec,
-            tuple(device.draws[0].tolist()),
-            largest_command=device.largest_command,
-            amplitude=self.amplitude,
-            velocity=self.velocity,
-            sample_time=problem.sample_time,
-            n_hidden=self.hidden,
-            count=device.count,
-            differential=device.differential,
-            rng=self.seed,
-        )
-        # A row for each hidden unit, with the scales: bias, weights of its inputs, weight in the output.
-        reach, size = network.input_scale, network.output_scale
-        layer = np.column_stack([network.b1, network.W1 / reach, network.w2 * size])
-        tables = {"layer": layer.ravel(), "output": np.array([network.b2 * size]), "reach": reach}
+        """The gain, and the network."""
+        n_columns = len(self.reach) + 2
+        if len(self.reach) not in (3, 6):
+            raise InvalidSettingError(
+                "reach", f"reach has {len(self.reach)} numbers; give 3, or 6 with the sample before"
+            )
+        if not self.layer or {len(row) for row in self.layer} != {n_columns}:
+            raise InvalidSettingError(
+                "layer",
+                f"layer has rows of another length than {n_columns}; give in each a bias, {len(self.reach)} weights "
+                "and the weight in the output",
+            )
+        tables = {
+            "layer": np.ravel(self.layer),
+            "output": np.array([self.output]),
+            "reach": np.array(self.reach),
+        }
         return Design(gains={"gain": gain}, tables=tables)
 
-    def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
-        """Sentences on the gain, and on dampers for which the network was not trained."""
-        return (*RegulatorSettings.notes(self, problem, design), *unlike_first(problem, groups=True))
 
-
-_SIGNALS, _MOST_POWERS = 4, 9
-_ACCELERATIONS: frozenset[SignalSource] = frozenset(
-    {"acceleration", "floor_acceleration", "ground_acceleration"}
-)
 _NEAR_CLIPPED = (
     (-0.66, 0.0, 0.0, 1.0, 1.0, 2.0),
     (-0.66, 0.0, 0.0, -1.0, 1.0, -2.0),
@@ -282,14 +272,12 @@ _NEAR_CLIPPED_BIAS = -4.6
 """A network that is about the clipped-optimal law: (f_c - f) f of the two forces as a sum of even functions."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SignalSettings(RegulatorSettings):
-    """A regulator, the scales of the signals of a device: elongation, its rate, and the two forces; further signals.
+@checked
+class SignalNetworkSettings(RegulatorSettings):
+    """A regulator, and a small network of measured signals whose numbers are learned; all devices have the same.
 
-    `further_numbers` is the number of weights of a further signal.
+    The signals of a device are its elongation, its rate, its force and the desired force, each over its scale.
     """
-
-    further_numbers: ClassVar[int] = 0
 
     deformation: float = key("scale of the damper displacement", unit="m", above=0.0, span=_about("stroke"))
     rate: float = key("scale of the damper velocity", unit="m/s", above=0.0, span=_about("rate"))
@@ -299,85 +287,26 @@ class SignalSettings(RegulatorSettings):
         above=0.0,
         span=_about("force"),
     )
-
-    signals: tuple[SignalName, ...] = key(
-        "further signals: acceleration of the device (absolute, of its upper end less that of its lower end), "
-        "ground_acceleration, and running root mean squares: rms_deformation, rms_rate, rms_force, rms_acceleration, "
-        "rms_ground_acceleration",
-        default=(),
-    )
-    floors: tuple[int, ...] = key(
-        "floors whose absolute acceleration is a further signal, after those, from 1, lowest first",
-        default=(),
-        least=1,
-    )
-    rms_floors: tuple[int, ...] = key(
-        "floors whose running root mean square of the absolute acceleration is a further signal, last",
-        default=(),
-        least=1,
-    )
-    acceleration: float | None = positive(
-        "scale of all accelerations among the further signals, which need it",
-        unit="m/s2",
-        span=_about("acceleration"),
-    )
-    time_constant: float | None = positive(
-        "time constant of the running root mean squares, which need it: after it a square counts 1/e; a law keeps one, "
-        "and mrwork tune does not search it",
-        unit="s",
+    network: tuple[float, ...] = key(
+        "for each of four hidden units its bias, the weights of displacement, velocity, force and desired force over "
+        "their scales, and its weight in the output; last the bias of the output; 25 numbers, which mrwork tune finds",
+        span=Span(
+            lower=-8.0,
+            upper=8.0,
+            scale="linear",
+            entries=(*(number for unit in _NEAR_CLIPPED for number in unit), _NEAR_CLIPPED_BIAS),
+        ),
     )
 
-    @classmethod
-    def span_of(cls, name: str, span: Span, held: Mapping[str, Any]) -> Span | None:
-        """None of the scale of accelerations without one among the signals; a weight of 0 for each further signal."""
-        names = held.get("signals", ())
-        floors = (*held.get("floors", ()), *held.get("rms_floors", ()))
-        if (
-            name == "acceleration"
-            and not floors
-            and not any(SOURCES[each][0] in _ACCELERATIONS for each in names)
-        ):
-            return None
-        if name == "further":
-            count = cls.further_numbers * (len(names) + len(floors))
-            return replace(span, entries=(0.0,) * count) if count else None
-        return span
-
-    def further_signals(self, problem: DesignProblem) -> tuple[FurtherSignal, ...]:
-        """The further signals, in the order of their weights and powers."""
-        n_floors = len(problem.building.floors)
-        for name in ("floors", "rms_floors"):
-            given = getattr(self, name)
-            if len(set(given)) < len(given) or any(not 1 <= floor <= n_floors for floor in given):
-                of = f"floors of {problem.building.name} from 1 to {n_floors}"
-                raise InvalidSettingError(name, f"{name} are {list(given)}; give {of}, each once")
-        constant = self.time_constant
-        named = [SOURCES[name] for name in self.signals]
-        signals = (
-            *(FurtherSignal(source=source, time_constant=constant if rms else None) for source, rms in named),
-            *(FurtherSignal(source="floor_acceleration", floor=floor - 1) for floor in self.floors),
-            *(
-                FurtherSignal(source="floor_acceleration", floor=floor - 1, time_constant=constant)
-                for floor in self.rms_floors
-            ),
-        )
-        if constant is None and (self.rms_floors or any(rms for _, rms in named)):
-            raise InvalidSettingError(
-                "time_constant",
-                "the law has running root mean squares among its signals and no time over which they fade; give "
-                "time_constant [s]",
-            )
-        if self.acceleration is None and any(each.source in _ACCELERATIONS for each in signals):
-            raise InvalidSettingError(
-                "acceleration",
-                "the law has accelerations among its signals and no scale of them; give acceleration [m/s2]",
-            )
-        return signals
-
-    def further_scales(self, signals: Sequence[FurtherSignal]) -> Floats:
-        """Scale of each further signal, shape (n_signals,)."""
-        scales = {"deformation": self.deformation, "rate": self.rate, "force": self.force}
-        return np.array([scales.get(each.source, self.acceleration) for each in signals], dtype=np.float64)
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The gain, and the network for signals in SI units."""
+        numbers = next(gain.numbers for gain in control_law("signal_network").gains if gain.name == "network")
+        if len(self.network) != numbers:
+            raise InvalidSettingError("network", f"network has {len(self.network)} numbers; give {numbers}")
+        scales = np.array([self.deformation, self.rate, self.force, self.force])
+        network = np.array(self.network)
+        network[:-1].reshape(-1, len(scales) + 2)[:, 1:-1] /= scales
+        return Design(gains={"gain": gain, "network": np.tile(network, (len(problem.devices), 1))})
 
     def margins(
         self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
@@ -390,91 +319,4 @@ class SignalSettings(RegulatorSettings):
         return (
             "the command is between 0 and the largest one for any numbers of the law and any signals, so the damper "
             "remains the passive device that it is at each command; nothing is proved of the response"
-        )
-
-    @property
-    def scales(self) -> Floats:
-        """Scale of each signal, shape (4,)."""
-        return np.array([self.deformation, self.rate, self.force, self.force])
-
-
-@checked
-class SignalNetworkSettings(SignalSettings):
-    """A regulator with a small network of measured signals, whose numbers are learned; all devices have the same."""
-
-    network: tuple[float, ...] = key(
-        "for each of four hidden units its bias, the weights of displacement, velocity, force and desired force over "
-        "their scales, and its weight in the output; last the bias of the output; 25 numbers, which mrwork tune finds",
-        span=Span(
-            lower=-8.0,
-            upper=8.0,
-            scale="linear",
-            entries=(*(number for unit in _NEAR_CLIPPED for number in unit), _NEAR_CLIPPED_BIAS),
-        ),
-    )
-    further: tuple[float, ...] = key(
-        "for each further signal, over its scale, its weight in each of the four hidden units; a root mean square "
-        "moves the bias of the unit",
-        default=(),
-        span=Span(lower=-8.0, upper=8.0, scale="linear"),
-    )
-    further_numbers: ClassVar[int] = len(_NEAR_CLIPPED)
-
-    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
-        """The gain, and the network for signals in SI units."""
-        numbers = next(gain.numbers for gain in control_law("signal_network").gains if gain.name == "network")
-        if len(self.network) != numbers:
-            raise InvalidSettingError("network", f"network has {len(self.network)} numbers; give {numbers}")
-        network = np.array(self.network)
-        network[:-1].reshape(-1, _SIGNALS + 2)[:, 1:-1] /= self.scales
-        signals = self.further_signals(problem)
-        count = self.further_numbers * len(signals)
-        if len(self.further) != count:
-            raise InvalidSettingError(
-                "further",
-                f"further has {len(self.further)} numbers; give {count}, {self.further_numbers} for each further "
-                "signal",
-            )
-        gains = {"gain": gain, "network": np.tile(network, (len(problem.devices), 1))}
-        if signals:
-            weights = np.reshape(self.further, (len(signals), -1)) / self.further_scales(signals)[:, None]
-            gains["further"] = np.tile(weights.ravel(), (len(problem.devices), 1))
-        return Design(gains=gains, signals=signals)
-
-
-@checked
-class SignalPolynomialSettings(SignalSettings):
-    """A regulator with a polynomial of measured signals, each over its scale and within -1 to 1."""
-
-    terms: MatrixRows = key(
-        "a row for each term: its coefficient and the powers of displacement, velocity, force and desired force, then "
-        "of the further signals, if there are any; by default the product of the forces",
-        default=((1.0, 0.0, 0.0, 1.0, 1.0),),
-    )
-
-    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
-        """The gain, and the terms."""
-        signals = self.further_signals(problem)
-        n_columns = _SIGNALS + 1 + len(signals)
-        lengths = {len(row) for row in self.terms}
-        if not self.terms or lengths not in ({_SIGNALS + 1}, {n_columns}):
-            further = f", and {len(signals)} more of the further signals" if signals else ""
-            raise InvalidSettingError(
-                "terms",
-                f"terms has rows of another length than {n_columns}; give a coefficient and four powers in "
-                f"each{further}",
-            )
-        terms = np.zeros((len(self.terms), n_columns))
-        terms[:, : lengths.pop()] = self.terms
-        powers = terms[:, 1:]
-        if not np.isin(powers, np.arange(_MOST_POWERS + 1)).all():
-            sentence = f"terms has a power that is no whole number from 0 to {_MOST_POWERS}; give such powers"
-            raise InvalidSettingError("terms", sentence)
-        return Design(
-            gains={"gain": gain},
-            tables={
-                "terms": terms.ravel(),
-                "reach": np.concatenate([self.scales, self.further_scales(signals)]),
-            },
-            signals=signals,
         )

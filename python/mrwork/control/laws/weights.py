@@ -85,9 +85,9 @@ class WeightWishes(RmsLimits):
     def of_problem(self, problem: DesignProblem, budget_scale: float = 1.0) -> DesignedWeights:
         """The weights for a building with its devices, with `budget_scale` times the budget.
 
-        The plant keeps them, because a search tries many sizes of R.
+        The problem keeps them, because a search tries many sizes of R.
         """
-        known: dict[object, DesignedWeights] = problem.plant._designs
+        known = problem.whole._weights
         if (self, budget_scale) not in known:
             known[self, budget_scale] = self._design(problem, budget_scale)
         return known[self, budget_scale]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -41,8 +40,6 @@ class Plant(Summarised):
     device_names: tuple[str, ...]
     scaling: Floats
     energy: Floats
-    # Weights that were designed for it, by what was wished; see `WeightWishes.design`.
-    _designs: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def n_coordinates(self) -> int:
