@@ -171,7 +171,7 @@ class ForceCurve:
 
 @final
 class LoopModel:
-    def __new__(cls, building: Building, dampers: Dampers) -> LoopModel: ...
+    def __new__(cls, building: Building, dampers: Sequence[Dampers]) -> LoopModel: ...
 
 @final
 class Controller:
@@ -244,7 +244,7 @@ class _Hardware(Protocol):
 
 def respond(
     building: Building,
-    dampers: Dampers,
+    dampers: Sequence[Dampers],
     controller: Controller,
     hardware: _Hardware,
     motions: Sequence[tuple[float, _Floats]],

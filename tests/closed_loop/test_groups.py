@@ -1,4 +1,4 @@
-"""Groups of dampers of one model, each with parameters, laws and a driver of its own, are simulated in one loop."""
+"""Groups of dampers, each of a model with parameters, laws and a driver of its own, are simulated in one loop."""
 
 from __future__ import annotations
 
@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 from loop_samples import devices, five_storeys, friction, law_with_gains, plant_with, rd1005, sweep
 from refusals import refusal
+from scipy.integrate import solve_ivp
 
 import mrwork as mr
 from mrwork import Device
-from mrwork.buildings.groups import with_common_laws
+from mrwork.buildings.groups import groups_of
 from mrwork.closed_loop import simulate_loop
 from mrwork.closed_loop.responses import Responses
 from mrwork.control import ControlLaw
-from mrwork.dampers.spec import plain_parameters
 
 PLAIN = mr.damper("bingham")
+STOREYS = five_storeys().storeys
 # Coefficients of each law of the yield force, and laws and numbers that are those of all groups.
 LAWS: Mapping[str, tuple[float, ...]] = {
     "constant": (400.0,),
@@ -55,59 +56,86 @@ def assert_same_runs(one: Responses, other: Responses, rtol: float = 0.0) -> Non
 
 
 @pytest.mark.parametrize("lagged", [False, True])
-def test_laws_of_lower_degree_are_those_of_the_higher_one_to_the_bit(lagged: bool) -> None:
-    low, high = group("linear", lagged=lagged), group("cubic", storey=1, lagged=lagged, largest=1.0)
-    fixed = group("constant", storey=2, lagged=lagged)
-    rest = np.asarray(low.theta)[2:]
-    written = [
-        replace(low, spec=high.spec, theta=[20.0, 300.0, 0.0, 0.0, *rest]),
-        high,
-        replace(fixed, spec=high.spec, theta=[400.0, 0.0, 0.0, 0.0, *rest]),
-    ]
-    assert_same_runs(run([low, high, fixed]), run(written))
-    # The order of the groups changes nothing.
-    turned = run([high, fixed, low])
-    np.testing.assert_array_equal(turned.peak_drift, run([written[1], written[2], written[0]]).peak_drift)
+def test_a_group_by_another_law_has_the_forces_of_its_curve(lagged: bool) -> None:
+    # 20 + 300 u of the yield force, by its coefficients, by values, and as a cubic.
+    straight = group("linear", lagged=lagged), replace(group("linear", lagged=lagged), row=STOREYS[1])
+    others = {"values:0,1": (20.0, 320.0), "linear:0,2": (20.0, 620.0), "cubic": (20.0, 300.0, 0.0, 0.0)}
+    for law, coefficients in others.items():
+        spec = PLAIN.with_current_laws({"f_c": law, "c0": "linear"}, unit="A", lagged=lagged)
+        theta = [*coefficients, *np.asarray(straight[1].theta)[2:]]
+        if law == "values:0,1":
+            theta[:2] = [20.0, 20.0]
+            same = replace(straight[1], theta=[20.0, 0.0, *np.asarray(straight[1].theta)[2:]])
+        else:
+            same = straight[1]
+        mixed = run([straight[0], replace(same, spec=spec, theta=theta)])
+        assert_same_runs(run([straight[0], same]), mixed, rtol=1e-9)
 
 
-def test_laws_by_values_are_brought_to_the_same_commands() -> None:
-    for one, other in (
-        ("values:0,1,2", "values:0,0.4,2.5"),
-        ("quadratic", "quadratic:0,1,2"),
-        ("linear:0,2", "quadratic:0,1,2"),
-        ("constant", "values:0,1,2"),
-        ("constant", "exponential"),
-        ("linear", "quadratic:0.5,1,1.5"),
-    ):
-        first, second = group(one), group(other, storey=1, largest=2.0)
-        alike = with_common_laws([first, second])
-        assert alike[0].spec == alike[1].spec
-        for given, written in zip((first, second), alike, strict=True):
-            for command in np.linspace(0.0, given.largest_command, 31).tolist():
-                np.testing.assert_allclose(
-                    plain_parameters(written.spec, written.draws[0], command),
-                    plain_parameters(given.spec, given.draws[0], command),
-                    rtol=1e-9,
-                )
-        assert run([first, second]).peak_drift.min() > 0.0
+def test_the_order_of_groups_changes_nothing() -> None:
+    one, other, third = bingham_and_dahl()[0], bingham_and_dahl()[1], group("exponential", storey=2)
+    found = run([one, other, third])
+    for order in ([2, 0, 1], [1, 2, 0]):
+        turned = run([[one, other, third][place] for place in order])
+        np.testing.assert_allclose(turned.peak_drift, found.peak_drift, rtol=1e-12)
+        np.testing.assert_allclose(turned.peak_force, found.peak_force[..., order], rtol=1e-12)
 
 
-def test_equal_laws_stay_as_they_are() -> None:
-    loop = devices(rd1005())
-    assert all(one is other for one, other in zip(with_common_laws(loop), loop, strict=True))
+def test_neighbours_of_one_model_are_a_group() -> None:
+    first, second = devices(rd1005())
+    third = bingham_and_dahl()[0]
+    assert groups_of([first, second, third, first]) == [[0, 1], [2], [3]]
 
 
-def test_groups_without_a_common_form_are_refused() -> None:
+def bingham_and_dahl() -> tuple[Device, Device]:
+    """Two models across the first two storeys, each with a lag of its own."""
+    spec = mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="A", lagged=True)
+    theta = [50.0, 700.0, 2000.0, 0.0, 60.0]
+    dahl = Device(name="dahl", spec=spec, theta=theta, row=STOREYS[1], largest_command=1.0)
+    return group("quadratic", lagged=True), dahl
+
+
+def test_two_models_in_one_frame_are_those_of_scipy() -> None:
+    bingham, dahl = bingham_and_dahl()
+    frame, time = five_storeys(), np.arange(0.0, 2.0, 0.01)
+    motion = mr.GroundMotion(name="sweep", dt=0.01, acceleration=3.0 * np.sin(12.0 * time + 3.0 * time**2))
+    law = ControlLaw(name="passive", gains={"command": [0.8, 0.6]})
+    found = simulate_loop(frame, [bingham, dahl], law, [motion], histories=True, step_factor=8)
+    n, rows = frame.n_coordinates, np.array([bingham.row, dahl.row])
+    inverse = np.linalg.inv(frame.mass)
+    # Of a passive law, the current follows the command from zero.
+    first, second = (np.asarray(each.theta, dtype=float) for each in (bingham, dahl))
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        q, v, z, (one, two) = y[:n], y[n : 2 * n], y[2 * n], y[2 * n + 1 :]
+        rate = rows @ v
+        f_c = first[0] + first[1] * one + first[2] * one**2
+        c0 = first[4] + first[5] * one
+        force = [
+            f_c * np.tanh(rate[0] / first[3]) + c0 * rate[0] + first[6],
+            (second[0] + second[1] * two) * z + second[3],
+        ]
+        loop = second[2] * (rate[1] - np.abs(rate[1]) * z)
+        ground = np.interp(t, time, motion.acceleration)
+        push = -frame.damping @ v - frame.stiffness @ q - rows.T @ np.array(force)
+        accelerations = inverse @ push - frame.influence * ground
+        lags = [-first[-1] * (one - 0.8), -second[-1] * (two - 0.6)]
+        return np.array([*v, *accelerations, loop, *lags])
+
+    start = np.zeros(2 * n + 3)
+    start[-2:] = 0.8, 0.6
+    solved = solve_ivp(rates, (0.0, time[-1]), start, max_step=5e-4, rtol=1e-9, atol=1e-12, dense_output=True)
+    history = found.histories[0]
+    expected = solved.sol(history.time)[:n].T @ frame.floors.T
+    largest = np.abs(history.displacement).max()
+    np.testing.assert_allclose(history.displacement, expected, rtol=0.0, atol=2e-6 * largest)
+
+
+def test_drivers_of_other_kinds_are_refused() -> None:
     building, law = five_storeys(), ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
     passive = replace(group("linear"), name="plain", spec=PLAIN, theta=[400.0, 0.02, 200.0, 0.0])
-    beyond = replace(group("constant"), theta=[1e12, 0.02, 200.0, 500.0, 0.0])
     for one, other, word in (
-        (group("quadratic"), group("exponential"), "no form in common"),
-        (group("quadratic"), group("values:0,1,2"), "no form in common"),
-        (group("quadratic:0.5,1,1.5"), group("cubic"), "no form in common"),
-        (beyond, group("linear"), "no form in common within its range"),
         (group("linear"), group("quadratic", unit="V"), "in V"),
-        (group("linear"), group("quadratic", lagged=True), "with a lag"),
         (group("linear"), passive, "follows no command"),
     ):
         loop = [one, replace(other, row=building.storeys[1])]

@@ -157,11 +157,11 @@ def test_a_part_of_the_runs_has_the_rows_that_it_uses() -> None:
         streams=np.arange(36, dtype=np.uint64),
         gains=np.arange(12.0).reshape(6, 2),
         shaping=None,
-        theta=np.arange(12.0).reshape(3, 1, 4),
+        theta=(np.arange(12.0).reshape(3, 1, 4),),
     )
     for which in (slice(0, 2), slice(7, 15), slice(30, 36)):
         part = whole.part(which)
         assert len(part.gains) == len({*candidate[which]})
         np.testing.assert_array_equal(part.gains[part.runs[:, 0]], whole.gains[candidate[which]])
-        np.testing.assert_array_equal(part.theta[part.runs[:, 2]], whole.theta[draw[which]])
+        np.testing.assert_array_equal(part.theta[0][part.runs[:, 2]], whole.theta[0][draw[which]])
         np.testing.assert_array_equal(part.streams, whole.streams[which])

@@ -10,7 +10,7 @@ use mrwork_dynamics::closed_loop::{
     respond_with_slopes, width,
 };
 use mrwork_dynamics::control::{Law, LoopSizes};
-use mrwork_dynamics::coupled::Mounting;
+use mrwork_dynamics::coupled::{Group, Mounting};
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{REGISTRY, find_device};
 use mrwork_dynamics::dispatch::InstructionSet;
@@ -288,9 +288,7 @@ proptest! {
         let batch = Batch {
             building: &building,
             springs: &springs,
-            laws: &laws,
-            theta: &theta,
-            mountings: &mountings,
+            dampers: &[Group { damper, laws: &laws, theta: &theta, mountings: &mountings }],
             ranges: &ranges,
             law,
             outside: None,
@@ -305,7 +303,7 @@ proptest! {
             observer: None,
         };
         let mut summary = vec![0.0; runs.len() * width(RUN_QUANTITIES, &building)];
-        if let Ok(results) = respond(damper, &batch, &mut summary, None, settings(1, 1, set)) {
+        if let Ok(results) = respond(&batch, &mut summary, None, settings(1, 1, set)) {
             prop_assert_eq!(results.len(), runs.len());
             prop_assert!(!summary.iter().any(|value| value.is_nan()));
         }
@@ -314,7 +312,7 @@ proptest! {
         let mut slopes = vec![0.0; count * summary.len()];
         let directions = Directions { count, changes: &changes };
         let settings = settings(1, 1, set);
-        let results = respond_with_slopes(damper, &batch, directions, &mut summary, &mut slopes, settings);
+        let results = respond_with_slopes(&batch, directions, &mut summary, &mut slopes, settings);
         if law.spec().switches {
             prop_assert!(results.is_err());
         }

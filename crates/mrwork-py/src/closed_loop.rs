@@ -4,6 +4,7 @@ use mrwork_dynamics::closed_loop::{
     self, Batch, Channel, Directions, Fault, HISTORY_SIGNALS, Hardware, Observer as DiscreteObserver,
     OutsideLaw, Quantity, RUN_QUANTITIES, Run, Sensor, n_samples,
 };
+use mrwork_dynamics::coupled::Group;
 use mrwork_dynamics::ground_motion::GroundMotion;
 use mrwork_dynamics::settings::Settings;
 use numpy::ndarray::{Ix2, Ix3};
@@ -200,7 +201,7 @@ type Responses<'py> = (
 pub fn respond<'py>(
     py: Python<'py>,
     building: &Building,
-    dampers: &Dampers,
+    dampers: Vec<Py<Dampers>>,
     controller: &Controller,
     hardware: LoopHardware,
     motions: Vec<(f64, PyReadonlyArray1<'py, f64>)>,
@@ -221,17 +222,17 @@ pub fn respond<'py>(
         .collect::<PyResult<Vec<_>>>()?;
     let hardware = hardware.dynamics()?;
     let n_coordinates = building.dynamics.n_coordinates();
-    let n_devices = dampers.mountings.len();
+    let groups: Vec<Group<'_>> = dampers.iter().map(|dampers| dampers.get().group()).collect();
+    let ranges: Vec<[f64; 2]> = dampers.iter().flat_map(|dampers| dampers.get().ranges.clone()).collect();
+    let n_devices = ranges.len();
     let runs = runs_of(&runs, &streams)?;
     let outside =
         outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices, building.dynamics.n_floors()));
     let batch = Batch {
         building: &building.dynamics,
         springs: &building.springs,
-        laws: &dampers.laws,
-        theta: &dampers.theta,
-        mountings: &dampers.mountings,
-        ranges: &dampers.ranges,
+        dampers: &groups,
+        ranges: &ranges,
         law: controller.law,
         outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
         gains: controller.gains(n_devices, 2 * n_coordinates)?,
@@ -272,15 +273,10 @@ pub fn respond<'py>(
         let stop = &|| stop() || outside.as_ref().is_some_and(AskedLaw::failed);
         let settings = Settings { step_factor, threads, instruction_set, stop };
         match directions {
-            None => closed_loop::respond(dampers.model, &batch, &mut summary, rows.as_deref_mut(), settings),
-            Some(directions) => closed_loop::respond_with_slopes(
-                dampers.model,
-                &batch,
-                directions,
-                &mut summary,
-                &mut slopes,
-                settings,
-            ),
+            None => closed_loop::respond(&batch, &mut summary, rows.as_deref_mut(), settings),
+            Some(directions) => {
+                closed_loop::respond_with_slopes(&batch, directions, &mut summary, &mut slopes, settings)
+            }
         }
     });
     if let Some(error) = outside.as_ref().and_then(AskedLaw::error) {

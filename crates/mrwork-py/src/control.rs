@@ -72,13 +72,13 @@ impl ForceCurve {
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct LoopModel {
     building: Py<Building>,
-    dampers: Py<Dampers>,
+    dampers: Vec<Py<Dampers>>,
 }
 
 #[pymethods]
 impl LoopModel {
     #[new]
-    fn new(building: Py<Building>, dampers: Py<Dampers>) -> Self {
+    fn new(building: Py<Building>, dampers: Vec<Py<Dampers>>) -> Self {
         Self { building, dampers }
     }
 }
@@ -148,6 +148,7 @@ impl Controller {
     /// Its model of the loop.
     pub fn model(&self) -> Option<DynamicsModel<'_>> {
         let model = self.model.as_ref().map(Py::get)?;
-        Some(model.dampers.get().model_of(model.building.get()))
+        let dampers = model.dampers.iter().map(|dampers| dampers.get().group()).collect();
+        Some(DynamicsModel { building: &model.building.get().dynamics, dampers })
     }
 }

@@ -3,8 +3,7 @@
 use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::building::{Building as Dynamics, Element, Matrices, Springs};
 use mrwork_dynamics::closed_loop::{HISTORY_SIGNALS, Quantity, RUN_QUANTITIES};
-use mrwork_dynamics::control::LoopModel;
-use mrwork_dynamics::coupled::Mounting;
+use mrwork_dynamics::coupled::{Group, Mounting};
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::find_device;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3, PyUntypedArrayMethods};
@@ -112,8 +111,8 @@ fn columns_of(quantities: &[Quantity], building: &Dynamics) -> Vec<(&'static str
     quantities.iter().map(|quantity| (quantity.name, quantity.axis.length(building))).collect()
 }
 
-/// The dampers of a loop: a model with current laws, parameters, shape (draws, devices, columns), and each device's
-/// number of dampers, arrangement and range of the command.
+/// Dampers of one model with current laws: parameters, shape (draws, devices, columns), and each device's number of
+/// dampers, arrangement and range of the command.
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Dampers {
     pub(crate) model: &'static dyn Damper,
@@ -156,15 +155,8 @@ impl Dampers {
 }
 
 impl Dampers {
-    /// A controller's model of a loop with these dampers, of their first draw.
-    pub fn model_of<'a>(&'a self, building: &'a Building) -> LoopModel<'a> {
-        let size = (self.mountings.len() * self.laws.n_columns()).min(self.theta.len());
-        LoopModel {
-            building: &building.dynamics,
-            damper: self.model,
-            laws: &self.laws,
-            theta: &self.theta[..size],
-            mountings: &self.mountings,
-        }
+    /// The dampers for the core.
+    pub fn group(&self) -> Group<'_> {
+        Group { damper: self.model, laws: &self.laws, theta: &self.theta, mountings: &self.mountings }
     }
 }

@@ -20,7 +20,7 @@ from mrwork.base.arguments import May, Threads, Whole, checked
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.groups import with_common_laws
+from mrwork.buildings.groups import groups_of, refuse_other_drivers
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.hardware import Hardware
@@ -48,17 +48,32 @@ _MOST_COORDINATES = 1500
 _NO_LIMIT = 1e300
 
 
-def _theta_of(devices: Sequence[Device]) -> Floats:
-    """Parameters of all draws and devices, which have the same laws, shape (n_draws, n_devices, n_columns)."""
+def _theta_of(devices: Sequence[Device]) -> tuple[Floats, ...]:
+    """Parameters of each group of devices, shape (n_draws, n_devices of the group, n_columns)."""
     n_draws = max(len(device.draws) for device in devices)
     if any(len(device.draws) not in (1, n_draws) for device in devices):
         counts = ", ".join(str(len(device.draws)) for device in devices)
         raise SettingError(f"the devices have {counts} draws; give the same number for each device, or one")
-    shape = (n_draws, len(devices[0].spec.parameters))
-    return np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
+    return tuple(
+        np.stack(
+            [
+                np.broadcast_to(devices[each].draws, (n_draws, len(devices[each].spec.parameters)))
+                for each in group
+            ],
+            axis=1,
+        )
+        for group in groups_of(devices)
+    )
 
 
-def _core_dampers(devices: Sequence[Device], theta: Floats) -> _rust.Dampers:
+def _core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_rust.Dampers]:
+    return [
+        _core_group([devices[each] for each in group], own)
+        for group, own in zip(groups_of(devices), theta, strict=True)
+    ]
+
+
+def _core_group(devices: Sequence[Device], theta: Floats) -> _rust.Dampers:
     spec = devices[0].spec
     return _rust.Dampers(
         model=spec.name,
@@ -71,15 +86,17 @@ def _core_dampers(devices: Sequence[Device], theta: Floats) -> _rust.Dampers:
     )
 
 
-def _ideal_actuators(n_devices: int) -> _rust.Dampers:
-    return _rust.Dampers(
-        model="ideal_actuator",
-        laws=["linear"],
-        theta=np.tile([0.0, 1.0], (1, n_devices, 1)),
-        counts=[1.0] * n_devices,
-        differential=[False] * n_devices,
-        ranges=[(-_NO_LIMIT, _NO_LIMIT)] * n_devices,
-    )
+def _ideal_actuators(n_devices: int) -> list[_rust.Dampers]:
+    return [
+        _rust.Dampers(
+            model="ideal_actuator",
+            laws=["linear"],
+            theta=np.tile([0.0, 1.0], (1, n_devices, 1)),
+            counts=[1.0] * n_devices,
+            differential=[False] * n_devices,
+            ranges=[(-_NO_LIMIT, _NO_LIMIT)] * n_devices,
+        )
+    ]
 
 
 def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
@@ -161,7 +178,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
         n_strokes=0,
         elements=(),
     )
-    first_draws = np.stack([device.draws[0] for device in devices])[None]
+    first_draws = [each[:1] for each in _theta_of(devices)]
     return _rust.LoopModel(_core_building(linear, devices), _core_dampers(devices, first_draws))
 
 
@@ -169,14 +186,15 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
 class RunsOfLoop:
     """Runs of a loop: candidate, motion, draw, building and delay of each, shape (n_runs, 5), with its stream of noise.
 
-    `gains` (n_candidates, n_gains), `shaping` (n_candidates, 2) or `None`, `theta` (n_draws, n_devices, n_columns).
+    `gains` (n_candidates, n_gains), `shaping` (n_candidates, 2) or `None`, `theta` of
+    each group of devices (n_draws, n_devices, n_columns).
     """
 
     runs: NDArray[np.uint32]
     streams: NDArray[np.uint64]
     gains: Floats
     shaping: Floats | None
-    theta: Floats
+    theta: tuple[Floats, ...]
 
     def part(self, which: slice) -> RunsOfLoop:
         """Some of the runs, with the candidates and the draws from their first to their last ones."""
@@ -189,7 +207,7 @@ class RunsOfLoop:
             streams=self.streams[which],
             gains=self.gains[candidates],
             shaping=None if self.shaping is None else self.shaping[candidates],
-            theta=self.theta[draws],
+            theta=tuple(each[draws] for each in self.theta),
         )
 
 
@@ -203,7 +221,7 @@ class _Core:
     # Pairs of a time step and an acceleration.
     waves: list[Any]
 
-    def driven(self, runs: RunsOfLoop) -> RunsOfLoop | tuple[_rust.Dampers, _rust.Controller]:
+    def driven(self, runs: RunsOfLoop) -> RunsOfLoop | tuple[list[_rust.Dampers], _rust.Controller]:
         """Dampers and controller of the runs' draws and candidates; with dampers of the user the runs themselves."""
         law, devices = self.loop.law, self.loop.devices
         if self.loop.is_own:
@@ -263,7 +281,7 @@ class LoopOfRuns:
 
 def _respond(
     core: _Core,
-    driven: RunsOfLoop | tuple[_rust.Dampers, _rust.Controller],
+    driven: RunsOfLoop | tuple[list[_rust.Dampers], _rust.Controller],
     runs: NDArray[np.uint32],
     streams: NDArray[np.uint64],
     *,
@@ -324,7 +342,7 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
         step_factor=loop.step_factor,
         widths=(sum(count for _, count in layouts[0]), sum(count for _, count in layouts[1])),
     )
-    return respond(own, runs, gains, given.shaping, given.theta, histories=histories)
+    return respond(own, runs, gains, given.shaping, given.theta[0], histories=histories)
 
 
 def respond_alone(core: _Core, runs: RunsOfLoop) -> list[NDArray[Any]]:
@@ -347,7 +365,7 @@ def _respond_elsewhere(
     chunks = [slice(each.start * block, min(each.stop * block, len(costs))) for each in blocks]
     kept, finished = None, dict[int, list[NDArray[Any]]]()
     if workers.journal is not None:
-        arrays = runs.runs, runs.streams, runs.gains, runs.shaping, runs.theta
+        arrays = runs.runs, runs.streams, runs.gains, runs.shaping, *runs.theta
         kept = KeptChunks.beside(workers.journal, digest_of(json.dumps(plain(loop)), *arrays))
         finished = kept.recall(len(chunks))
     missing = [number for number in range(len(chunks)) if number not in finished]
@@ -529,7 +547,7 @@ def simulate_loop(
     Parameters
     ----------
     devices
-        One or more, all of one model, of which each may have parameters and current laws of its own; see `Device`.
+        One or more, each with a model, parameters and laws of the command of its own, in one unit; see `Device`.
     law
         A law of the registry with its gains, or a law in Python, which takes one thread.
     histories
@@ -605,9 +623,9 @@ def simulate_loop(
                 f"the gains are of {len(gains)} candidates and `shaping` of {len(shaping)}; give one for each"
             )
         n_candidates = max(len(gains), len(shaping))
-    actuators, given_devices = law.spec.commands_force, tuple(devices)
+    actuators = law.spec.commands_force
     if not actuators:
-        devices = with_common_laws(devices)
+        refuse_other_drivers(devices)
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
             f"{law.name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
@@ -618,8 +636,8 @@ def simulate_loop(
     name = law.name if user is None else f"{user.name} in Python"
     if lacking := beyond_twin(building, devices, hardware, name):
         raise SettingError(lacking)
-    theta = np.empty((1, len(devices), 0)) if actuators else _theta_of(devices)
-    n_draws, factors = len(theta), np.ones((1, len(devices)))
+    theta = (np.empty((1, len(devices), 0)),) if actuators else _theta_of(devices)
+    n_draws, factors = len(theta[0]), np.ones((1, len(devices)))
     if largest_commands is not None:
         slope = math.inf if shaping is None else float(shaping[:, 1].min())
         factors = _command_factors(law, hardware, devices, largest_commands, slope, histories=histories)
@@ -629,7 +647,10 @@ def simulate_loop(
                 "each"
             )
         n_candidates = len(factors)
-        theta = _stretch_theta(devices[0].spec, theta, factors)
+        theta = tuple(
+            _stretch_theta(devices[group[0]].spec, own, factors[:, group])
+            for group, own in zip(groups_of(devices), theta, strict=True)
+        )
     gains = np.ascontiguousarray(np.broadcast_to(gains, (n_candidates, gains.shape[1])))
     if shaping is not None:
         shaping = np.ascontiguousarray(np.broadcast_to(shaping, (n_candidates, 2)))
@@ -665,7 +686,7 @@ def simulate_loop(
     )
     candidate, motion_of_run, realisation = np.indices(shape, dtype=np.uint32).reshape(3, -1)
     draw = realisation if n_draws > 1 else np.zeros_like(realisation)
-    if len(theta) > n_draws:
+    if len(theta[0]) > n_draws:
         # Each candidate has draws of its own, with its scale of the command.
         draw = candidate * np.uint32(n_draws) + draw
     late, seeds = np.zeros(n_realisations), np.zeros(n_realisations, dtype=np.int64)
@@ -715,7 +736,7 @@ def simulate_loop(
                 count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
     else:
         parts, order = _respond_elsewhere(workers, loop, own, on_progress), np.arange(len(runs))
-    given = () if actuators else given_devices
+    given = () if actuators else tuple(devices)
     if changes is not None:
         shape = (1 + 2 * len(changes.rows), *shape[1:])
         parts, order = [_moved(parts, order, changes.reach)], np.arange(shape[0] * len(runs))

@@ -29,8 +29,6 @@ MOST_DEGREE = len(_POLYNOMIALS) - 1
 """Largest degree of a polynomial by its coefficients."""
 # Most commands at which a law may have values; the compiled module refuses more.
 _MOST_NODES = 8
-# Commands in the text of a law have twelve digits.
-_ROUNDED = 1.0 - 1e-9
 # A value of a positive parameter is at least this share of the largest to which its law is fitted.
 _LEAST_SHARE = 1e-3
 
@@ -207,34 +205,6 @@ class CommandLaw:
         scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
         return np.asarray(coefficients * scale)
 
-    def rewrite(
-        self, coefficients: Floats, other: CommandLaw, parameter: ParamSpec, largest: float
-    ) -> Floats | None:
-        """Coefficients of another law for the curve from 0 to `largest`, on the last axis; `None` if it has none."""
-        if other == self:
-            return coefficients
-        padded = [(0, 0)] * (coefficients.ndim - 1) + [(0, other.n_coefficients - self.n_coefficients)]
-        if self.is_constant:
-            # What follows the command is limited to its range.
-            if not ((parameter.lower <= coefficients) & (coefficients <= parameter.upper)).all():
-                return None
-            return np.pad(coefficients, padded, mode="edge" if other.nodes else "constant")
-        if self.is_exponential or self.n_coefficients > other.n_coefficients:
-            return None
-        if not other.nodes:
-            both = self.degree is not None and other.degree is not None
-            return np.pad(coefficients, padded) if both else None
-        # Beyond its nodes a law goes on straight, as one of two coefficients does anyway.
-        ends = (self.nodes[0], self.nodes[-1]) if self.nodes else (-np.inf, np.inf)
-        low, high = zip(ends, (other.nodes[0], other.nodes[-1]), strict=True)
-        covers = max(low) <= 0.0 or low[0] == low[1], min(high) >= largest * _ROUNDED or high[0] == high[1]
-        logarithms = [parameter.is_positive and law.logarithms for law in (self, other)]
-        if logarithms[0] != logarithms[1] or not (self.n_coefficients == 2 or all(covers)):
-            return None
-        if self.nodes:
-            return self._through(coefficients, np.array(other.nodes), log=parameter.is_positive)
-        return np.asarray(coefficients @ np.vander(other.nodes, self.n_coefficients, increasing=True).T)
-
     def is_special_case_of(self, other: CommandLaw) -> bool:
         """Whether this law is the other one with some coefficients at zero, or all of its values equal."""
         if self.degree is None:
@@ -350,28 +320,6 @@ def _powers(nodes: tuple[float, ...], command: Floats) -> Floats:
 def _basis(nodes: tuple[float, ...]) -> Floats:
     """Coefficients of the polynomial in the place of the command for a value of 1 at each node, one column each."""
     return np.asarray(np.linalg.inv(_powers(nodes, np.array(nodes))), dtype=np.float64)
-
-
-def common_law(
-    curves: Sequence[tuple[CommandLaw, Floats, float]], parameter: ParamSpec
-) -> tuple[CommandLaw, list[Floats]] | None:
-    """The law of fewest coefficients that writes every curve, and the coefficients of each; `None` if there is none.
-
-    A curve has a law, coefficients on the last axis, and a largest command. Polynomials have the highest degree of all;
-    laws by values the commands of one of them, or as many evenly spaced from 0 to the largest command.
-    """
-    tried = sorted(dict.fromkeys(law for law, _, _ in curves), key=lambda law: law.n_coefficients)
-    count = tried[-1].n_coefficients
-    if any(law.nodes for law in tried):
-        logarithms = not parameter.is_positive or any(law.logarithms for law in tried)
-        commands = np.linspace(0.0, max(largest for _, _, largest in curves), count)
-        if logarithms or count <= len(_POLYNOMIALS):
-            tried.append(law_through(commands, logarithms=logarithms))
-    for other in tried:
-        written = [law.rewrite(each, other, parameter, largest) for law, each, largest in curves]
-        if all(each is not None for each in written):
-            return other, [each for each in written if each is not None]
-    return None
 
 
 def _per(unit: str, command: CommandUnit, power: int) -> str:

@@ -21,7 +21,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
-from mrwork.buildings.groups import with_common_laws
+from mrwork.buildings.groups import refuse_other_drivers
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of, polynomial
@@ -284,7 +284,7 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
                 )
                 for each in dampers
             ]
-            with_common_laws(groups)
+            refuse_other_drivers(groups)
             sets.append(OtherSet(fitted=fitted, dampers=dampers))
     return tuple(sets)
 
@@ -338,7 +338,7 @@ def equip_building(
                     rated_stroke=table.rated_stroke,
                 )
             )
-            with_common_laws(devices)
+            refuse_other_drivers(devices)
     return building, tuple(devices)
 
 

@@ -3,8 +3,7 @@
 use super::hardware::{Hardware, Observer};
 use crate::building::{Building, Springs};
 use crate::control::{CurveModel, Law, LoopModel, LoopSizes};
-use crate::coupled::Mounting;
-use crate::current_law::CurrentLaws;
+use crate::coupled::{Group, n_devices};
 use crate::ground_motion::GroundMotion;
 
 /// One run: a set of gains, a ground motion, a draw of the damper parameters, a realisation of building and delay.
@@ -75,12 +74,8 @@ pub struct Batch<'a> {
     pub building: &'a Building,
     /// Stiffness and damping of the building in runs that have others than its own; empty if none has.
     pub springs: &'a [Springs],
-    /// Current law of each damper parameter.
-    pub laws: &'a CurrentLaws,
-    /// Damper parameters, shape (draws, devices, columns).
-    pub theta: &'a [f64],
-    /// Number and arrangement of the dampers of each device.
-    pub mountings: &'a [Mounting],
+    /// The dampers, in the order of the devices; all groups have equally many draws.
+    pub dampers: &'a [Group<'a>],
     /// Smallest and largest command of each device.
     pub ranges: &'a [[f64; 2]],
     /// The control law.
@@ -125,7 +120,7 @@ impl<'a> Batch<'a> {
 
     /// Sizes of the gains of the law.
     pub(super) fn sizes(&self) -> LoopSizes {
-        LoopSizes { n_devices: self.mountings.len(), n_states: 2 * self.building.n }
+        LoopSizes { n_devices: self.n_devices(), n_states: 2 * self.building.n }
     }
 
     /// Whether the law reads the absolute accelerations of floors.
@@ -133,15 +128,14 @@ impl<'a> Batch<'a> {
         self.law.spec().reads_acceleration || self.outside.is_some()
     }
 
-    /// Number of rows of damper parameters; 1 without devices.
-    pub(super) fn n_draws(&self) -> usize {
-        self.theta.len().checked_div(self.mountings.len() * self.laws.n_columns()).unwrap_or(1)
+    /// Number of devices.
+    pub(super) fn n_devices(&self) -> usize {
+        n_devices(self.dampers)
     }
 
-    /// Damper parameters of a device in a draw.
-    pub(super) fn theta_of(&self, draw: usize, device: usize) -> &'a [f64] {
-        let n_columns = self.laws.n_columns();
-        &self.theta[(draw * self.mountings.len() + device) * n_columns..][..n_columns]
+    /// Number of rows of damper parameters; 1 without devices.
+    pub(super) fn n_draws(&self) -> usize {
+        self.dampers.first().and_then(Group::n_draws).unwrap_or(1)
     }
 }
 

@@ -1,19 +1,16 @@
 //! One block of lanes: closed-loop runs that are simulated together.
 
-use core::marker::PhantomData;
-
 use super::batch::Batch;
 use super::directions::Directions;
 use super::history::{HistoryRows, WriteHistory};
 use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
 use super::sample::{Controller, Sample};
 use crate::control::Preview;
-use crate::coupled::{Coupled, DamperDevices, Devices, Plant};
-use crate::damper::ModelVisitor;
-use crate::damper::model::DamperModel;
+use crate::coupled::{Coupled, Devices, Plant, devices_at_rest};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::dual::Dual;
 use crate::dual_block::TANGENTS;
+use crate::error::DynamicsError;
 use crate::ground_motion::GroundMotion;
 use crate::lanes::Lanes;
 use crate::real::{Bits, OutOfLine};
@@ -57,77 +54,66 @@ pub struct LaneResult {
     pub(super) command_invalid: bool,
 }
 
-/// Simulates a block with devices of a model; one result per run. Histories are written if requested, one per run.
-pub(super) struct Respond<'a, 'b> {
-    pub(super) set: InstructionSet,
-    pub(super) block: &'a Block<'a>,
-    pub(super) histories: &'a mut [HistoryRows<'b>],
-}
-
-impl ModelVisitor<Vec<LaneResult>> for Respond<'_, '_> {
-    fn visit<M: DamperModel + 'static>(self) -> Vec<LaneResult> {
-        let Self { set, block, histories } = self;
-        match block.directions {
-            None => set.run_middle(block.runs.len(), BlockJob::<M> { block, histories, model: PhantomData }),
-            Some(_) => set.run_vector(SlopesJob::<M> { block, model: PhantomData }),
-        }
+/// Simulates a block; one result per run. Histories are written if requested, one per run.
+///
+/// # Errors
+/// For a model of dampers that is not registered.
+pub(super) fn simulate(
+    set: InstructionSet,
+    block: &Block<'_>,
+    histories: &mut [HistoryRows<'_>],
+) -> Result<Vec<LaneResult>, DynamicsError> {
+    match block.directions {
+        None => set.run_middle(block.runs.len(), BlockJob { block, histories }),
+        Some(_) => set.run_vector(SlopesJob { block }),
     }
 }
 
-struct BlockJob<'a, 'b, M> {
+struct BlockJob<'a, 'b> {
     block: &'a Block<'a>,
     histories: &'a mut [HistoryRows<'b>],
-    model: PhantomData<M>,
 }
 
-impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
-    type Output = Vec<LaneResult>;
-    type Home = M;
+impl LaneJob for BlockJob<'_, '_> {
+    type Output = Result<Vec<LaneResult>, DynamicsError>;
+    type Home = Self;
     #[inline(always)]
-    fn run<R: Lanes>(self) -> Vec<LaneResult> {
-        simulate::<M, R>(self.block, self.histories)
+    fn run<R: Lanes>(self) -> Self::Output {
+        simulate_lanes::<R>(self.block, self.histories)
     }
 }
 
 /// The same with derivatives.
-struct SlopesJob<'a, M> {
+struct SlopesJob<'a> {
     block: &'a Block<'a>,
-    model: PhantomData<M>,
 }
 
-impl<M: DamperModel> LaneJob for SlopesJob<'_, M> {
-    type Output = Vec<LaneResult>;
-    type Home = M;
+impl LaneJob for SlopesJob<'_> {
+    type Output = Result<Vec<LaneResult>, DynamicsError>;
+    type Home = Self;
     #[inline(always)]
-    fn run<R: Lanes + Bits>(self) -> Vec<LaneResult> {
-        simulate::<M, Dual<R, TANGENTS>>(self.block, &mut [])
+    fn run<R: Lanes + Bits>(self) -> Self::Output {
+        simulate_lanes::<Dual<R, TANGENTS>>(self.block, &mut [])
     }
 }
 
 #[inline(always)]
-fn simulate<M: DamperModel, R: Lanes>(
+fn simulate_lanes<R: Lanes>(
     block: &Block<'_>,
     histories: &mut [HistoryRows<'_>],
-) -> Vec<LaneResult> {
+) -> Result<Vec<LaneResult>, DynamicsError> {
     let Block { batch, runs, .. } = *block;
-    let devices = DamperDevices::<M, R>::at_rest(batch.laws, batch.mountings, device_columns(batch, runs));
-    let mut results = vec![LaneResult::default(); runs.len()];
-    R::out_of_line(IntegrateBlock { block, histories, devices: Box::new(devices), results: &mut results });
-    results
-}
-
-/// The columns of `theta` of each device, a run per lane.
-fn device_columns<R: Lanes>(batch: &Batch<'_>, runs: &[usize]) -> Vec<Vec<R>> {
     let last = runs.len() - 1;
     let draw = |lane: usize| batch.runs[runs[lane.min(last)]].draw as usize;
-    let columns = |device: usize| {
-        let column = |number: usize| R::from_fn(|lane| batch.theta_of(draw(lane), device)[number]);
-        (0..batch.laws.n_columns()).map(column).collect()
-    };
-    (0..batch.mountings.len()).map(columns).collect()
+    let devices = devices_at_rest(batch.dampers, |group, device, column| {
+        R::from_fn(|lane| group.theta_of(draw(lane), device)[column])
+    })?;
+    let mut results = vec![LaneResult::default(); runs.len()];
+    R::out_of_line(IntegrateBlock { block, histories, devices, results: &mut results });
+    Ok(results)
 }
 
-/// A block with devices of any model.
+/// A block with its devices.
 struct IntegrateBlock<'a, 'b, R: Lanes> {
     block: &'a Block<'a>,
     histories: &'a mut [HistoryRows<'b>],
@@ -259,7 +245,7 @@ impl<R: Lanes> Arrivals<R> {
                 .into_iter()
                 .map(|delay| (Delay::of(delay, steps as usize), lanes(delay)))
                 .collect(),
-            received: vec![R::splat(0.0); batch.mountings.len()],
+            received: vec![R::splat(0.0); batch.n_devices()],
         }
     }
 

@@ -17,8 +17,7 @@ impl Batch<'_> {
     /// # Errors
     /// If a size or an index does not match the building, the law or the hardware.
     pub fn check(&self) -> Result<(), DynamicsError> {
-        let n_devices = self.mountings.len();
-        let n_columns = self.laws.n_columns();
+        let n_devices = self.n_devices();
         let spec = self.law.spec();
         let n_gains = spec.n_gains(self.sizes());
         let sizes = [
@@ -31,9 +30,11 @@ impl Batch<'_> {
                 return Err(DynamicsError::MatrixSize { name, found, expected });
             }
         }
-        if !self.theta.len().is_multiple_of((n_devices * n_columns).max(1)) {
-            let expected = n_devices * n_columns;
-            return Err(DynamicsError::MatrixSize { name: "theta", found: self.theta.len(), expected });
+        for group in self.dampers {
+            if group.n_draws() != Some(self.n_draws()) {
+                let expected = self.n_draws() * group.mountings.len() * group.laws.n_columns();
+                return Err(DynamicsError::MatrixSize { name: "theta", found: group.theta.len(), expected });
+            }
         }
         if n_gains > 0 && !self.gains.len().is_multiple_of(n_gains) {
             return Err(DynamicsError::MatrixSize {
@@ -132,8 +133,8 @@ impl<'a> Batch<'a> {
         if !spec.needs_model {
             return Ok(None);
         }
-        let model = self.model.ok_or(DynamicsError::NoModel(spec.name))?;
-        model.check(self.building.n, self.mountings.len())?;
+        let model = self.model.clone().ok_or(DynamicsError::NoModel(spec.name))?;
+        model.check(self.building.n, self.n_devices())?;
         // The tables of the law were checked: the first are its instants.
         let mut numbers = [f64::NAN; 5];
         for (number, &entry) in numbers.iter_mut().zip(self.tables.iter().flatten()) {

@@ -3,15 +3,12 @@
 
 use super::batch::Batch;
 use super::hardware::Hardware;
-use crate::any_damper::Damper;
 use crate::building::{Building, Springs};
-use crate::coupled::{UNLOADING, steepest_slopes};
+use crate::coupled::{UNLOADING, added_rates, relaxation_bound};
 use crate::damper::fastest_relaxation;
 use crate::damper::model::Severity;
 use crate::integrate::{MAX_SUBSTEPS, RESOLUTION};
 
-/// Number of commands in the range at which slopes and rates are evaluated.
-const COMMAND_LEVELS: u32 = 9;
 /// Steps per sample for a rate bound [1/s]: the steps of the hardware times a power of two; `None` beyond the largest.
 pub(super) fn steps_for(hardware: &Hardware, bound: f64) -> Option<u32> {
     let wanted = hardware.sample_time * bound / RESOLUTION;
@@ -41,16 +38,8 @@ impl Addition {
 }
 
 /// What the dampers of a draw and the passive elements add to the rate of the building.
-pub(super) fn addition_of(damper: &dyn Damper, batch: &Batch<'_>, draw: usize) -> Addition {
-    let (mut decay, mut stiffening) = (0.0, 0.0);
-    for (device, &mass) in batch.building.device_mass.iter().enumerate() {
-        let [over_velocity, over_displacement] =
-            steepest_slopes(damper, batch.laws, batch.theta_of(draw, device), &commands(batch, device));
-        let mounting = batch.mountings[device];
-        let dampers = mounting.count * if mounting.differential { 2.0 } else { 1.0 };
-        decay += dampers * over_velocity / mass;
-        stiffening += dampers * over_displacement / mass;
-    }
+pub(super) fn addition_of(batch: &Batch<'_>, draw: usize) -> Addition {
+    let (mut stiffening, decay) = added_rates(batch.dampers, draw, batch.ranges, &batch.building.device_mass);
     for (element, &mass) in batch.building.element_parameters.iter().zip(&batch.building.element_mass) {
         stiffening += element.yield_force * element.slope / mass;
     }
@@ -58,25 +47,11 @@ pub(super) fn addition_of(damper: &dyn Damper, batch: &Batch<'_>, draw: usize) -
 }
 
 /// Largest relaxation rate of the damper states [1/s] under the simulated motion.
-pub(super) fn damper_bound(
-    damper: &dyn Damper,
-    batch: &Batch<'_>,
-    draw: usize,
-    severity: &[[f64; 2]],
-    step: f64,
-) -> f64 {
-    let mut bound = 0.0;
-    for (device, &[peak_velocity, change]) in severity.iter().enumerate() {
-        let severity = Severity { peak_velocity, reversal_acceleration: change / step };
-        let commands = commands(batch, device);
-        let theta = batch.theta_of(draw, device);
-        let own = damper.stiffness_bound(theta, batch.laws, &commands, severity);
-        // A bound that is not a number is kept.
-        if own > bound || own.is_nan() {
-            bound = own;
-        }
-    }
-    bound
+pub(super) fn damper_bound(batch: &Batch<'_>, draw: usize, severity: &[[f64; 2]], step: f64) -> f64 {
+    relaxation_bound(batch.dampers, draw, batch.ranges, |device| {
+        let [peak_velocity, change] = severity[device];
+        Severity { peak_velocity, reversal_acceleration: change / step }
+    })
 }
 
 /// Largest rate of the passive elements [1/s] under the simulated motion: that of a loop, or of a loss of head.
@@ -94,14 +69,4 @@ pub(super) fn element_bound(building: &Building, springs: &Springs, severity: &[
         bound = bound.max(yielding).max(losing + springs.fastest);
     }
     bound
-}
-
-/// Commands of a device at which slopes and rates are evaluated.
-fn commands(batch: &Batch<'_>, device: usize) -> Vec<f64> {
-    let [smallest, largest] = batch.ranges[device];
-    if batch.laws.are_constant() {
-        return vec![smallest];
-    }
-    let spacing = (largest - smallest) / f64::from(COMMAND_LEVELS - 1);
-    (0..COMMAND_LEVELS).map(|level| f64::from(level).mul_add(spacing, smallest)).collect()
 }

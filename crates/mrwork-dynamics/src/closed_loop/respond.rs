@@ -5,7 +5,6 @@ use super::history;
 use super::reductions::width;
 use super::resolution::{addition_of, damper_bound, element_bound, steps_for};
 use super::round::{Output, round};
-use crate::any_damper::Damper;
 use crate::error::{DynamicsError, Outcome};
 use crate::integrate::MAX_SUBSTEP_FACTOR;
 use crate::settings::Settings;
@@ -22,7 +21,7 @@ pub struct RunResult {
     pub steps: u32,
 }
 
-/// Simulates a batch in which all devices are of the model `damper`.
+/// Simulates a batch.
 ///
 /// Summaries are written to `summary`, shape (runs, width of [`super::RUN_QUANTITIES`]), and histories, if requested, to one
 /// vector per run, shape (samples of its motion and one for its end, width of [`super::HISTORY_SIGNALS`]). The summary of
@@ -31,7 +30,6 @@ pub struct RunResult {
 /// # Errors
 /// If the arguments do not match, or the batch was cancelled.
 pub fn respond(
-    damper: &dyn Damper,
     batch: &Batch<'_>,
     summary: &mut [f64],
     mut histories: Option<&mut [Vec<f64>]>,
@@ -59,7 +57,7 @@ pub fn respond(
     for rows in histories.iter_mut().flat_map(|histories| histories.iter_mut()) {
         rows.fill(f64::INFINITY);
     }
-    let additions: Vec<_> = (0..batch.n_draws()).map(|draw| addition_of(damper, batch, draw)).collect();
+    let additions: Vec<_> = (0..batch.n_draws()).map(|draw| addition_of(batch, draw)).collect();
     let unresolved = RunResult { outcome: Outcome::Unresolved, steps: 0 };
     let mut results = vec![unresolved; batch.runs.len()];
     let mut tried_finer = vec![false; batch.runs.len()];
@@ -73,12 +71,12 @@ pub fn respond(
     let mut output = Output { summary, histories, width };
     while !pending.is_empty() {
         let mut finer = Vec::new();
-        for (run, steps, lane) in round(damper, batch, None, &pending, &mut output, settings)? {
+        for (run, steps, lane) in round(batch, None, &pending, &mut output, settings)? {
             let step = batch.hardware.sample_time / f64::from(steps);
             let draw = batch.runs[run].draw as usize;
             let finite = is_bounded(output.row(run), batch.building.n_floors());
             let wanted = if finite {
-                let bound = damper_bound(damper, batch, draw, &lane.severity, step);
+                let bound = damper_bound(batch, draw, &lane.severity, step);
                 let elements =
                     element_bound(batch.building, batch.springs_of(run), &lane.element_severity, step);
                 // A bound of the dampers that is not a number is kept.

@@ -3,11 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::batch::{Batch, n_samples};
-use super::block::{Block, LaneResult, Respond};
+use super::block::{Block, LaneResult, simulate};
 use super::directions::Directions;
 use super::history::{HistoryRows, width as history_width};
-use crate::any_damper::Damper;
-use crate::damper::visit;
 use crate::error::DynamicsError;
 use crate::settings::Settings;
 use crate::threads::{on_threads, thread_count};
@@ -38,7 +36,6 @@ impl Output<'_> {
 
 /// Simulates the `pending` runs, pairs of run and steps per sample.
 pub(super) fn round(
-    damper: &dyn Damper,
     batch: &Batch<'_>,
     directions: Option<Directions<'_>>,
     pending: &[(usize, u32)],
@@ -104,16 +101,14 @@ pub(super) fn round(
             let width = history_width(batch.building);
             let mut histories: Vec<HistoryRows<'_>> =
                 rows.iter_mut().map(|rows| HistoryRows { rows, width }).collect();
-            let respond = Respond { set, block: &block, histories: &mut histories };
-            (cut, visit(damper.spec().name, respond), rows)
+            (cut, simulate(set, &block, &mut histories), rows)
         })?;
         if (settings.stop)() {
             return Err(DynamicsError::Cancelled);
         }
         for (cut, lanes, rows) in done {
-            let lanes = lanes.ok_or(DynamicsError::UnknownDevice(damper.spec().name))?;
             output.take_back(cut.runs, rows);
-            for (&run, mut lane) in cut.runs.iter().zip(lanes) {
+            for (&run, mut lane) in cut.runs.iter().zip(lanes?) {
                 output.row(run).copy_from_slice(&lane.row);
                 lane.row = Vec::new();
                 results.push((run, cut.steps, lane));

@@ -7,7 +7,7 @@ use super::noise::normal;
 use crate::control::{
     Beginning, ForceCurve, Gains, LoopSizes, Measurement, Memory, Preview, ground_reach, plan,
 };
-use crate::coupled::PlantMotion;
+use crate::coupled::{PlantMotion, mountings};
 use crate::lanes::Lanes;
 use crate::real::{OutOfLine, within};
 
@@ -46,7 +46,7 @@ pub(super) struct Controller<'a, R: Lanes> {
 impl<'a, R: Lanes + 'a> Controller<'a, R> {
     /// The controller before the first sample.
     pub(super) fn new(batch: &Batch<'a>, runs: &[usize], directions: Option<Directions<'_>>) -> Self {
-        let Batch { building, gains, tables, mountings, ranges, hardware, law, .. } = *batch;
+        let Batch { building, gains, tables, dampers, ranges, hardware, law, .. } = *batch;
         let sizes = batch.sizes();
         let LoopSizes { n_states, n_devices, .. } = sizes;
         let n_gains = law.spec().n_gains(sizes);
@@ -68,9 +68,11 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
         }
         let largest: Vec<f64> = ranges.iter().map(|&[_, largest]| largest).collect();
         let curves = match (law.spec().needs_curve, &batch.curve) {
-            (true, Some(model)) => {
-                largest.iter().zip(mountings).map(|(&largest, &place)| model.curve(largest, place)).collect()
-            }
+            (true, Some(model)) => largest
+                .iter()
+                .zip(mountings(dampers))
+                .map(|(&largest, place)| model.curve(largest, place))
+                .collect(),
             _ => Vec::new(),
         };
         let shaping = |lane: usize| batch.shaping_of(batch.runs[runs[lane.min(last)]].candidate as usize);

@@ -5,7 +5,6 @@ use super::batch::Batch;
 use super::directions::Directions;
 use super::respond::{RunResult, respond};
 use super::round::{Output, round};
-use crate::any_damper::Damper;
 use crate::dual_block::TANGENTS;
 use crate::error::{DynamicsError, Outcome};
 use crate::settings::Settings;
@@ -16,7 +15,6 @@ use crate::settings::Settings;
 /// # Errors
 /// As [`respond`], and if the law switches or the directions do not match the candidates.
 pub fn respond_with_slopes(
-    damper: &dyn Damper,
     batch: &Batch<'_>,
     directions: Directions<'_>,
     summary: &mut [f64],
@@ -26,7 +24,7 @@ pub fn respond_with_slopes(
     if batch.law.spec().switches {
         return Err(DynamicsError::Switches(batch.law.spec().name));
     }
-    let results = respond(damper, batch, summary, None, settings)?;
+    let results = respond(batch, summary, None, settings)?;
     let n_gains = batch.law.spec().n_gains(batch.sizes());
     let candidates = batch.gains.len().checked_div(n_gains).unwrap_or(0);
     let expected = candidates * directions.count * n_gains;
@@ -50,7 +48,7 @@ pub fn respond_with_slopes(
     let repeated = Batch { runs: &runs, ..batch.clone() };
     let mut values = vec![0.0; runs.len() * width];
     let mut output = Output { summary: &mut values, histories: None, width };
-    for (run, _, lane) in round(damper, &repeated, Some(directions), &pending, &mut output, settings)? {
+    for (run, _, lane) in round(&repeated, Some(directions), &pending, &mut output, settings)? {
         let first = run % groups * TANGENTS;
         let count = TANGENTS.min(directions.count - first);
         let row = (run / groups * directions.count + first) * width;

@@ -44,16 +44,17 @@ pub(crate) trait Devices<R> {
     fn restore(&mut self, from: &DeviceState<R>);
 }
 
-/// Coil currents, and states of the dampers one after the other; empty where nothing was saved.
+/// Coil currents, and states of the dampers one after the other, or those of each group; empty where nothing was saved.
 #[derive(Clone)]
 pub(crate) struct DeviceState<R> {
     current: Vec<R>,
     states: Vec<R>,
+    pub(super) groups: Vec<Self>,
 }
 
 impl<R> Default for DeviceState<R> {
     fn default() -> Self {
-        Self { current: Vec::new(), states: Vec::new() }
+        Self { current: Vec::new(), states: Vec::new(), groups: Vec::new() }
     }
 }
 

@@ -4,16 +4,18 @@
 mod devices;
 mod elements;
 mod energies;
+mod groups;
 mod plant;
 mod slopes;
 mod stages;
 
 pub use devices::Mounting;
-pub(crate) use devices::{DamperDevices, DeviceState, Devices};
+pub(crate) use devices::{DeviceState, Devices};
 pub(crate) use elements::UNLOADING;
 pub(crate) use energies::Energies;
+pub use groups::Group;
+pub(crate) use groups::{added_rates, devices_at_rest, mountings, n_devices, relaxation_bound};
 pub(crate) use plant::{Plant, PlantMotion};
-pub(crate) use slopes::steepest_slopes;
 pub(crate) use stages::{END, stages};
 
 use crate::lanes::Lanes;

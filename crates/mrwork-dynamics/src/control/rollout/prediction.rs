@@ -3,10 +3,7 @@
 
 use crate::building::Building;
 use crate::control::loop_model::LoopModel;
-use crate::coupled::{Coupled, DamperDevices, DeviceState, Devices, Mounting, Plant};
-use crate::current_law::CurrentLaws;
-use crate::damper::model::DamperModel;
-use crate::damper::{ModelVisitor, visit};
+use crate::coupled::{Coupled, DeviceState, Devices, Group, Plant, devices_at_rest};
 use crate::lanes::Lanes;
 
 /// Motion of the model at an instant, with currents and states of its dampers.
@@ -98,20 +95,6 @@ impl<'a, R: Lanes> Prediction<'a, R> {
 
 /// The devices of the model.
 pub(super) fn devices<'a, R: Lanes + 'a>(model: &LoopModel<'a>) -> Option<Box<dyn Devices<R> + 'a>> {
-    let LoopModel { laws, mountings, .. } = *model;
-    let columns_of = |device| model.theta_of(device).iter().map(|&entry| R::splat(entry)).collect();
-    let columns = (0..mountings.len()).map(columns_of).collect();
-    visit(model.damper.spec().name, AtRest { laws, mountings, columns })
-}
-
-struct AtRest<'a, R> {
-    laws: &'a CurrentLaws,
-    mountings: &'a [Mounting],
-    columns: Vec<Vec<R>>,
-}
-
-impl<'a, R: Lanes + 'a> ModelVisitor<Box<dyn Devices<R> + 'a>> for AtRest<'a, R> {
-    fn visit<M: DamperModel + 'static>(self) -> Box<dyn Devices<R> + 'a> {
-        Box::new(DamperDevices::<M, R>::at_rest(self.laws, self.mountings, self.columns))
-    }
+    let column = |group: &Group<'a>, device, column: usize| R::splat(group.theta_of(0, device)[column]);
+    devices_at_rest(&model.dampers, column).ok()
 }

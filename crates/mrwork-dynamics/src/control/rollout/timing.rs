@@ -1,7 +1,7 @@
 //! Instants of a rollout, and the step that resolves the controller's model.
 
 use crate::control::loop_model::LoopModel;
-use crate::coupled::steepest_slopes;
+use crate::coupled::{added_rates, relaxation_bound};
 use crate::damper::model::Severity;
 use crate::error::DynamicsError;
 
@@ -77,24 +77,8 @@ impl Timing {
 
 /// Largest rate of the equations of the model [1/s].
 fn largest_rate(model: &LoopModel<'_>, ranges: &[[f64; 2]], severity: Severity) -> f64 {
-    const COMMANDS: u32 = 9;
-    let (mut decay, mut stiffening, mut states) = (0.0, 0.0, 0.0);
-    for (device, (&mass, mounting)) in model.building.device_mass.iter().zip(model.mountings).enumerate() {
-        let [smallest, largest] = ranges[device];
-        let commands: Vec<f64> = (0..COMMANDS)
-            .map(|level| (largest - smallest).mul_add(f64::from(level) / f64::from(COMMANDS - 1), smallest))
-            .collect();
-        let theta = model.theta_of(device);
-        let [over_velocity, over_displacement] = steepest_slopes(model.damper, model.laws, theta, &commands);
-        let dampers = mounting.count * if mounting.differential { 2.0 } else { 1.0 };
-        decay += dampers * over_velocity / mass;
-        stiffening += dampers * over_displacement / mass;
-        let own = model.damper.stiffness_bound(theta, model.laws, &commands, severity);
-        // A bound that is not a number is kept.
-        if own > states || own.is_nan() {
-            states = own;
-        }
-    }
+    let (stiffening, decay) = added_rates(&model.dampers, 0, ranges, &model.building.device_mass);
+    let states = relaxation_bound(&model.dampers, 0, ranges, |_| severity);
     let of_building = model.building.springs.fastest.hypot(f64::sqrt(stiffening)) + decay;
     if of_building < states || states.is_nan() { states } else { of_building }
 }
