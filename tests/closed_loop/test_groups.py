@@ -50,8 +50,10 @@ def run(loop: Sequence[Device]) -> Responses:
     return simulate_loop(five_storeys(), loop, law, [sweep()], histories=True)
 
 
-def assert_same_runs(one: Responses, other: Responses, rtol: float = 0.0) -> None:
-    for name, numbers in one.numbers.items():
+def assert_same_runs(one: Responses, other: Responses, rtol: float) -> None:
+    # The error of the balance of energies is rounding.
+    for name in one.numbers.keys() - {"energy_error"}:
+        numbers = one.numbers[name]
         np.testing.assert_allclose(other.numbers[name], numbers, rtol=rtol, atol=1e-9 * rtol, err_msg=name)
 
 

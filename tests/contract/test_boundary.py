@@ -194,10 +194,11 @@ def test_wrong_columns_and_unknown_models_are_told(spec: Any, calls: dict[str, d
     for name in ("misfits", "force_histories", "force", "rate"):
         wrong = np.ones((3, n_params - 1))
         theta = wrong if calls[name]["theta"].ndim > 1 else wrong[0]
+        plain = {key: value for key, value in calls[name].items() if key != "laws"}
         with pytest.raises(ValueError, match=rf"`theta` has {n_params - 1} columns.*takes {n_params}"):
-            FUNCTIONS[name](**{**calls[name], "model": spec.name, "theta": theta})
+            FUNCTIONS[name](**{**plain, "model": spec.name, "theta": theta})
         with pytest.raises(LookupError, match=f'no damper model is called "bouc".*{spec.name}'):
-            FUNCTIONS[name](**{**calls[name], "model": "bouc"})
+            FUNCTIONS[name](**{**plain, "model": "bouc"})
 
 
 @pytest.mark.parametrize("velocity", [None, np.linspace(-1.0, 1.0, 8)])
