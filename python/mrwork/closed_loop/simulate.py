@@ -168,7 +168,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
     """The loop model inside the law, `None` if it has none; strokes of additions are no drifts."""
     if law.model is None:
         return None
-    building, devices = law.model.building, with_common_laws(law.model.devices)
+    building, devices = law.model.building, law.model.devices
     linear = replace(
         building,
         storeys=building.drifts,
