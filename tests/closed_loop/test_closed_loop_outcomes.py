@@ -162,14 +162,13 @@ def test_the_largest_command_may_be_rounded() -> None:
 
 
 def test_what_is_no_loop_is_refused() -> None:
-    building, loop, other = five_storeys(), devices(rd1005()), devices(friction())[1]
+    building, loop = five_storeys(), devices(rd1005())
     drawn = [
         replace(each, theta=np.tile(each.draws, (number, 1)))
         for each, number in zip(loop, (2, 3), strict=True)
     ]
     for given, word in (
         ([], "at least one device"),
-        ([loop[0], other], "the dampers of one loop are of one model"),
         (drawn, "2, 3 draws"),
         ([replace(each, row=np.zeros(5)) for each in loop], "not all zero"),
     ):
