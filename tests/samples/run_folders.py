@@ -89,11 +89,9 @@ def ranking_of_two(model: str) -> Ranking:
     return Ranking(
         chosen=model,
         sentence="The best.",
-        standings=rank(evidence, None),
+        standings=rank(evidence),
         held_out="tests",
         n_folds=2,
-        n_blocks=None,
-        n_effective=None,
     )
 
 

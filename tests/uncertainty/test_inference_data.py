@@ -14,7 +14,7 @@ from refusals import refusal
 from mrwork import uncertainty
 
 GROUPS = {
-    *("posterior", "sample_stats", "log_likelihood", "posterior_predictive", "prior", "observed_data"),
+    *("posterior", "sample_stats", "log_likelihood", "posterior_predictive", "observed_data"),
 }
 
 
@@ -34,7 +34,7 @@ def test_every_group_is_there_and_every_variable_has_a_unit(draws: uncertainty.D
         assert group.data_vars
         assert all("units" in each.attrs for each in group.data_vars.values()), group.name
     assert tree["posterior_predictive"]["small"].attrs["units"] == "N"
-    assert tree["prior"]["k_w"].attrs["units"] == tree["posterior"]["k_w"].attrs["units"] == "N"
+    assert tree["posterior"]["k_w"].attrs["units"] == "N"
     shapes = {tree[name].sizes["chain"] * tree[name].sizes["draw"] for name in GROUPS - {"observed_data"}}
     assert shapes == {tree["posterior"]["k_w"].size}
     assert tree["posterior"]["k_w"].size <= 1000

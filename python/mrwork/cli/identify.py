@@ -107,12 +107,6 @@ def add_options(parser: CommandParser) -> None:
         help="with several models or --law auto: tests that are left out together and predicted: each test alone "
         "(default), all of one motion (default of --law auto from three motions on), or all at one command",
     )
-    comparison.add_argument(
-        "--posterior",
-        action="store_true",
-        help="with several models: draw for PSIS-LOO from a Markov chain of the posterior, not from a normal "
-        "approximation about the fit",
-    )
     add_observation(parser)
     search = parser.group(SEARCH)
     add_repeated(
@@ -213,7 +207,6 @@ def run(options: argparse.Namespace) -> int:
                 unit=command_unit(verb.tests, options.command_unit),
                 lagged=options.driver_lag,
                 leave_out=options.leave_out or "test",
-                sampled=options.posterior,
             )
         return _identify_model(options, settings)
 
@@ -279,10 +272,8 @@ def is_choice(options: argparse.Namespace) -> bool:
     """Whether the command line is for a comparison of models."""
     models = models_of(options)
     several = models == [ALL] or len(models) > 1
-    if not several and (options.posterior or (options.leave_out and not laws_are_chosen(options))):
-        raise SettingError("--leave-out and --posterior belong to a comparison; give --model all, or A,B,C")
-    if several and laws_are_chosen(options) and options.posterior:
-        raise SettingError("--posterior is for PSIS-LOO, by which --law auto does not judge; leave it out")
+    if not several and options.leave_out and not laws_are_chosen(options):
+        raise SettingError("--leave-out belongs to a comparison; give --model all, or A,B,C")
     if several and options.starts:
         raise SettingError("--start gives one model's parameters; leave it out where models are compared")
     return several
@@ -297,7 +288,6 @@ def fit_best_model(
     unit: CommandUnit = "A",
     lagged: bool = False,
     leave_out: Fold = "test",
-    sampled: bool = False,
 ) -> int:
     """Fit and rank models; the run folder has the best, and the fits of all; return the exit status."""
     # SciPy's optimisers are slow to load.
@@ -315,7 +305,6 @@ def fit_best_model(
                 unit=unit,
                 lagged=lagged,
                 settings=settings,
-                sampled=sampled,
                 threads=verb.frame.options.threads,
                 on_progress=line,
                 journal_of=work.step_journal,

@@ -1,1 +1,1 @@
-"""Choice of model: families compared by errors on tests left out of their fits, by PSIS-LOO, and by BIC."""
+"""Choice of model: families compared by errors on tests left out of their fits."""

@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TypeVar
 from warnings import warn
 
@@ -23,6 +22,7 @@ from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
+from mrwork.base.values import Floats
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper, damper_models
 from mrwork.errors import (
@@ -60,17 +60,11 @@ from mrwork.uncertainty.bands.prediction import (
     halves,
     later_cycle_errors,
 )
-from mrwork.uncertainty.choice.leave_one_out import (
-    LeaveOneOut,
-    SharedLikelihood,
-    free_parameters,
-    residuals_of,
-    variance_of,
-)
 from mrwork.uncertainty.choice.objections import objections_to
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, find_collapses, rank, ranking_of
 from mrwork.uncertainty.choice.splits import Splits, left_out_errors, splits_of
-from mrwork.uncertainty.noise import Noise, noise_model
+from mrwork.uncertainty.noise import NOISES
+from mrwork.uncertainty.posterior.target import target_of
 from mrwork.workers.engine import Workers, on_executor, present_workers
 
 T = TypeVar("T")
@@ -254,6 +248,12 @@ class Steps:
             self.on_progress(replace(progress, number=number, n_models=n_models, seconds=self.seconds))
 
 
+def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Floats, ...]:
+    """Residuals of a fit, test by test, in deviations of the test's measured force, shape (n_counted,)."""
+    target, theta = target_of(fit, tests, NOISES["iid"], tempering=1.0)
+    return tuple(residual[0] for residual, _, _ in target.residuals(theta[None]))
+
+
 @dataclass(slots=True, kw_only=True)
 class RunningComparison:
     """A comparison in progress, with `evidence` and `fits` by model."""
@@ -267,7 +267,6 @@ class RunningComparison:
     steps: Steps
     evidence: dict[str, Evidence] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
-    n_blocks: int | None = None
     _batch: FitBatch = field(init=False)
     # Seconds and number of parameters of the fits so far; the cost of a fit grows with its parameters.
     _spent: float = field(default=0.0, init=False)
@@ -328,66 +327,13 @@ class RunningComparison:
             cost = BuildingCost.of(fit.spec, fit.theta, self.tests)
             self.evidence[model] = replace(
                 failed,
-                n_params=free_parameters(fit),
+                n_params=len(identifiable_form(fit.spec, fit.settings.bounds).box.free),
                 status=fit.status,
                 fit_percent=fit.fit_percent,
                 left_out=left_out,
-                variance=variance_of(fit, self.tests),
                 cost=cost,
                 objections=objections_to(fit.spec, np.array(fit.theta), self.tests, cost),
             )
-
-    def add_leave_one_out(self, noise: Noise, *, sampled: bool) -> None:
-        """PSIS-LOO of every identified family, on the same blocks and with the same tempering."""
-        if not self.fits:
-            return
-        shared = SharedLikelihood.of(
-            list(self.fits.values()),
-            self.tests,
-            noise=noise,
-            sampled=sampled,
-            rng=self.settings.rng,
-            threads=self.threads,
-        )
-        evidence: dict[str, Evidence] = {}
-        compute = self._leave_one_out(shared)
-        for model, fit in self.fits.items():
-            self._report(model, "leave-one-out")
-            own = self.evidence[model]
-            try:
-                result = self.steps.run(
-                    f"{model}/leave_one_out", partial(shared.recorded, fit, compute=compute)
-                )
-            except SettingError as reason:
-                evidence[model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
-            else:
-                evidence[model] = replace(own, leave_one_out=result)
-        # Recorded only when all are done: among some families the best ELPD would mislead.
-        self.evidence.update(evidence)
-        self.n_blocks = shared.n_blocks
-
-    def _leave_one_out(self, shared: SharedLikelihood) -> Callable[[Fit], LeaveOneOut]:
-        """Computes the PSIS-LOO of a fit: here, or by workers all at once that no journal has."""
-        workers = present_workers()
-        if workers is None:
-            return shared.leave_one_out
-
-        missing = [
-            fit
-            for model, fit in self.fits.items()
-            if not self.steps.run(f"{model}/leave_one_out", lambda journal: journal and journal.recalling)
-        ]
-        futures = workers.futures(
-            SharedLikelihood.on_one_thread,
-            SharedLikelihood.leave_one_out,
-            shared,
-            [(fit,) for fit in missing],
-            on_done=lambda number, _: self._report(
-                missing[number].model, f"leave-one-out, {workers.in_words}"
-            ),
-        )
-        pairs = zip(missing, futures, strict=True)
-        return lambda fit: next(future for own, future in pairs if own is fit).result()
 
     def choice(self) -> Choice:
         """The choice among the families that are done."""
@@ -397,13 +343,11 @@ class RunningComparison:
         n_params = {model: self.evidence[model].n_params for model in self.fits}
         same = find_collapses(self.fits, residuals, n_params, self.tests, n_effective)
         evidence = [replace(each, collapse=same.get(model)) for model, each in self.evidence.items()]
-        standings = rank(evidence, n_effective)
+        standings = rank(evidence)
         ranking = ranking_of(
             standings,
             held_out=LATER_CYCLES if self.splits is None else self.splits.in_words,
             n_folds=max(len(each.left_out) for each in evidence),
-            n_blocks=self.n_blocks,
-            n_effective=n_effective,
             remarks=(*self.remarks, *cost_remark(standings, self.evidence)),
             missing=[model for model in self.steps.models if model not in self.evidence],
         )
@@ -444,8 +388,6 @@ def choose_model(
     unit: CommandUnit = "A",
     lagged: bool = False,
     settings: FitSettings | None = None,
-    noise: str = "iid",
-    sampled: bool = False,
     threads: Threads = 0,
     on_progress: Callable[[ChoiceProgress], None] | None = None,
     journal_of: JournalOf | None = None,
@@ -456,8 +398,7 @@ def choose_model(
     Each family is identified from all tests, and again without each test in turn (or motion, or command), which is then
     predicted; and without the fastest, the slowest and the largest motions, each with every test at or beyond it. Both
     kinds, inside and beyond the tests that remain, have equal weights. From a single test it is identified on the first
-    half of the cycles and predicts the second. PSIS-LOO over blocks of cycles and BIC are given as well. A family that
-    fails is a row of the ranking.
+    half of the cycles and predicts the second. A family that fails is a row of the ranking.
 
     Parameters
     ----------
@@ -469,14 +410,9 @@ def choose_model(
         Laws of the parameters that follow the command, for the families that have such parameters, and whether the
         driver lags behind it; see `DamperSpec.with_current_laws`.
     settings
-        Settings of each identification, see `identify`; its bounds apply to the families that have such parameters,
-        its seed also to the draws.
+        Settings of each identification, see `identify`; its bounds apply to the families that have such parameters.
     threads
         Threads of the simulation, 0 for all.
-    noise
-        Noise model of the likelihood, one of `mrwork.uncertainty.noise.NOISES`.
-    sampled
-        Draw from the posterior by the chain of `sample`, which is slower than importance sampling about the fit.
     on_progress
         Called during the fits.
     journal_of
@@ -537,14 +473,12 @@ def choose_model(
             models=tuple(family.name for family in compared), journal_of=journal_of, on_progress=on_progress
         ),
     )
-    likelihood = noise_model(noise)
     try:
         for family in compared:
             comparison.evaluate(family)
         if not comparison.fits:
             model, reason = next(iter(comparison.steps.failed.items()))
             raise SettingError(f"none of the models could be identified; {model}: {reason}")
-        comparison.add_leave_one_out(likelihood, sampled=sampled)
     except KeyboardInterrupt as interrupt:
         if not any(each.left_out for each in comparison.evidence.values()):
             raise Interrupted(None, "choice of model") from interrupt

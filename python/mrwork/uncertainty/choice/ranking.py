@@ -1,4 +1,4 @@
-"""Ranking of families of models by their left-out fit, with PSIS-LOO and BIC, and its conclusion in words.
+"""Ranking of families of models by their left-out fit, and its conclusion in words.
 
 A family whose fit is that of a simpler one in the same comparison has collapsed, and counts as the simpler one.
 """
@@ -11,9 +11,9 @@ from typing import Literal
 
 import numpy as np
 
-from mrwork.base.arguments import NotNegative, Positive, Whole
+from mrwork.base.arguments import NotNegative, Whole
 from mrwork.base.labelled import NamedArrays, WithAxes, columns_of, labels_of
-from mrwork.base.numbers import counted, format_fixed
+from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, TableColumn, text_table
 from mrwork.base.values import Floats
@@ -23,7 +23,6 @@ from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.result import MANY, BuildingCost
 from mrwork.identification.verdicts import Scale
 from mrwork.records import DamperTest
-from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 
 # Residuals of each test, in deviations of its force, shape (n_counted,).
 Residuals = Sequence[Floats]
@@ -110,12 +109,6 @@ DEFINITIONS = (
     "more of its parameters are on a bound or undetermined. Such a family counts as the simpler one and is not chosen.",
     "Provisional: the family that would be chosen of those that predict what was left out, while one that failed there "
     f"has less than 1/{_FAR_BETTER:g} of its error on all tests. None is chosen then.",
-    "ELPD: expected log predictive density of a block of whole cycles given the other blocks (PSIS-LOO), residuals in "
-    "deviations of each test's force, the log density tempered by n_eff / n. Cycles of one test repeat, so it "
-    "is about more of the same tests, not about another excitation.",
-    "BIC: n_eff ln(mean squared residual in deviations) + k ln(n_eff), with k free parameters and n_eff "
-    "effective samples, those of the residuals of the family that fits best, for all families alike. Every cycle "
-    "counts anew in n_eff though cycles repeat, so that differences in ELPD and BIC are upper limits.",
 )
 
 RankVerdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed"]
@@ -125,8 +118,7 @@ RankVerdict = Literal["chosen", "provisional", "as good", "behind", "unusable", 
 class Evidence:
     """Results of one family; `left_out` has the error of each unit left out, empty where a prediction failed.
 
-    `variance` is the mean square of the residuals in deviations of each test's force; `objections` speak against the
-    choice of the family, and `cost` is that in a building.
+    `objections` speak against the choice of the family, and `cost` is that in a building.
     """
 
     model: str
@@ -137,8 +129,6 @@ class Evidence:
     reason: str = ""
     fit_percent: float | None = None
     left_out: tuple[float, ...] = ()
-    variance: float | None = None
-    leave_one_out: LeaveOneOut | None = None
     collapse: Collapse | None = None
     objections: tuple[str, ...] = ()
     cost: BuildingCost | None = None
@@ -168,13 +158,6 @@ class Standing:
     left_out_error: NotNegative | None = None
     left_out_behind: float | None = None
     left_out_behind_error: NotNegative | None = None
-    elpd: float | None = None
-    elpd_error: NotNegative | None = None
-    elpd_behind: float | None = None
-    elpd_behind_error: NotNegative | None = None
-    unreliable_blocks: Whole | None = None
-    bic: float | None = None
-    bic_behind: float | None = None
     same_as: str = ""
 
     @property
@@ -190,11 +173,9 @@ class Standing:
     @property
     def remark(self) -> str:
         """The verdict, what makes it doubtful, and why the family failed."""
-        blocks = self.unreliable_blocks
         parts = (
             "" if self.verdict == "behind" else self.verdict,
             "not converged" if self.status == "not_converged" else "",
-            f"Pareto k above 0.7 in {counted(blocks, 'block')}" if blocks else "",
             self.reason,
         )
         return ", ".join(filter(None, parts))
@@ -214,14 +195,12 @@ _COLUMNS = (
         heading="behind, points",
         cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error, 2),
     ),
-    TableColumn(heading="Δ ELPD", cell=lambda each: _with_error(each.elpd_behind, each.elpd_behind_error, 1)),
-    TableColumn(heading="Δ BIC", cell=lambda each: format_fixed(each.bic_behind, 1)),
     TableColumn(heading="seconds", cell=lambda each: format_fixed(each.seconds, 1)),
     TableColumn(heading="remark", cell=lambda each: each.remark, words=True),
 )
 
 
-def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Standing, ...]:
+def rank(evidence: Sequence[Evidence]) -> tuple[Standing, ...]:
     """Rank families by their left-out fit, best first; collapsed families follow, those that failed come last.
 
     The rules are those of `DEFINITIONS`; a family counts as collapsed if the simpler one predicts the tests left out.
@@ -238,12 +217,6 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     best = sound[0]
     as_good = [each for each in sound if is_as_good(each.left_out, best.left_out)]
     chosen = min(as_good, key=lambda each: (each.is_costly, each.n_params))
-    bic = {each.model: _bic(each, n_effective) for each in evidence}
-    most_likely = max(
-        (each for each in evidence if each.leave_one_out is not None),
-        key=lambda each: _elpd(each).sum(),
-        default=None,
-    )
     standings = []
     same = [each for each in predicted if each not in distinct]
     failed = [each for each in evidence if not each.left_out]
@@ -256,23 +229,13 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
             verdict = "as good"
         elif each in unusable:
             verdict = "unusable"
-        standings.append(_standing(each, verdict, best, most_likely, bic))
+        standings.append(_standing(each, verdict, best))
     return tuple(standings)
 
 
-def _standing(
-    own: Evidence,
-    verdict: RankVerdict,
-    best: Evidence,
-    most_likely: Evidence | None,
-    bic: dict[str, float | None],
-) -> Standing:
+def _standing(own: Evidence, verdict: RankVerdict, best: Evidence) -> Standing:
     percent = 100.0 * np.array(own.left_out)
     difference = percent - 100.0 * np.array(best.left_out) if percent.size else percent
-    elpd = _elpd(own)
-    behind = _elpd(most_likely) - elpd if most_likely is not None and elpd.size else elpd[:0]
-    least = min((value for value in bic.values() if value is not None), default=None)
-    value = bic[own.model]
     same = own.collapse if verdict == "collapsed" else None
     return Standing(
         model=own.model,
@@ -288,15 +251,6 @@ def _standing(
         left_out_error=error_of_mean(percent),
         left_out_behind=float(difference.mean()) if percent.size else None,
         left_out_behind_error=error_of_mean(difference),
-        elpd=float(elpd.sum()) if elpd.size else None,
-        elpd_error=_error_of_sum(elpd),
-        elpd_behind=float(behind.sum()) if behind.size else None,
-        elpd_behind_error=_error_of_sum(behind),
-        unreliable_blocks=None
-        if own.leave_one_out is None
-        else int(np.count_nonzero(~(own.leave_one_out.pareto_k <= UNRELIABLE))),
-        bic=value,
-        bic_behind=None if value is None or least is None else value - least,
     )
 
 
@@ -318,23 +272,9 @@ def _is_far_better(failed: Evidence | Standing, chosen: Evidence | Standing) -> 
     return 100.0 - chosen.fit_percent > _FAR_BETTER * (100.0 - failed.fit_percent)
 
 
-def _bic(own: Evidence, n_effective: float | None) -> float | None:
-    if own.variance is None or n_effective is None:
-        return None
-    return float(n_effective * np.log(own.variance) + own.n_params * np.log(n_effective))
-
-
-def _elpd(own: Evidence) -> Floats:
-    return np.empty(0) if own.leave_one_out is None else own.leave_one_out.elpd
-
-
 def error_of_mean(values: Floats) -> float | None:
     """Standard error of the mean, `None` for a single value."""
     return float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else None
-
-
-def _error_of_sum(values: Floats) -> float | None:
-    return float(np.std(values, ddof=1) * np.sqrt(values.size)) if values.size > 1 else None
 
 
 # Units and words of what a ranking has for each family.
@@ -350,13 +290,6 @@ _ARRAYS = {
     "left_out_error": ("%", "standard error of the fit to what was left out"),
     "left_out_behind": ("%", "difference to the best in the fit to what was left out"),
     "left_out_behind_error": ("%", "standard error of that difference"),
-    "elpd": ("1", "expected log predictive density"),
-    "elpd_error": ("1", "standard error of the expected log predictive density"),
-    "elpd_behind": ("1", "difference to the best in expected log predictive density"),
-    "elpd_behind_error": ("1", "standard error of that difference"),
-    "unreliable_blocks": ("1", "blocks with a Pareto k above 0.7"),
-    "bic": ("1", "Bayesian information criterion"),
-    "bic_behind": ("1", "difference to the best in the Bayesian information criterion"),
 }
 
 
@@ -372,8 +305,6 @@ class Ranking(WithAxes, Summarised):
     standings: tuple[Standing, ...]
     held_out: str
     n_folds: Whole
-    n_blocks: Whole | None
-    n_effective: Positive | None
     remarks: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     definitions: tuple[str, ...] = DEFINITIONS
@@ -419,8 +350,6 @@ class Ranking(WithAxes, Summarised):
 
 # Number of folds below which a standard error is uncertain.
 _FEW_FOLDS = 4
-# A smaller difference in BIC is negligible (Kass and Raftery, JASA 90, 1995, 773-795).
-_NEGLIGIBLE_BIC = 2.0
 
 
 def ranking_of(
@@ -428,8 +357,6 @@ def ranking_of(
     *,
     held_out: str,
     n_folds: int,
-    n_blocks: int | None,
-    n_effective: float | None,
     remarks: Sequence[str] = (),
     missing: Sequence[str] = (),
 ) -> Ranking:
@@ -444,7 +371,6 @@ def ranking_of(
             f"Next comes {runner_up.title} with {runner_up.n_params} parameters, "
             f"{_points(runner_up, chosen)} behind the best"
         )
-    parts += [_by_elpd(standings, chosen, n_blocks), _by_bic(standings, chosen)]
     if 1 < n_folds < _FEW_FOLDS:
         parts.append(f"A standard error from {n_folds} folds is uncertain")
     titles = {each.model: each.title for each in standings}
@@ -461,8 +387,6 @@ def ranking_of(
         standings=standings,
         held_out=held_out,
         n_folds=n_folds,
-        n_blocks=n_blocks,
-        n_effective=n_effective,
         remarks=tuple(remarks),
         missing=tuple(missing),
     )
@@ -532,31 +456,3 @@ def _points(own: Standing, other: Standing) -> str:
     behind = own.left_out_behind or other.left_out_behind or 0.0
     error = own.left_out_behind_error
     return f"{behind:.2f} points" if error is None else f"{behind:.2f} ± {error:.2f} points"
-
-
-def _by_elpd(standings: tuple[Standing, ...], chosen: Standing, n_blocks: int | None) -> str:
-    best = next((each for each in standings if each.elpd_behind == 0.0), None)
-    if best is None or chosen.elpd_behind is None:
-        return ""
-    doubt = ""
-    if unreliable := max(each.unreliable_blocks or 0 for each in (best, chosen)):
-        blocks = counted(unreliable, "block")
-        doubt = f", though the Pareto k of {blocks} is above 0.7: importance weights are not reliable there"
-    if best is chosen:
-        return f"PSIS-LOO over {n_blocks} blocks agrees{doubt}"
-    error = chosen.elpd_behind_error or 0.0
-    by = f"{chosen.elpd_behind:.1f} ± {error:.1f} in log density over {n_blocks} blocks"
-    if chosen.elpd_behind <= error:
-        return f"PSIS-LOO does not distinguish it from {best.title} ({by}){doubt}"
-    return f"PSIS-LOO prefers {best.title}, by {by}{doubt}"
-
-
-def _by_bic(standings: tuple[Standing, ...], chosen: Standing) -> str:
-    best = next((each for each in standings if each.bic_behind == 0.0), None)
-    if best is None or chosen.bic_behind is None:
-        return ""
-    if best is chosen:
-        return "BIC agrees"
-    if chosen.bic_behind < _NEGLIGIBLE_BIC:
-        return f"BIC does not distinguish it from {best.title} ({chosen.bic_behind:.1f})"
-    return f"BIC prefers {best.title}, by {chosen.bic_behind:.1f}"

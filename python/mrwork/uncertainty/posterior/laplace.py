@@ -1,18 +1,10 @@
-"""Normal approximation of a posterior about a fit: Fisher information, starting walkers, importance-weighted draws.
-
-Weighted draws cost far less than a chain, and their weights show how well the approximation matches the posterior.
-"""
+"""Normal approximation of a posterior about a fit: Fisher information, mode, starting walkers."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from importlib import import_module
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.identification.objective import linearise_residuals
 from mrwork.uncertainty.posterior.target import Target
@@ -30,11 +22,6 @@ _ON_FACE = 1e-4
 _MOST_STEPS = 20
 _LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.01])
 _GAIN = 1e-3
-# Degrees of freedom of the t distribution for the draws: its tails are heavier than those of a posterior.
-_TAILS = 5.0
-# Rounds of adaptation of the ellipsoid to the weighted draws, and draws in each.
-_ROUNDS = 3
-_FEWEST, _PER_DIMENSION = 500, 100
 
 
 def residual_slope(target: Target, position: Floats) -> tuple[Floats, Floats]:
@@ -105,31 +92,11 @@ def centre_and_root(target: Target, start: Floats) -> tuple[Floats, Floats]:
     return origin, np.linalg.cholesky(np.linalg.inv(fisher_information(target, origin)))
 
 
-@array_dataclass()
-class Ellipsoid:
-    """Centre (n_dim,) in a target's space, and covariance (n_moving, n_moving) of the coordinates that move."""
-
-    centre: Floats
-    moving: NDArray[np.intp]
-    covariance: Floats
-
-
-def fisher_ellipsoid(target: Target, theta: Floats) -> Ellipsoid:
-    """Mode of the posterior near a fit, shape (n_params,), and the covariance there."""
-    centre, moving = _mode_near(target, theta)
-    information = fisher_information(target, centre)[np.ix_(moving, moving)]
-    covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
-    return Ellipsoid(centre=centre, moving=moving, covariance=covariance)
-
-
 def mode_near(target: Target, theta: Floats) -> Floats:
-    """Mode of the posterior near a fit, both (n_params,); a likelihood weights tests by their samples."""
-    centre, _ = _mode_near(target, theta)
-    return np.asarray(target.space.values(centre)[0])[: target.space.n_params]
+    """Mode of the posterior near a fit, both (n_params,), by Gauss-Newton; no parameter on a bound moves.
 
-
-def _mode_near(target: Target, theta: Floats) -> tuple[Floats, NDArray[np.intp]]:
-    """Position of the mode near a fit, by Gauss-Newton, and the coordinates that move: no parameter on a bound does."""
+    It is not the fit itself, because a likelihood weights tests by their samples.
+    """
     centre = target.position_of(theta)
     unit = np.asarray(target.space.box.unit_from_theta(np.asarray(target.space.values(centre)[0])))
     moving = np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))
@@ -148,7 +115,7 @@ def _mode_near(target: Target, theta: Floats) -> tuple[Floats, NDArray[np.intp]]
         if not densities[best] > density + _GAIN:
             break
         centre, density = tried[best], float(densities[best])
-    return centre, moving
+    return np.asarray(target.space.values(centre)[0])[: target.space.n_params]
 
 
 def _with_estimated_noise(target: Target, position: Floats) -> Floats:
@@ -159,59 +126,3 @@ def _with_estimated_noise(target: Target, position: Floats) -> Floats:
         own = target.position_of(np.asarray(values[row])[: target.space.n_params])
         result[row, -n_noise:] = own[-n_noise:]
     return result
-
-
-@array_dataclass()
-class WeightedDraws:
-    """Positions of a target's space, (n_draws, n_dim), and log of target over proposal density, (n_draws,)."""
-
-    position: Floats
-    log_ratio: Floats
-
-    @property
-    def weights(self) -> Floats:
-        """Pareto-smoothed importance weights, shape (n_draws,), of sum 1."""
-        # ArviZ takes seconds to load, and has no type annotations.
-        statistics: Any = import_module("arviz_stats.base").array_stats
-        weights = np.exp(statistics.psislw(-self.log_ratio)[0])
-        return np.asarray(weights / weights.sum())
-
-    @property
-    def effective(self) -> float:
-        """Effective number of independent draws from the target."""
-        return float(1.0 / np.sum(self.weights**2))
-
-
-def draw_about(target: Target, theta: Floats, n_draws: int, rng: np.random.Generator) -> WeightedDraws:
-    """Importance-weighted draws from a multivariate t distribution about a fit, by population Monte Carlo.
-
-    In a few rounds, centre and covariance become those of the weighted draws (Cappe et al., J. Comput. Graph. Stat. 13,
-    2004, 907-929). Draws outside the box or that cannot be simulated are left out.
-    """
-    ellipsoid = fisher_ellipsoid(target, theta)
-    n_moving = ellipsoid.moving.size
-    for _ in range(_ROUNDS):
-        draws = _draw_from(target, ellipsoid, max(_FEWEST, _PER_DIMENSION * n_moving), rng)
-        # With too few effective draws the ellipsoid would collapse.
-        if len(draws.position) > 5 * n_moving and draws.effective > 2 * n_moving:
-            weights = draws.weights
-            centre = weights @ draws.position
-            offsets = (draws.position - centre)[:, ellipsoid.moving]
-            ellipsoid = replace(ellipsoid, centre=centre, covariance=offsets.T @ (weights[:, None] * offsets))
-    return _draw_from(target, ellipsoid, n_draws, rng)
-
-
-def _draw_from(target: Target, ellipsoid: Ellipsoid, n_draws: int, rng: np.random.Generator) -> WeightedDraws:
-    covariance, n_dim = ellipsoid.covariance, ellipsoid.moving.size
-    # Scaled to unit diagonal, because variances differ by many orders of magnitude.
-    scale = np.sqrt(np.diag(covariance))
-    root = scale[:, None] * np.linalg.cholesky(covariance / np.outer(scale, scale) + 1e-12 * np.eye(n_dim))
-    normal = rng.standard_normal((n_draws, n_dim))
-    spread = np.sqrt(rng.chisquare(_TAILS, n_draws) / _TAILS)
-    position = np.tile(ellipsoid.centre, (n_draws, 1))
-    position[:, ellipsoid.moving] += (normal / spread[:, None]) @ root.T
-    distance = np.sum(normal**2, axis=1) / spread**2
-    drawn = -0.5 * (_TAILS + n_dim) * np.log1p(distance / _TAILS)
-    log_ratio = target(position) - drawn
-    possible = np.isfinite(log_ratio)
-    return WeightedDraws(position=position[possible], log_ratio=log_ratio[possible])
