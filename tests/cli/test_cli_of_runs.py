@@ -112,7 +112,7 @@ def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> Non
 @pytest.mark.parametrize(
     ("words", "word"),
     [
-        (("--prior", "alpha=flat"), "NAME=normal"),
+        (("--prior", "alpha=flat"), "normal:MEAN"),
         (("--noise", "pink"), "iid, student_t"),
         (("--walkers", "4"), "an even number"),
     ],
@@ -133,7 +133,7 @@ def test_a_plan_names_the_best_test_first(planned: Path) -> None:
     lists = ("--amplitudes", "0.005,0.01,0.02", "--frequencies", "0.5,1,2")
     text = printed("plan", planned, "--band", "c", *lists)
     assert "Of 9 tests this one narrows the band of c most: 20 mm, 2 Hz" in text
-    gains = json.loads((planned / "plan.json").read_text())["plan"]["gains"]
+    gains = json.loads((planned / "plan.json").read_text())["gains"]
     assert [each["gain"] for each in gains] == sorted((each["gain"] for each in gains), reverse=True)
     assert gains[0]["candidate"] == {"amplitude": 0.02, "frequency": 2.0, "command": None}
 
@@ -143,19 +143,9 @@ def test_a_plan_is_one_object(planned: Path, tmp_path: Path) -> None:
     table.write_text("amplitude,frequency\n0.01,1\n0.02,1\n0.03,1\n")
     arguments = ("plan", planned, "--json", "--candidates", table, "--stroke", "0.05", "--targets", table)
     document = json.loads(printed(*arguments))
-    assert len(document["plan"]["gains"]) == 2
-    assert document["plan"]["band"] == "force"
+    assert len(document["gains"]) == 2
+    assert document["band"] == "force"
     assert document["limits"] == {"stroke": 0.05, "peak_velocity": None}
-
-
-@pytest.mark.long
-def test_draws_of_the_posterior_are_used_where_there_are_some(planned: Path, tmp_path: Path) -> None:
-    with_draws = Path(shutil.copytree(planned, tmp_path / "sampled"))
-    printed("sample", with_draws, "--steps", 40, "--walkers", 16, "--threads", 1, "--quiet")
-    lists = ("--amplitudes", "0.005,0.02", "--frequencies", "0.5,2")
-    assert "Draws of the posterior" in printed("plan", with_draws, *lists)
-    (with_draws / "posterior.nc").write_text("no")
-    command_refusal("plan", with_draws, *lists, match="posterior.nc is not as .*run `mrwork sample` again")
 
 
 # One free number: the search is over at once.

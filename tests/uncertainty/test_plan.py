@@ -28,9 +28,7 @@ from mrwork.uncertainty.candidate_tests import (
 from mrwork.uncertainty.planning import (
     LinearisedPosterior,
     band_matrix,
-    checked_with_draws,
     information,
-    normal_draws,
     responses,
 )
 
@@ -155,19 +153,6 @@ def test_derivatives_of_a_candidate_are_those_of_its_force(fit: Fit, test: Dampe
     assert answer.energy_derivative[0] == pytest.approx(c * np.pi * omega * GRID[0].amplitude ** 2, rel=1e-3)
     matrix, _ = band_matrix(known, [answer], "energy")
     assert matrix[0, 0] == pytest.approx((answer.energy_derivative[0] / answer.energy) ** 2)
-
-
-def test_draws_rank_the_tests_as_the_linearised_gain_does(fit: Fit, test: DamperTest) -> None:
-    plan = mr.plan(fit, [test], GRID)
-    known = LinearisedPosterior.of(fit, [test])
-    rng = np.random.default_rng(5)
-    check = checked_with_draws(plan, known, normal_draws(known, 800, rng), rng=rng)
-    assert check.agreement is not None
-    assert check.agreement > 0.8
-    assert check.least_effective > 8.0
-    for each in check.plan.gains:
-        if each.drawn is not None:
-            assert each.drawn == pytest.approx(each.gain, abs=0.15)
 
 
 def test_the_default_grid_lies_about_what_was_tested(test: DamperTest) -> None:

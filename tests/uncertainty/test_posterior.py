@@ -22,7 +22,8 @@ from mrwork.store.run_folder import DRAWS
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty import Draws, Normal, Uniform, sample
 from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, summary_of
-from mrwork.uncertainty.posterior.sample import Ensemble, SamplingProgress
+from mrwork.uncertainty.posterior.ensemble import Ensemble
+from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 
 def standard_normal(position: np.ndarray) -> np.ndarray:

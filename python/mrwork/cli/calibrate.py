@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import get_args
 
 from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.derived import add_options_of
 from mrwork.cli.options import (
     add_files,
     add_observation,
@@ -27,10 +27,8 @@ from mrwork.records import observed
 from mrwork.store.run_folder import CALIBRATION, FOLDS
 from mrwork.store.run_writer import adding
 from mrwork.uncertainty.bands.calibration_files import FoldProgress, StoredBands, cross_validated, write_bands
-from mrwork.uncertainty.bands.prediction import IN_WORDS, UNSEEN, Fold, Prediction, predict_tests
+from mrwork.uncertainty.bands.prediction import IN_WORDS, UNSEEN, Prediction, predict_tests
 from mrwork.workers.engine import present_workers
-
-_AS_FITTED = "as in the identification"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -44,14 +42,8 @@ def add_options(parser: CommandParser) -> None:
     parser.epilog = examples("mrwork calibrate out/rig rig", "mrwork calibrate out/rig --leave-out motion")
     add_run(parser)
     add_files(parser, required=False)
-    add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
-    parser.group("cross-validation").add_argument(
-        "--leave-out",
-        choices=get_args(Fold),
-        default="test",
-        help="without files: tests that are left out together: each test alone (default), all of one motion, or all at "
-        "one command",
-    )
+    add_observation(parser, as_fitted=True)
+    add_options_of(parser, cross_validated, "cross-validation", "leave_out")
     add_threads(parser)
     add_workers(parser, "the fits to the tests that remain")
     end_parser(parser, run)

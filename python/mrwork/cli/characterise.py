@@ -14,10 +14,11 @@ from typing import Any
 
 from mrwork.base.numbers import counted, duration_in_words
 from mrwork.base.summary import list_names, named
-from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
+from mrwork.cli.derived import add_option_of
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_seed, add_threads, command_unit, end_parser
+from mrwork.cli.options import add_out, add_threads, command_unit, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
@@ -70,7 +71,7 @@ def add_options(parser: CommandParser) -> None:
         metavar="NAMES",
         help=f"damper models to choose among, as A,B,C; default {_MODELS}",
     )
-    add_seed(parser, "the search")
+    add_option_of(parser, FitSettings, COMPUTATION, "rng")
     add_threads(parser)
     add_out(parser, "run folder, default out/FOLDER")
     end_parser(
@@ -169,7 +170,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
     tests = _read(reading)
     for test in tests:
         refuse_velocity(test)
-    settings, models, spare = FitSettings(rng=options.seed), options.model.split(","), ""
+    settings, models, spare = FitSettings(rng=options.rng), options.model.split(","), ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
     )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from functools import partial
 from typing import get_args
 
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import SCALE, add_number, add_opensees_error
-from mrwork.cli.options import end_parser, parsed_number
+from mrwork.cli.derived import Collect, add_option_of, arguments_of, read_entry
+from mrwork.cli.numbers import finite_number
+from mrwork.cli.options import end_parser
 from mrwork.cli.output import show_results
 from mrwork.dampers.conventions import NAMES, Convention, convert
-from mrwork.dampers.conversions import USUAL_OPENSEES_ERROR
 from mrwork.errors import SettingError
 
 
@@ -37,16 +37,16 @@ def add_options(parser: CommandParser) -> None:
         metavar="TO",
         help="spencer, normalised or opensees",
     )
-    parser.add_argument("values", nargs="+", metavar="NAME=VALUE", help="parameters, as in n=2")
-    add_number(
-        conversion,
-        "--scale",
-        SCALE,
-        "A of spencer or Ao of opensees, a scale that does not affect the force; default: that of the source, 120 "
-        "from normalised, Ao 1",
-        metavar="VALUE",
+    parser.add_argument(
+        "values",
+        nargs="+",
+        action=Collect,
+        type=partial(read_entry, finite_number, "NUMBER"),
+        metavar="NAME=VALUE",
+        help="parameters, as in n=2",
     )
-    add_opensees_error(conversion)
+    add_option_of(parser, convert, "conversion", "scale", metavar="VALUE")
+    add_option_of(parser, convert, "conversion", "error", metavar="SHARE")
     end_parser(parser, run, quiet="")
 
 
@@ -55,10 +55,9 @@ def run(options: argparse.Namespace) -> int:
     _check_options(options)
     converted = convert(
         options.source,
-        _parse(options.values),
+        options.values,
         options.to,
-        scale=options.scale,
-        error=options.error or USUAL_OPENSEES_ERROR,
+        **arguments_of(options, convert),
     )
     below = [f"\n{converted.material}"] if converted.material else []
     show_results(options, converted, document=converted.document(), below=below)
@@ -72,15 +71,3 @@ def _check_options(options: argparse.Namespace) -> None:
         raise SettingError("--error is of the solver of OpenSees; leave it out, or convert --to opensees")
     if options.scale is not None and options.to == "normalised":
         raise SettingError("--scale sets A or Ao, and normalised has neither; leave it out")
-
-
-def _parse(texts: Sequence[str]) -> dict[str, float]:
-    values: dict[str, float] = {}
-    for text in texts:
-        name, equals, number = text.partition("=")
-        if not (name and equals):
-            raise SettingError(f"{text!r} is not NAME=VALUE; write it as in n=2")
-        if name in values:
-            raise SettingError(f"{name} is given twice; give it once")
-        values[name] = parsed_number(number, text)
-    return values

@@ -6,10 +6,11 @@ import argparse
 import shlex
 from pathlib import Path
 
-from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
+from mrwork.cli.derived import add_option_of
 from mrwork.cli.identified import Identification
 from mrwork.cli.identify import fit_model
-from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
+from mrwork.cli.options import add_out, add_threads, end_parser
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import damper
 from mrwork.identification.settings import FitSettings
@@ -28,7 +29,7 @@ def add_options(parser: CommandParser) -> None:
         "noise, no measurement. It takes a few seconds and no file."
     )
     parser.epilog = examples("mrwork demo", "mrwork demo --seed 2 --out out/seed2 --quiet")
-    add_seed(parser, "the search", _SEED)
+    add_option_of(parser, FitSettings, COMPUTATION, "rng", default=_SEED)
     add_threads(parser)
     add_out(parser, f"run folder, default {_OUT}")
     parser.set_defaults(out=_OUT)
@@ -41,13 +42,13 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify, and say how `mrwork identify` does the same."""
-    settings, reading = FitSettings(rng=options.seed), Reading(files=(_FILE,), folder=str(Path.cwd()))
+    settings, reading = FitSettings(rng=options.rng), Reading(files=(_FILE,), folder=str(Path.cwd()))
     verb = Identification.of_tests(
         options, settings, reading, reading.tests(), _OUT.name, kept="the best fit"
     )
     status = fit_model(verb, damper(_MODEL), settings)
     if status == 0 and not options.json:
-        same = ["identify", _FILE, "--model", _MODEL, "--seed", str(options.seed), "--out", str(options.out)]
+        same = ["identify", _FILE, "--model", _MODEL, "--seed", str(options.rng), "--out", str(options.out)]
         other = ["predict", str(options.out), _OTHER]
         show(f"\nThe same: {shlex.join(['mrwork', *same])}\nNext:     {shlex.join(['mrwork', *other])}")
     return status

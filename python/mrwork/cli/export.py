@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.numbers import TIME_STEP, add_number, add_opensees_error, named_path
+from mrwork.cli.derived import add_option_of
+from mrwork.cli.numbers import TIME_STEP, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.cli.own_models import add_trust
+from mrwork.dampers.conventions import convert
 from mrwork.errors import SettingError
 
 _TARGETS = ("mat", "opensees", "csv")
@@ -36,7 +38,7 @@ def add_options(parser: CommandParser) -> None:
         metavar="COMMAND",
         help="command at which the damper is exported, as in 0.5A; csv: default five over the tested ones",
     )
-    add_opensees_error(target)
+    add_option_of(parser, convert, "target", "error", metavar="SHARE")
     add_number(
         target,
         "--time-step",

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
+from functools import partial
 from typing import get_args
 
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
-from mrwork.cli.command_parser import SEARCH, CommandParser, examples
+from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
+from mrwork.cli.derived import Collect, add_option_of, add_options_of, arguments_of, read_entry
 from mrwork.cli.identified import Identification
-from mrwork.cli.numbers import GENERATIONS, POPULATION, Range, add_number, named_path
+from mrwork.cli.numbers import finite_number, named_path
 from mrwork.cli.options import (
     add_files,
     add_observation,
     add_out,
     add_repeated,
-    add_seed,
     add_threads,
     command_unit,
     end_parser,
@@ -24,9 +25,6 @@ from mrwork.cli.options import (
     laws_of,
     models_of,
     nuisances_of,
-    observation_of,
-    parse_bounds,
-    parse_ties,
 )
 from mrwork.cli.output import in_words
 from mrwork.cli.terminal import note
@@ -39,7 +37,6 @@ from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import start_from
 from mrwork.identification.progress import IdentificationInWords
 from mrwork.identification.settings import (
-    Engine,
     FitSettings,
     Search,
     has_generations,
@@ -70,14 +67,16 @@ def add_options(parser: CommandParser) -> None:
         "and ranks them, or chooses among their laws with --law auto; FILE.py:NAME, a damper of your own that "
         "mrwork.own_damper has made, runs this file as Python",
     )
-    add_repeated(model, "--bound", "NAME=LOWER:UPPER", "range of a parameter; repeat for more")
-    add_repeated(model, "--fix", "NAME=VALUE", "hold a parameter fixed; repeat for more")
-    add_repeated(
-        model,
-        "--tie",
-        "NAME=EXPRESSION",
-        "tie a parameter to others, as k=2*c: numbers, parameters, parentheses and + - * / **; for one model "
-        "whose parameters are constant; repeat for more",
+    add_options_of(parser, FitSettings, "model", "bounds")
+    add_option_of(parser, FitSettings, "model", "ties", metavar="NAME=EXPRESSION")
+    model.add_argument(
+        "--fix",
+        dest="fixed",
+        action=Collect,
+        default={},
+        type=partial(read_entry, finite_number, "VALUE"),
+        metavar="NAME=VALUE",
+        help="hold a parameter fixed; repeat for more",
     )
     add_repeated(
         laws,
@@ -117,34 +116,16 @@ def add_options(parser: CommandParser) -> None:
         dest="starts",
         type=named_path,
     )
-    for name, option in FitSettings.number_options().items():
-        add_number(
-            search,
-            f"--{name.replace('_', '-')}",
-            Range(within=option.within),
-            option.says,
-            default=option.default,
-            metavar=option.metavar,
-        )
-    add_seed(parser, "the search")
-    search.add_argument(
-        "--search",
-        choices=list(searches()),
-        metavar="NAME",
-        help=f"global search, one of {', '.join(searches())}; default multistart (least squares from many starts), "
-        "where every command varies genetic (the efficient genetic algorithm)",
+    elsewhere = ("bounds", "ties", "starts", "nuisances", "observe", "search", "rng")
+    add_option_of(parser, FitSettings, SEARCH, "search", choices=searches(), metavar="NAME")
+    add_options_of(
+        parser,
+        FitSettings,
+        SEARCH,
+        *(each.name for each in fields(FitSettings) if each.name not in elsewhere),
     )
-    search.add_argument(
-        "--engine",
-        choices=get_args(Engine),
-        default="lanes",
-        help="engine of the final fit: lanes (default), or optimistix, which is slower and serves comparisons",
-    )
-    for flag, numbers, what in (
-        ("--population", POPULATION, "number of candidates in a generation"),
-        ("--generations", GENERATIONS, "largest number of generations"),
-    ):
-        add_number(search, flag, numbers, f"{what}; not for multistart", metavar="N")
+    add_options_of(parser, resize_search, SEARCH, "population", "generations")
+    add_options_of(parser, FitSettings, COMPUTATION, "rng")
     add_threads(parser)
     add_workers(parser, "the fits where several models are compared")
     add_out(parser, "run folder, default out/TEST-MODEL")
@@ -158,16 +139,9 @@ def add_options(parser: CommandParser) -> None:
 
 def settings_of(options: argparse.Namespace) -> FitSettings:
     """The settings that the command line gives; starts from earlier fits are added once the model is known."""
-    return FitSettings(
-        search=_search(options),
-        bounds=parse_bounds(options.bound, options.fix),
-        ties=parse_ties(options.tie),
-        engine=options.engine,
-        nuisances=nuisances_of(options),
-        observe=observation_of(options),
-        rng=options.seed,
-        **{name: getattr(options, name) for name in FitSettings.number_options()},
-    )
+    fixed = {name: (value, value) for name, value in options.fixed.items()}
+    own = {"search": _search(options), "bounds": options.bounds | fixed, "nuisances": nuisances_of(options)}
+    return FitSettings(**arguments_of(options, FitSettings) | own)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -265,7 +239,7 @@ def _search(options: argparse.Namespace) -> Search | None:
         raise SettingError(
             "--search multistart takes neither --population nor --generations; leave them or --search out"
         )
-    return resize_search(search, population=options.population, generations=options.generations)
+    return resize_search(search, **arguments_of(options, resize_search))
 
 
 def is_choice(options: argparse.Namespace) -> bool:

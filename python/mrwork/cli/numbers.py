@@ -7,24 +7,20 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass, replace
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
 from mrwork.base.arguments import Threads
-from mrwork.base.hints import Within, node_of
+from mrwork.base.hints import InUnit, Node, Within, instead_of, node_of
 from mrwork.base.keys import LARGEST_SEED
-from mrwork.dampers.conversions import USUAL_OPENSEES_ERROR, OpenSeesError, OpenSeesTimeStep
-from mrwork.search.rules import LARGEST_POPULATION
-from mrwork.uncertainty.candidate_tests import (
-    AMPLITUDE_RANGE,
-    COMMAND_RANGE,
-    FREQUENCY_RANGE,
-    STROKE_RANGE,
-    VELOCITY_RANGE,
-)
+from mrwork.dampers.conversions import OpenSeesTimeStep
+from mrwork.uncertainty.candidate_tests import Amplitude, Frequency
 
 # As many digits of a number as a message repeats.
 _SHOWN = 40
+# Integers from which on a limit is that of the machine.
+_NO_LIMIT = 2**53
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,16 +32,17 @@ class Range:
     whole: bool = False
 
     @classmethod
-    def of(cls, hint: Any) -> Range:
+    def of(cls, node: Node) -> Range:
         """The range of an annotated number, that of the function which takes it."""
-        node = node_of(hint)
-        (within,) = node.notes
-        return cls(within=within, whole=node.kind is int)
+        within = next((note for note in node.notes if isinstance(note, Within)), Within())
+        unit = next((note.unit for note in node.notes if isinstance(note, InUnit)), "")
+        return cls(within=within, unit=unit, whole=node.kind is int)
 
     @property
     def in_words(self) -> str:
-        """The range as the help and messages state it."""
-        return f"{self.within.in_words} {self.unit}".rstrip()
+        """The range as the help and messages state it; the largest integers are no limit."""
+        within = replace(self.within, most=inf) if self.within.most >= _NO_LIMIT else self.within
+        return f"{within.in_words} {self.unit}".strip()
 
     def __call__(self, text: str) -> float:
         """The number that a text gives."""
@@ -53,14 +50,14 @@ class Range:
             value = int(text) if self.whole else float(text)
         except ValueError:
             raise self._refusal(text) from None
-        if value != value or self.within.excludes(value):
+        if instead_of(value, (self.within,)):
             raise self._refusal(text)
         return value
 
     def _refusal(self, text: str) -> argparse.ArgumentTypeError:
         shown = repr(text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…")
         kind = "a whole number" if self.whole else "a number"
-        return argparse.ArgumentTypeError(f"{shown} is not {kind} {self.in_words}")
+        return argparse.ArgumentTypeError(f"{shown} is not {kind} {self.in_words}".rstrip())
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,35 +106,18 @@ class OrWord:
 
 Numeric = Range | Listed | OrWord
 
-
-def _of(ends: tuple[float, float], unit: str) -> Range:
-    return Range(within=Within(least=ends[0], most=ends[1]), unit=unit)
-
-
 SEED = Range(within=Within(least=0, most=LARGEST_SEED), whole=True)
-THREADS = Range.of(Threads)
+THREADS = Range.of(node_of(Threads))
 # Instants of a record may count from a far epoch, in seconds.
 INSTANT = Range(within=Within(least=-1e10, most=1e10), unit="s")
 SETTLE = Range(within=Within(least=0.0, most=1e6), unit="s")
 EVERY = Range(within=Within(least=1, most=1_000_000), whole=True)
-# The largest population of six parameters is 50 MB, and its generation takes minutes.
-POPULATION = Range(within=Within(least=2, most=LARGEST_POPULATION), whole=True)
-GENERATIONS = Range(within=Within(least=1, most=1_000_000), whole=True)
 SHARE = Range(within=Within(least=0.001, most=0.999999))
 DISPERSION = Range(within=Within(least=0.0, most=10.0))
-TEMPERING = OrWord("effective", Range(within=Within(least=1e-9, most=1.0)))
-SUBSTEP_FACTOR = Range(within=Within(least=1, most=256), whole=True)
 # What a rig can do, with room.
-STROKE = _of(STROKE_RANGE, "m")
-VELOCITY = _of(VELOCITY_RANGE, "m/s")
-AMPLITUDE = _of(AMPLITUDE_RANGE, "m")
-FREQUENCY = _of(FREQUENCY_RANGE, "Hz")
-AMPLITUDES = Listed(AMPLITUDE)
-FREQUENCIES = Listed(FREQUENCY)
-COMMANDS = Listed(_of(COMMAND_RANGE, "A or V"))
-SCALE = Range(within=Within(least=1e-12, most=1e12))
-OPENSEES_ERROR = Range.of(OpenSeesError)
-TIME_STEP = replace(Range.of(OpenSeesTimeStep), unit="s")
+AMPLITUDE = Range.of(node_of(Amplitude))
+FREQUENCY = Range.of(node_of(Frequency))
+TIME_STEP = replace(Range.of(node_of(OpenSeesTimeStep)), unit="s")
 
 
 def add_number(
@@ -155,16 +135,15 @@ def add_number(
     parser.add_argument(option, type=numeric, help=says, metavar=metavar, default=default, dest=dest)
 
 
-def add_opensees_error(parser: Any) -> None:
-    """--error, of the material BoucWen of OpenSees."""
-    add_number(
-        parser,
-        "--error",
-        OPENSEES_ERROR,
-        "wanted error of BoucWen in OpenSees, a share of the largest value of z, for which the strain step is stated; "
-        f"default {USUAL_OPENSEES_ERROR:g}",
-        metavar="SHARE",
-    )
+def finite_number(text: str) -> float:
+    """The finite number that a part of a text gives."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = inf
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number; write it as 1500 or 1.5e3")
+    return value
 
 
 def named_path(text: str) -> Path:

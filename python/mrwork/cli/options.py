@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import isfinite
 from pathlib import Path
 from typing import Any, get_args
@@ -11,6 +12,7 @@ from typing import Any, get_args
 from mrwork.base.keys import suggestion
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.cli.command_parser import COMPUTATION, MEASUREMENT, OUTPUT, RECORDS, CommandParser
+from mrwork.cli.derived import UNCHANGED, add_option_of
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number, named_path
 from mrwork.cli.output import is_quiet, reading_line
 from mrwork.cli.own_models import add_trust, is_own, own_model
@@ -21,12 +23,12 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.residual import NuisanceName
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, ListedTest
 from mrwork.records.columns import parse_column_option
 from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import (
     AMOUNTS_IN_WORDS,
-    DETECT,
     REPAIR_KINDS,
     VALUES_IN_WORDS,
     RepairKind,
@@ -91,26 +93,14 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
     )
 
 
-def add_observation(parser: CommandParser, *, default: str = DETECT, nuisances: str = _NONE) -> None:
-    """Add --observe and --nuisance, with the defaults `default` and `nuisances`."""
-    measurement = parser.group(MEASUREMENT)
-    add_repeated(
-        measurement,
-        "--observe",
-        "WHAT=VALUE",
-        "observation model: effect of the measurement on the force, which is applied to the model force before "
-        "the comparison: detect applies a moving average that is found in the record, none has no effect; average=S "
-        f"(or 0.1T, a share of the period), lowpass=HZ, lag=S (of first order), delay=S, gain=G, offset=N: "
-        f"{VALUES_IN_WORDS}; repeat for more; default: {default}",
+def add_observation(parser: CommandParser, *, as_fitted: bool = False) -> None:
+    """--observe and --nuisance of an identification, or of a verb that does by default as the identification did."""
+    measured = partial(
+        add_option_of, parser, FitSettings, MEASUREMENT, default=() if as_fitted else UNCHANGED
     )
-    measurement.add_argument(
-        "--nuisance",
-        action="append",
-        default=[],
-        choices=[*get_args(NuisanceName), _NONE],
-        help="nuisance parameter of the measurement, estimated for each test from its measured force; repeat for more; "
-        f"default: {nuisances}",
-    )
+    usual = "default: as in the identification" if as_fitted else ""
+    measured("observe", metavar="WHAT=VALUE", more=f"{VALUES_IN_WORDS}{f'; {usual}' if usual else ''}")
+    measured("nuisances", choices=[_NONE], more=usual)
 
 
 def add_run(parser: CommandParser) -> None:
@@ -130,10 +120,9 @@ def add_threads(parser: CommandParser) -> None:
     add_number(group, "--threads", THREADS, "number of threads, default 0, all", default=0, metavar="N")
 
 
-def add_seed(parser: CommandParser, of: str, default: int = 0) -> None:
+def add_seed(parser: CommandParser, of: str) -> None:
     """--seed, of what `of` names."""
-    group = parser.group(COMPUTATION)
-    add_number(group, "--seed", SEED, f"seed of {of}, default {default}", default=default, metavar="N")
+    add_number(parser.group(COMPUTATION), "--seed", SEED, f"seed of {of}, default 0", default=0, metavar="N")
 
 
 def add_out(parser: CommandParser, what: str) -> None:
@@ -215,36 +204,12 @@ def opened_run(options: argparse.Namespace) -> OpenedRun:
         return reopen(options.run_folder, on_read=on_read)
 
 
-def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Bounds by parameter, from NAME=LOWER:UPPER and NAME=VALUE."""
-    bounds: dict[str, tuple[float, float]] = {}
-    for text in ranges:
-        name, pair = _entry("--bound", text, "NAME=LOWER:UPPER, as in rho=100:5000", inside=":")
-        lower, _, upper = pair.partition(":")
-        bounds[name] = (parsed_number(lower, text), parsed_number(upper, text))
-    for text in fixed:
-        name, value = _entry("--fix", text, "NAME=VALUE, as in n=2")
-        bounds[name] = (parsed_number(value, text), parsed_number(value, text))
-    return bounds
-
-
 def _entry(option: str, text: str, form: str, *, inside: str = "") -> tuple[str, str]:
     """Name and value of the text of an option, which has `form` and something `inside` its value."""
     name, _, value = text.partition("=")
     if name and value and inside in value:
         return name, value
     raise SettingError(f"{option} is {text!r}; give {form}")
-
-
-def parse_ties(texts: Sequence[str]) -> dict[str, str]:
-    """Expressions of tied parameters, from NAME=EXPRESSION."""
-    ties: dict[str, str] = {}
-    for text in texts:
-        name, expression = _entry("--tie", text, "NAME=EXPRESSION, as in k=2*c")
-        if name in ties:
-            raise SettingError(f"--tie gives {name} twice; give it once")
-        ties[name] = expression
-    return ties
 
 
 def models_of(options: argparse.Namespace) -> list[str | DamperSpec]:
@@ -293,16 +258,17 @@ def command_unit(tests: Sequence[DamperTest], given: CommandUnit | None = None) 
 
 
 def nuisances_of(
-    options: argparse.Namespace, default: tuple[NuisanceName, ...] = ()
+    options: argparse.Namespace, default: Sequence[NuisanceName] = ()
 ) -> tuple[NuisanceName, ...]:
     """The nuisance parameters of the command line, each once; `default` where it names none."""
-    if _NONE in options.nuisance and set(options.nuisance) != {_NONE}:
+    given = options.nuisances
+    if _NONE in given and {*given} != {_NONE}:
         raise SettingError("--nuisance none cannot be combined with others; give one or the other")
-    chosen = tuple(name for name in get_args(NuisanceName) if name in options.nuisance)
-    return chosen if options.nuisance else default
+    chosen = tuple(name for name in get_args(NuisanceName) if name in given)
+    return chosen if given else tuple(default)
 
 
-def observation_of(options: argparse.Namespace, default: Sequence[str] = (DETECT,)) -> tuple[str, ...]:
+def observation_of(options: argparse.Namespace, default: Sequence[str]) -> tuple[str, ...]:
     """The words of --observe, checked; `default` where there is none."""
     return as_words(options.observe or default)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import SHARE, SUBSTEP_FACTOR, add_number
+from mrwork.cli.derived import add_option_of, arguments_of
 from mrwork.cli.options import (
     add_files,
     add_observation,
@@ -23,8 +23,6 @@ from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_
 from mrwork.uncertainty.bands.held_out import keep_held_out
 from mrwork.uncertainty.bands.predictions import Predictions
 
-_AS_FITTED = "as in the identification"
-
 
 def add_options(parser: CommandParser) -> None:
     """Declare the options."""
@@ -41,23 +39,10 @@ def add_options(parser: CommandParser) -> None:
     )
     add_run(parser)
     add_files(parser)
-    add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
-    prediction = parser.group("prediction")
-    add_number(
-        prediction,
-        "--substep-factor",
-        SUBSTEP_FACTOR,
-        "multiply the integration steps by N = 2, 4, ... to check that the result does not change",
-        default=1,
-        metavar="N",
-    )
-    add_number(
-        prediction,
-        "--level",
-        SHARE,
-        "also print the half width and the coverage of the prediction band of this level, such as 0.9; needs mrwork "
-        "calibrate RUN",
-        metavar="SHARE",
+    add_observation(parser, as_fitted=True)
+    add_option_of(parser, Predictions.of, "prediction", "substep_factor")
+    add_option_of(
+        parser, Predictions.of, "prediction", "level", metavar="SHARE", more="given by mrwork calibrate RUN"
     )
     end_parser(parser, run)
 
@@ -77,9 +62,8 @@ def run(options: argparse.Namespace) -> int:
         [observed(test, words) for test in tests],
         nuisances=nuisances,
         others=read_others(folder) or (),
-        substep_factor=options.substep_factor,
         calibration=calibration,
-        level=options.level,
+        **arguments_of(options, Predictions.of),
     )
     as_fitted = options.substep_factor == 1 and nuisances == fit.nuisances
     stored = as_fitted and keep_held_out(options.run_folder, predictions)

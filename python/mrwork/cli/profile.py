@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import SHARE, add_number
-from mrwork.cli.options import add_repeated, add_run, add_threads, end_parser, opened_run
+from mrwork.cli.derived import add_options_of, arguments_of
+from mrwork.cli.options import add_run, add_threads, end_parser, opened_run
 from mrwork.cli.output import (
     end_addition,
     in_words,
@@ -24,9 +23,7 @@ from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import PROFILES, REPORT
 from mrwork.store.run_writer import add_to_run, adding
-
-if TYPE_CHECKING:
-    from mrwork.uncertainty.identifiability.profile import Profiles
+from mrwork.uncertainty.identifiability.profile import Profiles, profile
 
 
 def add_options(parser: CommandParser) -> None:
@@ -37,11 +34,7 @@ def add_options(parser: CommandParser) -> None:
     )
     parser.epilog = examples("mrwork profile out/demo", "mrwork profile out/demo --parameter k_w --level 0.9")
     add_run(parser)
-    intervals = parser.group("intervals")
-    add_repeated(
-        intervals, "--parameter", "NAME", "profile this parameter only; repeat for more", dest="parameters"
-    )
-    add_number(intervals, "--level", SHARE, "level of the intervals, default 0.95", default=0.95, metavar="P")
+    add_options_of(parser, profile, "intervals", "parameters", "level")
     add_threads(parser)
     end_parser(parser, run)
 
@@ -53,9 +46,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
-    # SciPy's optimisers are slow to load, and the help does not need them.
+    # Readers of runs are slow to load.
     from mrwork.runs.load import StoredRun, load
-    from mrwork.uncertainty.identifiability.profile import profile
 
     findings = told_findings("profile", opened.tests, options)
     place = opened.run.path
@@ -64,10 +56,9 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
             profiles = profile(
                 opened.fit,
                 opened.tests,
-                parameters=options.parameters,
-                level=options.level,
                 threads=options.threads,
                 on_progress=line,
+                **arguments_of(options, profile),
             )
     except Interrupted as interrupt:
         return write_interrupted(opened, interrupt.result, options)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from mrwork.base.numbers import duration_in_words
-from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.numbers import TEMPERING, Range, add_number
-from mrwork.cli.options import add_repeated, add_run, add_seed, add_threads, end_parser, opened_run
+from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser, examples
+from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
+from mrwork.cli.options import add_run, add_threads, end_parser, opened_run
 from mrwork.cli.output import (
     end_addition,
     in_words,
@@ -24,12 +24,12 @@ from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.run_folder import CHAIN, DRAWS
 from mrwork.store.run_writer import add_to_run, addition_journal, nothing_to_resume
 from mrwork.uncertainty.noise import NOISES, names_in_words
-from mrwork.uncertainty.posterior.target import Prior, Steps, Walkers, parse_prior
+from mrwork.uncertainty.posterior.sample import SamplingProgress, sample
+from mrwork.uncertainty.posterior.target import PRIORS_IN_WORDS, prior_of_text
 
 if TYPE_CHECKING:
     from mrwork.store.journal import Journal
     from mrwork.uncertainty.posterior.draws import Draws
-    from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 # Seconds beyond which the time of all steps is told after the first ones.
 _LONG = 600.0
@@ -45,40 +45,17 @@ def add_options(parser: CommandParser) -> None:
         "mrwork sample out/demo --steps 200", "mrwork sample out/demo --steps 400 --resume"
     )
     add_run(parser)
-    posterior, chain = parser.group("posterior"), parser.group("chain")
-    posterior.add_argument(
-        "--noise",
-        default="iid",
-        metavar="NAME",
-        help=f"noise model of the force: {names_in_words(list(NOISES.values()))}; default iid",
+    of_posterior = partial(add_option_of, parser, sample, "posterior")
+    of_posterior("noise", more=names_in_words(list(NOISES.values())))
+    of_posterior(
+        "priors",
+        reads=prior_of_text,
+        metavar="NAME=KIND:A:B",
+        more=f"{PRIORS_IN_WORDS}, as in k_w=normal:650:50",
     )
-    add_repeated(
-        posterior,
-        "--prior",
-        "NAME=KIND:A:B",
-        "normal:MEAN:DEVIATION, lognormal:MEDIAN:DEVIATION_OF_LOG or uniform:LOWER:UPPER, as in "
-        "k_w=normal:650:50; repeat for more. The default is uniform over the range of the parameter",
-    )
-    add_number(
-        posterior,
-        "--tempering",
-        TEMPERING,
-        "factor of the log-likelihood, or effective: the ratio of effective to all samples at the fit. Default "
-        "effective, 1 for noise models with correlation",
-        metavar="SHARE",
-    )
-    add_number(
-        chain, "--walkers", Range.of(Walkers), "number of walkers, default 64", default=64, metavar="N"
-    )
-    add_number(
-        chain,
-        "--steps",
-        Range.of(Steps),
-        "largest number of steps, default 20000",
-        default=20_000,
-        metavar="N",
-    )
-    add_seed(parser, "the walkers")
+    of_posterior("tempering", metavar="SHARE")
+    add_options_of(parser, sample, "chain", "walkers", most_steps="steps")
+    add_options_of(parser, sample, COMPUTATION, "rng")
     add_threads(parser)
     parser.group(OUTPUT).add_argument(
         "--replace", action="store_true", help="begin a new chain in place of an unfinished one"
@@ -88,7 +65,6 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
-    priors = dict(parse_prior(text) for text in options.prior)
     # SciPy is slow to load.
     from mrwork.runs.load import StoredRun, load
 
@@ -96,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     findings = told_findings("sample", opened.tests, options)
     place = opened.run.path
     with addition_journal(place, CHAIN, resume=options.resume, replace=options.replace, note=note) as journal:
-        draws = _sample(opened, priors, journal, options)
+        draws = _sample(opened, journal, options)
         if draws is None:
             return 130
         journal.close()
@@ -111,13 +87,8 @@ def run(options: argparse.Namespace) -> int:
         return end_addition(options, draws, {"findings": findings, "out": str(place)}, below)
 
 
-def _sample(
-    opened: OpenedRun, priors: Mapping[str, Prior], journal: Journal, options: argparse.Namespace
-) -> Draws | None:
+def _sample(opened: OpenedRun, journal: Journal, options: argparse.Namespace) -> Draws | None:
     """Sample with a progress line; return the draws, `None` after Ctrl-C."""
-    # emcee takes a second to load.
-    from mrwork.uncertainty.posterior.sample import sample
-
     told: list[SamplingProgress] = []
     try:
         with progress_line(in_words, quiet=is_quiet(options)) as line:
@@ -137,12 +108,7 @@ def _sample(
             return sample(
                 opened.fit,
                 opened.tests,
-                noise=options.noise,
-                priors=priors,
-                tempering=options.tempering,
-                walkers=options.walkers,
-                most_steps=options.steps,
-                rng=options.seed,
+                **arguments_of(options, sample),
                 threads=options.threads,
                 journal=journal,
                 on_progress=report,

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
+from mrwork.base.hints import Within
 from mrwork.base.keys import suggestion
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.dampers.conversions import (
     USUAL_OPENSEES_ERROR,
     OpenSeesBoucWen,
+    OpenSeesError,
     bouc_wen_from_normalised,
     bouc_wen_from_opensees,
     convention_remarks,
@@ -79,13 +81,25 @@ def convert(
     values: Mapping[str, float],
     to: Convention,
     *,
-    scale: float | None = None,
-    error: float = USUAL_OPENSEES_ERROR,
+    scale: Annotated[float, Within(least=1e-12, most=1e12)] | None = None,
+    error: OpenSeesError | None = None,
 ) -> Converted:
     """Parameters that give the same force in another convention.
 
-    `scale` is A of spencer or Ao of opensees, which the force does not depend on: by default that of the source, of
-    normalised the nominal one, and Ao 1. `error` is the wanted one of OpenSees, for which the strain step is told.
+    Parameters
+    ----------
+    source
+        Convention of the values.
+    values
+        Parameters by name.
+    to
+        The other convention.
+    scale
+        A of spencer or Ao of opensees, a scale that does not affect the force; default: that of the source, 120 from
+        normalised, Ao 1.
+    error
+        Wanted error of BoucWen in OpenSees, a share of the largest value of z, for which the strain step is stated;
+        default 0.005.
 
     Raises
     ------
@@ -97,7 +111,7 @@ def convert(
     if to == "opensees":
         material, c0 = opensees_from_bouc_wen(theta, Ao=1.0 if scale is None else scale)
         parameters = asdict(material) | {"c0": c0}
-        remarks = (*remarks, *solver_remarks(material, error))
+        remarks = (*remarks, *solver_remarks(material, error or USUAL_OPENSEES_ERROR))
         return Converted(convention=to, parameters=parameters, remarks=remarks)
     if to == "normalised":
         require_bounded_loop(theta)

@@ -347,7 +347,7 @@ class Fit(Plotted, WithAxes, Summarised):
     provenance: Provenance
     current: CurrentLaws | None = None
     own: DamperSpec | None = None
-    nuisances: tuple[NuisanceName, ...] = ()
+    nuisances: Sequence[NuisanceName] = ()
     n_effective: Positive | None = None
     directions: tuple[Direction, ...] = ()
     intervals: Intervals | None = None

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from warnings import warn
 
 import numpy as np
 
-from mrwork.base.arguments import Seed, Threads, checked
+from mrwork.base.arguments import Threads
 from mrwork.base.blas import on_one_blas_thread
+from mrwork.base.parameters import takes_fields
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, damper_models, plain_parameters
@@ -29,39 +30,16 @@ from mrwork.identification.minimise.polish import polish_with_wanted_lag
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
-from mrwork.identification.residual import NuisanceName
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
-from mrwork.identification.settings import Engine, FitSettings, Multistart, Search, Start, UnregisteredSearch
+from mrwork.identification.settings import FitSettings, Multistart, UnregisteredSearch
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.records.repairs import DETECT, as_words
 from mrwork.store.journal import Journal
 
 
-@checked
-def identify(
-    model: DamperSpec | str,
-    tests: DamperTest | Sequence[DamperTest],
-    *,
-    search: Search | str | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
-    nuisances: Sequence[NuisanceName] = (),
-    observe: str | Sequence[str] = DETECT,
-    starts: Sequence[Start] = (),
-    ties: Mapping[str, str] | None = None,
-    power: float = 2.0,
-    force_exponent: float = 1.0,
-    engine: Engine = "lanes",
-    rng: Seed = 0,
-    threads: Threads = 0,
-    on_progress: Callable[[Progress], bool | None] | None = None,
-    journal: Journal | None = None,
-) -> Fit:
-    """Identify one damper model from one or several tests of the same damper.
-
-    The starting points of a plain model are found by local minimisations (Levenberg-Marquardt) from many random starts,
-    or by another `search`; those of a model with current laws by fits of the plain model at each command. The final
-    least-squares fit uses exact derivatives; it can be made by optimistix for comparison.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Call(FitSettings):
+    """A call of `identify`.
 
     Parameters
     ----------
@@ -70,38 +48,6 @@ def identify(
         not fix, is left out of the fit, and a warning says so.
     tests
         One test or several. With `power` 2 all have the same weight, independent of length and force.
-    search
-        A search with its settings, or its name in the registry; default `Multistart()`. Where a model has current laws
-        and every command varies, that default is `EfficientGA` with 60 generations, which give starts of local
-        minimisations.
-    bounds
-        Parameter name to (lower, upper); equal bounds fix the parameter. Others have their admissible range.
-    nuisances
-        Parameters of the force channel that are estimated for each test along with the damper: "offset", "level" or
-        "delay". With "offset" the model's own force offset is fixed at zero, because the two cannot be distinguished.
-    observe
-        Observation model of the tests that have none of their own: "detect" applies a moving average that was found in
-        the record also to the model's force, and has no effect where none was found; "none" compares the model's force
-        as it is; "average=0.1T", "lowpass=50", "lag=0.012", "delay=0.002", "gain=1.02" and "offset=-20" give values
-        [s, Hz, N; T is the dominant period].
-    starts
-        Starts of the final fit, by parameter name, in addition to those of the search; `start_from` takes them from an
-        earlier fit. A parameter that is not named has the value of the best point found; a value outside the bounds is
-        moved inside.
-    ties
-        Parameter name to an expression of others, such as {"k": "2*c"}: numbers, parameters, parentheses and
-        `+ - * / **`. Tied parameters are not searched; each stays inside its bounds, and its standard error follows
-        from those of the others.
-    power
-        The objective is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power gives
-        more weight to the worst test.
-    force_exponent
-        Errors are assumed to grow between tests with this power of the standard deviation of the force: 1 gives all
-        tests the same weight, 0 compares errors in newtons.
-    engine
-        What makes the final fit: "lanes", or "optimistix", which takes longer to reach the same minimum.
-    rng
-        Seed of the search. The same seed gives the same bits on any number of threads.
     threads
         Threads of the simulation, 0 for all.
     on_progress
@@ -111,6 +57,26 @@ def identify(
     journal
         Records every generation and every local minimisation; a resumed journal supplies those that it has recorded.
         The caller closes it; a run that is stopped or interrupted closes it itself.
+    """
+
+    model: DamperSpec | str = field(kw_only=False)
+    tests: DamperTest | Sequence[DamperTest] = field(kw_only=False)
+    threads: Threads = 0
+    on_progress: Callable[[Progress], bool | None] | None = None
+    journal: Journal | None = None
+
+    @property
+    def settings(self) -> FitSettings:
+        return FitSettings(**{each.name: getattr(self, each.name) for each in fields(FitSettings)})
+
+
+@takes_fields(_Call)
+def identify(call: _Call) -> Fit:
+    """Identify one damper model from one or several tests of the same damper.
+
+    The starting points of a plain model are found by local minimisations (Levenberg-Marquardt) from many random starts,
+    or by another `search`; those of a model with current laws by fits of the plain model at each command. The final
+    least-squares fit uses exact derivatives; it can be made by optimistix for comparison.
 
     Returns
     -------
@@ -144,19 +110,14 @@ def identify(
     >>> fit.fit_percent  # doctest: +SKIP
     92.08
     """
-    settings = FitSettings(
-        search=search,
-        bounds=dict(bounds or {}),
-        starts=tuple(dict(start) for start in starts),
-        ties=dict(ties or {}),
-        power=power,
-        force_exponent=force_exponent,
-        engine=engine,
-        nuisances=tuple(nuisances),
-        observe=as_words(observe),
-        rng=rng,
+    return identify_with(
+        call.model,
+        call.tests,
+        call.settings,
+        threads=call.threads,
+        on_progress=call.on_progress,
+        journal=call.journal,
     )
-    return identify_with(model, tests, settings, threads=threads, on_progress=on_progress, journal=journal)
 
 
 @on_one_blas_thread

@@ -76,15 +76,13 @@ def missing_warnings(fitted: Sequence[NuisanceName], used: Sequence[NuisanceName
     )
 
 
-def bounds_without_offsets(
-    names: tuple[NuisanceName, ...], spec: DamperSpec
-) -> dict[str, tuple[float, float]]:
+def bounds_without_offsets(names: Sequence[NuisanceName], spec: DamperSpec) -> dict[str, tuple[float, float]]:
     """Bounds that fix the model's own force offset at zero, where the offset is a nuisance parameter of each test."""
     return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if "offset" in names else {}
 
 
 def offset_warning(
-    names: tuple[NuisanceName, ...],
+    names: Sequence[NuisanceName],
     spec: DamperSpec,
     bounds: Mapping[str, tuple[float, float]],
     tests: Sequence[DamperTest],
@@ -112,7 +110,7 @@ def _shifts(spec: DamperSpec) -> tuple[str, ...]:
     return tuple(each.name for each in spec.parameters if each.plain_name in shifts)
 
 
-def without_nuisance(force: Floats, measured: Floats, names: tuple[NuisanceName, ...]) -> Floats:
+def without_nuisance(force: Floats, measured: Floats, names: Sequence[NuisanceName]) -> Floats:
     """Residuals [N] of `force`, shape (n_batch, n_time), with the nuisance parameters at their least-squares values.
 
     The residuals are linear in these parameters (in the delay to first order), so their values have a closed form.
@@ -125,7 +123,7 @@ def without_nuisance(force: Floats, measured: Floats, names: tuple[NuisanceName,
 
 
 def _linearised_without_nuisance(
-    force: Floats, slope: Floats, measured: Floats, names: tuple[NuisanceName, ...]
+    force: Floats, slope: Floats, measured: Floats, names: Sequence[NuisanceName]
 ) -> tuple[Floats, Floats]:
     """Residuals as in `without_nuisance`, with derivatives from those of the force, shape (n_batch, n_params, n_time).
 
@@ -155,7 +153,7 @@ def _linearised_without_nuisance(
     return residuals, derivative
 
 
-def nuisance_of(force: Floats, measured: Floats, dt: float, names: tuple[NuisanceName, ...]) -> Nuisance:
+def nuisance_of(force: Floats, measured: Floats, dt: float, names: Sequence[NuisanceName]) -> Nuisance:
     """Least-squares nuisance parameters for one `force` [N], shape (n_time,)."""
     if not names:
         return NONE
@@ -168,7 +166,7 @@ def nuisance_of(force: Floats, measured: Floats, dt: float, names: tuple[Nuisanc
     )
 
 
-def _best(force: Floats, residuals: Floats, names: tuple[NuisanceName, ...]) -> tuple[Floats, Floats]:
+def _best(force: Floats, residuals: Floats, names: Sequence[NuisanceName]) -> tuple[Floats, Floats]:
     """Least-squares coefficients, shape (n_names, n_batch), of the columns, (n_names, n_batch, n_time)."""
     columns = columns_of(force, names)
     unit, length = scale_columns(columns)
@@ -177,7 +175,7 @@ def _best(force: Floats, residuals: Floats, names: tuple[NuisanceName, ...]) -> 
     return (np.linalg.pinv(gram) @ right[..., None])[..., 0].T / length, columns
 
 
-def columns_of(force: Any, names: tuple[NuisanceName, ...]) -> Any:
+def columns_of(force: Any, names: Sequence[NuisanceName]) -> Any:
     """Derivative of the residuals with respect to each nuisance parameter, shape (n_names, ..., n_time).
 
     `force`, shape (..., n_time), and the result are arrays of NumPy or of JAX.
@@ -297,7 +295,7 @@ class ObservedTest:
     spec: DamperSpec
     test: DamperTest
     history: _rust.LoadingHistory
-    nuisances: tuple[NuisanceName, ...] = ()
+    nuisances: Sequence[NuisanceName] = ()
     share: float = 1.0
     weights: Floats | None = None
     loss: Loss | None = None
@@ -320,7 +318,7 @@ class ObservedTest:
         return stiffness_shares(self.spec, self.tie(theta), self.history) / most
 
     @classmethod
-    def of(cls, spec: DamperSpec, test: DamperTest, nuisances: tuple[NuisanceName, ...] = ()) -> ObservedTest:
+    def of(cls, spec: DamperSpec, test: DamperTest, nuisances: Sequence[NuisanceName] = ()) -> ObservedTest:
         """Compute the splines of the test's motion."""
         if len(set(nuisances)) != len(nuisances):
             raise SettingError(f"`nuisances` are {', '.join(nuisances)}; name each once")

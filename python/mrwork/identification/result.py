@@ -40,7 +40,7 @@ def free_run(
     theta: Floats,
     test: DamperTest,
     *,
-    nuisances: tuple[NuisanceName, ...] = (),
+    nuisances: Sequence[NuisanceName] = (),
     substep_factor: int = 1,
 ) -> tuple[Floats, FitQuality]:
     """Free-run simulation of a model on a test: the force as recorded [N], shape (n_time,), and its quality.

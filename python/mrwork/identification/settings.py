@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from typing import Annotated, Any, Literal, TypeAlias, get_type_hints
 
 from mrwork.base.arguments import Count, Level, Seed, checked
-from mrwork.base.hints import May, Record, Within, fields_of
+from mrwork.base.hints import Record, Within, fields_of
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.residual import NuisanceName
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.search.loop import Optimiser
+from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.store.codec import built
 
 _MULTISTART = "multistart"
@@ -62,7 +63,6 @@ class UnregisteredSearch:
     settings: Mapping[str, Any]
 
 
-_Bound: TypeAlias = Annotated[float, May.BE_INFINITE]
 # Any: each optimiser has its own type of state.
 Search: TypeAlias = Multistart | UnregisteredSearch | Optimiser[Any]
 
@@ -72,8 +72,21 @@ def has_generations(search: Search) -> bool:
     return not isinstance(search, Multistart | UnregisteredSearch)
 
 
-def resize_search(search: Search, *, population: int | None = None, generations: int | None = None) -> Search:
-    """The search with another population or largest number of generations; `None` keeps the present one."""
+def resize_search(
+    search: Search,
+    *,
+    population: Annotated[int, Within(least=2, most=LARGEST_POPULATION)] | None = None,
+    generations: Annotated[int, Within(least=1, most=1_000_000)] | None = None,
+) -> Search:
+    """The search of another size; `None` keeps the present one.
+
+    Parameters
+    ----------
+    population
+        Number of candidates in a generation; not for multistart.
+    generations
+        Largest number of generations; not for multistart.
+    """
     # Any, because the protocol of optimisers does not declare that the settings are a dataclass.
     settings: Any = search
     if population is not None:
@@ -176,29 +189,47 @@ EQUAL_SHARES = 1.0
 LARGEST_POWER = 16.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NumberOption:
-    """Option of the command line for a numeric setting: help, placeholder, default, range, and words of its refusal."""
-
-    says: str
-    metavar: str
-    default: float
-    within: Within
-    noun: str
-    remedy: str
-
-    @property
-    def setting(self) -> Any:
-        """The field of a dataclass that is an option of `mrwork identify` of its name."""
-        return field(default=self.default, metadata={"option": self})
-
-
 @checked
 class FitSettings:
-    """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
+    """Settings of an identification, which are recorded with its fit and in its journal.
 
-    A number whose field is that of a `NumberOption` is also an option of `mrwork identify`. `search` is `None` for the
-    default search of the model; a name is replaced by the registered search of that name.
+    Arguments of `identify` and options of `mrwork identify` are declared here alone.
+
+    Parameters
+    ----------
+    search
+        Global search; by default multistart (least squares from many starts), and where every command varies genetic
+        (the efficient genetic algorithm). In Python it is a name or an object with its settings; the default where
+        every command varies is `EfficientGA` with 60 generations, which give starts of local minimisations.
+    bounds
+        Range of a parameter, by name; equal bounds fix it, and others have their admissible range. In Python a
+        mapping from names to (lower, upper).
+    starts
+        Also start the final fit from these values, by parameter name; `start_from` takes them from an earlier fit. A
+        parameter that is not named has the value of the best point found; a value outside the bounds is moved inside.
+    ties
+        Tie a parameter to an expression of others, as k to 2*c: numbers, parameters, parentheses and + - * / **; for
+        one model whose parameters are constant. In Python a mapping such as {"k": "2*c"}. Tied parameters are not
+        searched; each stays inside its bounds, and its standard error follows from those of the others.
+    power
+        Minimise (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power gives more
+        weight to the worst test.
+    force_exponent
+        Assume that errors grow between tests with the standard deviation of the force to this power: 1 gives all tests
+        the same weight, 0 compares errors in newtons.
+    engine
+        What makes the final fit: lanes, or optimistix, which takes longer to reach the same minimum and serves
+        comparisons.
+    nuisances
+        Nuisance parameter of the measurement, estimated for each test from its measured force: "offset", "level" or
+        "delay". With "offset" the model's own force offset is fixed at zero, because the two cannot be distinguished.
+    observe
+        Observation model of the tests that have none of their own, the effect of the measurement on the force: "detect"
+        applies a moving average that was found in the record also to the model's force, and has no effect where none
+        was found; "none" compares the model's force as it is; "average=0.1T" (T is the dominant period), "lowpass=50",
+        "lag=0.012" (of first order), "delay=0.002", "gain=1.02" and "offset=-20" give values [s, Hz, N].
+    rng
+        Seed of the search. The same seed gives the same bits on any number of threads.
 
     Raises
     ------
@@ -209,39 +240,22 @@ class FitSettings:
     """
 
     search: Search | str | None = None
-    bounds: Mapping[str, tuple[_Bound, _Bound]] = field(default_factory=dict)
-    starts: tuple[Start, ...] = ()
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    starts: Sequence[Start] = ()
     ties: Mapping[str, str] = field(default_factory=dict)
-    power: float = NumberOption(
-        says="minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power "
-        "gives more weight to the worst file",
-        metavar="P",
-        default=ROOT_MEAN_SQUARE,
-        within=Within(least=ROOT_MEAN_SQUARE, most=LARGEST_POWER),
-        noun="the power of the mean over tests",
-        remedy=f"give 2, where all weigh the same, up to {LARGEST_POWER:g}, where hardly any but the worst counts",
-    ).setting
-    force_exponent: float = NumberOption(
-        says="assume that errors grow between files with their force to this power: 1, the default, gives all files "
-        "the same weight, 0 compares errors in newtons",
-        metavar="E",
-        default=EQUAL_SHARES,
-        within=Within(least=0.0, most=EQUAL_SHARES),
-        noun="the exponent of the force",
-        remedy="give 1, where all tests weigh the same, down to 0, where errors in newtons do",
-    ).setting
+    power: Annotated[float, Within(least=ROOT_MEAN_SQUARE, most=LARGEST_POWER)] = ROOT_MEAN_SQUARE
+    force_exponent: Annotated[float, Within(least=0.0, most=EQUAL_SHARES)] = EQUAL_SHARES
     engine: Engine = "lanes"
-    nuisances: tuple[NuisanceName, ...] = ()
-    observe: tuple[str, ...] = (DETECT,)
+    nuisances: Sequence[NuisanceName] = ()
+    observe: str | Sequence[str] = DETECT
     rng: Seed = 0
 
     def __post_init__(self) -> None:
-        if isinstance(self.search, str):
-            object.__setattr__(self, "search", search_named(self.search))
-        object.__setattr__(self, "observe", as_words(self.observe))
-        for name, option in self.number_options().items():
-            if option.within.excludes(value := getattr(self, name)):
-                raise SettingError(f"{option.noun} is {value:g}; {option.remedy}")
+        search = search_named(self.search) if isinstance(self.search, str) else self.search
+        plain: dict[str, Any] = {"search": search, "observe": as_words(self.observe)}
+        plain |= {name: tuple(getattr(self, name)) for name in ("starts", "nuisances")}
+        for name, value in plain.items():
+            object.__setattr__(self, name, value)
 
     @property
     def again(self) -> FitSettings:
@@ -259,11 +273,6 @@ class FitSettings:
         if not self.ties:
             del record["ties"]
         return {"search": None if search is None else _plain(_record_of_search(search))} | record
-
-    @classmethod
-    def number_options(cls) -> dict[str, NumberOption]:
-        """The numbers that are options of the command line, by name."""
-        return {each.name: each.metadata["option"] for each in fields(cls) if "option" in each.metadata}
 
     @classmethod
     @checked

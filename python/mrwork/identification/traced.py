@@ -71,7 +71,7 @@ class Residuals:
 
     kernel: Kernel
     tests: tuple[ComparedForm, ...]
-    nuisances: tuple[NuisanceName, ...]
+    nuisances: Sequence[NuisanceName]
     power: float
     loss: Loss | None
     ties: Ties | None
@@ -196,7 +196,7 @@ def _transform_slope(loss: Loss, primals: tuple[Array], tangents: tuple[Array]) 
     return transformed, slope * tangents[0]
 
 
-def _without_nuisance(force: Array, residuals: Array, names: tuple[NuisanceName, ...]) -> Array:
+def _without_nuisance(force: Array, residuals: Array, names: Sequence[NuisanceName]) -> Array:
     """Residuals (n_counted,) with the nuisance parameters at their best values, as `residual.without_nuisance`."""
     if not names:
         return residuals

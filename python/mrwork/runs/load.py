@@ -31,7 +31,7 @@ from mrwork.uncertainty.bands.predictions import Predictions
 from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
-from mrwork.uncertainty.planning import CheckedPlan
+from mrwork.uncertainty.planning import Plan
 from mrwork.uncertainty.posterior.draws import Draws, draws_content, read_draws
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ class StoredRun(Plotted, Summarised):
     draws: Draws | None = None
     profiles: Profiles | None = None
     bands: StoredBands | None = None
-    plan: CheckedPlan | None = None
+    plan: Plan | None = None
     ranking: Ranking | None = None
     laws: LawTable | None = None
     others: tuple[Fit, ...] | None = None
@@ -209,7 +209,7 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
         draws=draws,
         profiles=profiles,
         bands=read_bands(run),
-        plan=run.read(CheckedPlan, PLAN, verb="plan"),
+        plan=run.read(Plan, PLAN, verb="plan"),
         ranking=run.read(Ranking, RANKING),
         laws=run.read(LawTable, LAWS),
         others=read_others(run),

@@ -7,10 +7,12 @@ import io
 from collections.abc import Sequence
 from math import isfinite, pi
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from mrwork.base.arguments import Positive, checked
+from mrwork.base.hints import InUnit, Within
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.command import LARGEST_COMMAND, CommandValues, command_level, levels_of_command
 from mrwork.dampers.simulation import Loading
@@ -34,16 +36,14 @@ _CYCLES = 3
 _MOST_BYTES = 512 << 20
 _COLUMNS = ("amplitude", "frequency", "current")
 
-AMPLITUDE_RANGE = (1e-6, 1.0)
-"""Amplitudes [m] that a test may have: dampers of the longest stroke, those of isolated buildings, have about 1 m."""
-STROKE_RANGE = (1e-6, 2.0 * AMPLITUDE_RANGE[1])
-"""Largest strokes of a rig [m], peak to peak."""
-FREQUENCY_RANGE = (1e-4, 1e3)
-"""Frequencies [Hz] that a test may have: a slower one lasts for hours, and no rig runs a faster one."""
-VELOCITY_RANGE = (1e-6, 50.0)
-"""Peak velocities [m/s] that a rig may have: dampers of a gun's recoil reach about 10 m/s."""
-COMMAND_RANGE = (0.0, LARGEST_COMMAND)
-"""Commands [A or V] that a test may have."""
+# Dampers of the longest stroke, those of isolated buildings, have about 1 m.
+_AMPLITUDES = Within(least=1e-6, most=1.0)
+# A slower test lasts for hours, and no rig runs a faster one.
+_FREQUENCIES = Within(least=1e-4, most=1e3)
+_COMMANDS = Within(least=0.0, most=LARGEST_COMMAND)
+Amplitude = Annotated[float, _AMPLITUDES, InUnit("m")]
+Frequency = Annotated[float, _FREQUENCIES, InUnit("Hz")]
+Command = Annotated[float, _COMMANDS]
 
 
 @checked
@@ -69,26 +69,31 @@ class Candidate:
 def check_possible(candidates: Sequence[Candidate]) -> None:
     """Refuse a candidate that no rig can run."""
     for each in candidates:
-        _check_within("the amplitude of a candidate", each.amplitude, AMPLITUDE_RANGE, "m")
-        _check_within("the frequency of a candidate", each.frequency, FREQUENCY_RANGE, "Hz")
-        _check_within("the command of a candidate", each.command, COMMAND_RANGE, "A or V")
-
-
-def _check_within(what: str, value: float | None, ends: tuple[float, float], unit: str) -> None:
-    if value is not None and not ends[0] <= value <= ends[1]:
-        raise SettingError(f"{what} is {value:g} {unit}; give one from {ends[0]:g} to {ends[1]:g} {unit}")
+        for what, value, within, unit in (
+            ("amplitude", each.amplitude, _AMPLITUDES, "m"),
+            ("frequency", each.frequency, _FREQUENCIES, "Hz"),
+            ("command", each.command, _COMMANDS, "A or V"),
+        ):
+            if value is not None and within.excludes(value):
+                raise SettingError(
+                    f"the {what} of a candidate is {value:g} {unit}; give one {within.in_words} {unit}"
+                )
 
 
 @checked
 class Limits:
-    """Limits of a rig: `stroke` peak to peak [m] and `peak_velocity` [m/s]; `None` is no limit."""
+    """Limits of a rig; `None` is no limit.
 
-    stroke: float | None = None
-    peak_velocity: float | None = None
+    Parameters
+    ----------
+    stroke
+        Largest stroke of the rig, peak to peak. [m]
+    peak_velocity
+        Largest velocity of the rig. [m/s]; dampers of a gun's recoil reach about 10 m/s.
+    """
 
-    def __post_init__(self) -> None:
-        _check_within("`stroke`", self.stroke, STROKE_RANGE, "m")
-        _check_within("`peak_velocity`", self.peak_velocity, VELOCITY_RANGE, "m/s")
+    stroke: Annotated[float, Within(least=1e-6, most=2.0), InUnit("m")] | None = None
+    peak_velocity: Annotated[float, Within(least=1e-6, most=50.0), InUnit("m/s")] | None = None
 
     @checked
     def allow(self, candidate: Candidate) -> bool:
@@ -99,13 +104,14 @@ class Limits:
         )
 
 
+@checked
 def candidate_grid(
     spec: DamperSpec,
     tests: DamperTest | Sequence[DamperTest],
     *,
-    amplitudes: Sequence[float] = (),
-    frequencies: Sequence[float] = (),
-    commands: Sequence[float] = (),
+    amplitudes: Sequence[Amplitude] = (),
+    frequencies: Sequence[Frequency] = (),
+    commands: Sequence[Command] = (),
     limits: Limits | None = None,
 ) -> tuple[Candidate, ...]:
     """All combinations of amplitude, frequency and command within the limits of the rig.
@@ -113,17 +119,21 @@ def candidate_grid(
     Default amplitudes and frequencies range from half the least tested value to twice the largest; default commands are
     the tested ones, and the middle of a wide gap between them. Where either grid is a default, the default limit of
     velocity is 1.5 times the largest tested one.
+
+    Parameters
+    ----------
+    amplitudes
+        Amplitudes of the candidates, half of peak to peak, as 0.005,0.01; default: about those of the tests. [m]
+    frequencies
+        Frequencies of the candidates; default: about those of the tests. [Hz]
+    commands
+        Currents or voltages of the candidates, where the model has current laws; default: about those of the tests.
     """
     if commands and spec.command_unit is None:
         raise SettingError(
             f"{spec.name} was identified without current laws, so no test at another current can be predicted; "
             "leave the currents out"
         )
-    for name, values in (("amplitudes", amplitudes), ("frequencies", frequencies)):
-        if any(not (isfinite(value) and value > 0.0) for value in values):
-            raise SettingError(
-                f"`{name}` are {', '.join(f'{value:g}' for value in values)}; all must be positive"
-            )
     limits = limits or Limits()
     tests = as_tests(tests)
     _refuse_far_commands(commands, spec, tests)

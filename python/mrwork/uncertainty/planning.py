@@ -1,6 +1,6 @@
 """Optimal experiment design: the expected reduction of a variance by each candidate for the next test.
 
-The gains follow from the linearised posterior; nested Monte Carlo with draws of the posterior checks them.
+The gains follow from the linearised posterior.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.arguments import NotNegative, Threads, checked
 from mrwork.base.keys import suggestion
-from mrwork.base.numbers import NOTHING, of_unit, percent, significant
+from mrwork.base.numbers import of_unit, percent, significant
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import TableColumn, text_table
 from mrwork.base.units import CommandUnit
@@ -40,12 +39,11 @@ _STEP = 1e-5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gain:
-    """Share by which a candidate reduces the band's variance, the deviation after it, and the share by draws."""
+    """Share by which a candidate reduces the band's variance, and the deviation after it."""
 
     candidate: Candidate
     gain: float
     deviation: NotNegative
-    drawn: float | None = None
 
 
 def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
@@ -53,11 +51,6 @@ def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
     return (
         TableColumn(heading="test", cell=lambda each: each.candidate.in_words(unit)),
         TableColumn(heading="variance reduction", unit="%", cell=lambda each: percent(each.gain)),
-        TableColumn(
-            heading="by draws",
-            unit="%",
-            cell=lambda each: NOTHING if each.drawn is None else percent(each.drawn, 0),
-        ),
         TableColumn(heading="deviation after the test", cell=lambda each: significant(each.deviation, 3)),
     )
 
@@ -144,7 +137,7 @@ class LinearisedPosterior:
     position: Floats
     precision: Floats
     weight: float
-    nuisances: tuple[NuisanceName, ...]
+    nuisances: Sequence[NuisanceName]
     threads: int
 
     @classmethod
@@ -205,8 +198,8 @@ def plan(
     tests
         The test or tests of the fit.
     band
-        "force": relative variance of the force, mean over the targets. "energy": likewise of the energy of a cycle. Or
-        the name of a parameter.
+        Quantity whose band is to be narrowed: force or energy of a cycle, as a share, mean over the targets, or a
+        parameter.
     targets
         Excitations of the band; default all candidates.
 
@@ -333,149 +326,3 @@ def _quotient(rows: Floats, width: Floats) -> Floats:
     """Difference quotients, shape (n_time, n_free), of rows: the centre, those ahead, those behind."""
     ahead, behind = np.split(rows[1:], 2)
     return np.asarray(((ahead - behind) / width[:, None]).T)
-
-
-# Smallest effective number of draws after a test for an estimate of the variance; number of draws taken as the truth.
-_LEAST = 8.0
-_TRUTHS = 60
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class CheckedPlan(Summarised):
-    """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws.
-
-    `draws` says of which distribution they are.
-    """
-
-    plan: Plan
-    agreement: float | None
-    least_effective: NotNegative
-    draws: str = "the posterior"
-
-    @property
-    def check_in_words(self) -> str:
-        """Whether the draws give the order of the plan."""
-        if self.agreement is None:
-            return (
-                f"Draws of {self.draws} could not check this order: almost none of them fits the simulated tests, as "
-                "the posterior is far from normal or the next test is very informative; use the order, not the numbers."
-            )
-        return (
-            f"Draws of {self.draws} rank the tests with a rank correlation of {self.agreement:.2f} to this order; "
-            f"the effective sample size stays at least {self.least_effective:.0f} after a test."
-        )
-
-    def _summary(self) -> Summary:
-        plan = self.plan._summary()
-        return replace(plan, notes=(*plan.notes, self.check_in_words))
-
-
-def normal_draws(posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> Floats:
-    """Draws of the linearised posterior as parameters, shape (n_draws, n_params), clipped to the box."""
-    root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
-    position = posterior.position + rng.standard_normal((n_draws, posterior.position.size)) @ root.T
-    return posterior.scaled.parameters(np.clip(position, posterior.scaled.lower, posterior.scaled.upper))
-
-
-def checked_with_draws(
-    plan: Plan,
-    posterior: LinearisedPosterior,
-    draws: Floats,
-    *,
-    targets: Sequence[Candidate] = (),
-    rng: np.random.Generator,
-) -> CheckedPlan:
-    """Estimate each gain of a plan from draws (n_draws, n_params); rows that cannot be simulated are left out.
-
-    Some draws are taken as the truth in turn: the test is simulated with noise, the other draws are weighted by its
-    likelihood, and the variance of the band among them is computed. The mean over the truths is the expected remaining
-    variance (nested Monte Carlo, Ryan, Journal of Computational and Graphical Statistics 12, 2003, 585-603).
-    """
-    if len(draws) < 2 * _LEAST:
-        raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")
-    forces = _forces(posterior, draws, [each.candidate for each in plan.gains])
-    of_targets = _forces(posterior, draws, targets) if targets else forces
-    usable = np.all([np.isfinite(each.corrected).all(axis=1) for each in [*forces, *of_targets]], axis=0)
-    forces, of_targets = ([each.of_draws(usable) for each in group] for group in (forces, of_targets))
-    gram = _band_gram(posterior, draws[usable], of_targets, plan.band)
-    n_draws = len(gram)
-    variance_now = float(_variances(gram, np.full((1, n_draws), 1.0 / n_draws))[0])
-    truths = rng.choice(n_draws, size=min(_TRUTHS, n_draws), replace=False)
-    gains, least = [], float(n_draws)
-    for gain, response in zip(plan.gains, forces, strict=True):
-        weights = _weights(posterior, response.corrected, truths, rng)
-        counted = float(np.median(1.0 / np.sum(weights**2, axis=1)))
-        least = min(least, counted)
-        reliable = counted >= _LEAST and variance_now > 0.0
-        drawn = 1.0 - float(np.mean(_variances(gram, weights))) / variance_now if reliable else None
-        gains.append(replace(gain, drawn=drawn))
-    from scipy.stats import spearmanr
-
-    pairs = [(each.gain, each.drawn) for each in gains if each.drawn is not None]
-    agreement = float(spearmanr(*np.array(pairs).T).statistic) if len(pairs) > 2 else None
-    return CheckedPlan(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
-
-
-@array_dataclass()
-class _Forces:
-    """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle."""
-
-    force: Floats
-    corrected: Floats
-    energy: Floats
-
-    def of_draws(self, usable: NDArray[np.bool_]) -> _Forces:
-        return _Forces(force=self.force[usable], corrected=self.corrected[usable], energy=self.energy[usable])
-
-
-def _forces(posterior: LinearisedPosterior, draws: Floats, candidates: Sequence[Candidate]) -> list[_Forces]:
-    forces = []
-    for candidate in candidates:
-        loading, counted = harmonic_motion(candidate, posterior.spec)
-        run = simulate_forces(posterior.spec, draws, loading.history(), threads=posterior.threads)
-        force = np.where((run.outcome == Outcome.FINISHED)[:, None], run.force[:, counted], np.nan)
-        middle = np.nanmean(force, axis=0)
-        size = np.std(middle) * np.sqrt(middle.size)
-        assert loading.velocity is not None
-        energy = force @ loading.velocity[counted]
-        forces.append(
-            _Forces(
-                force=(force - middle) / size,
-                corrected=without_nuisance(force, middle, posterior.nuisances) / size,
-                energy=energy / float(np.nanmean(energy)),
-            )
-        )
-    return forces
-
-
-def _band_gram(
-    posterior: LinearisedPosterior, draws: Floats, of_targets: Sequence[_Forces], band: str
-) -> Floats:
-    """Inner products of the draws in the quantity of the band, shape (n_draws, n_draws)."""
-    if band == "force":
-        return np.asarray(np.mean([each.force @ each.force.T for each in of_targets], axis=0))
-    if band == "energy":
-        return np.asarray(np.mean([np.outer(each.energy, each.energy) for each in of_targets], axis=0))
-    index = _column_of(posterior, band)
-    value = posterior.scaled.position(draws)[:, index]
-    return np.outer(value - value.mean(), value - value.mean())
-
-
-def _weights(
-    posterior: LinearisedPosterior, corrected: Floats, truths: NDArray[np.int64], rng: np.random.Generator
-) -> Floats:
-    """Posterior weight of each draw after the test of each truth, shape (n_truths, n_draws), rows of sum 1."""
-    measured = corrected[truths] + rng.standard_normal((truths.size, corrected.shape[1])) / np.sqrt(
-        posterior.weight
-    )
-    exponent = (
-        -0.5 * posterior.weight * (np.einsum("jt,jt->j", corrected, corrected) - 2.0 * measured @ corrected.T)
-    )
-    # The truth itself is excluded, for it would always have the largest weight.
-    exponent[np.arange(truths.size), truths] = -np.inf
-    weights = np.exp(exponent - exponent.max(axis=1, keepdims=True))
-    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
-
-
-def _variances(gram: Floats, weights: Floats) -> Floats:
-    return np.asarray(weights @ np.diag(gram) - np.einsum("kj,kj->k", weights @ gram, weights))

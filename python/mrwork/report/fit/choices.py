@@ -139,12 +139,11 @@ _DARK = 0.7
 
 
 def _test_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
-    """The best candidates, the map of all of them, and whether draws rank them alike."""
-    check = run.plan
-    if check is None:
+    """The best candidates, and the map of all of them."""
+    plan = run.plan
+    if plan is None:
         return None
-    plan, unit = check.plan, check.plan.command_unit
-    name = plan.gains[0].candidate.in_words(unit)
+    name = plan.gains[0].candidate.in_words(plan.command_unit)
     what = f"Variance reduction by each of {len(plan.gains)} tests, best {name}"
     drawn = panel("plan", "", plan_figure(plan), what)
     return Section(
@@ -153,7 +152,7 @@ def _test_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
         summary=f"{name}, of {len(plan.gains)} candidates.",
         groups=(
             Group(
-                summary=check._summary(),
+                summary=plan._summary(),
                 prose=(
                     "This assumes that the model is valid there; a test in which it is not shows the error of the "
                     "model instead.",

@@ -269,9 +269,14 @@ class FoldProgress:
 
 
 def cross_validated(
-    opened: OpenedRun, fold: Fold, *, threads: int, on_progress: Callable[[FoldProgress], None]
+    opened: OpenedRun, leave_out: Fold = "test", *, threads: int, on_progress: Callable[[FoldProgress], None]
 ) -> tuple[Prediction, ...]:
     """Predictions of the tests of a run, each by a fit to the others, which is kept in the run for another call.
+
+    Parameters
+    ----------
+    leave_out
+        Without files: tests that are left out together: each test alone, all of one motion, or all at one command.
 
     Raises
     ------
@@ -281,7 +286,7 @@ def cross_validated(
     # What identifies is slow to load, and reading a run does not need it.
     from mrwork.identification.batch import FitBatch, FitTask
 
-    rests = rests_of(opened.tests, folds_of(opened.tests, fold))
+    rests = rests_of(opened.tests, folds_of(opened.tests, leave_out))
     names = [_name_of_fold(opened.fit, rest) for rest in rests]
     stored = {name: opened.run.read(Fit, name, verb=_VERB) for name in names}
     fits = {name: fit for name, fit in stored.items() if fit is not None}
@@ -297,7 +302,7 @@ def cross_validated(
     )
     fits |= {names[number]: batch.fit(place) for place, number in enumerate(missing)}
     every = iter([fits[name] for name in names])
-    left_out = predict_left_out(opened.tests, fold, lambda _: next(every))
+    left_out = predict_left_out(opened.tests, leave_out, lambda _: next(every))
     if left_out.failures:
         raise SettingError(
             f"{len(left_out.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "

@@ -178,7 +178,7 @@ def predictions_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Prediction, .
 
 
 def with_others(
-    prediction: Prediction, fit: Fit, others: Sequence[Fit], nuisances: tuple[NuisanceName, ...] | None
+    prediction: Prediction, fit: Fit, others: Sequence[Fit], nuisances: Sequence[NuisanceName] | None
 ) -> Prediction:
     """The prediction with the forces of other sets of laws, without those that cannot be simulated."""
     test, forces = prediction.test, [prediction.model_force]
@@ -200,7 +200,7 @@ def with_others(
 
 
 def predict_tests(
-    fit: Fit, tests: Sequence[DamperTest], *, nuisances: tuple[NuisanceName, ...] | None = None
+    fit: Fit, tests: Sequence[DamperTest], *, nuisances: Sequence[NuisanceName] | None = None
 ) -> tuple[Prediction, ...]:
     """Predictions of several tests, with one warning for all where a command varies that no parameter follows."""
     for sentence in prediction_warning(fit.spec, tests):
@@ -212,7 +212,7 @@ def predict_tests(
 def predict_test(
     fit: Fit,
     test: DamperTest,
-    nuisances: tuple[NuisanceName, ...] | None = None,
+    nuisances: Sequence[NuisanceName] | None = None,
     substep_factor: int = 1,
 ) -> Prediction:
     """A prediction without a warning, with `substep_factor` times as many integration steps."""

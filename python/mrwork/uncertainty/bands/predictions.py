@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar, overload
+from typing import Annotated, Any, ClassVar, overload
 from warnings import warn
 
 from mrwork.base.arguments import Level, checked
+from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.dampers.spec import worst_laws
 from mrwork.dampers.tested_range import worst_of
@@ -34,7 +35,7 @@ class Predictions(Summarised):
 
     fit: Fit
     predictions: tuple[Prediction, ...]
-    nuisances: tuple[NuisanceName, ...]
+    nuisances: Sequence[NuisanceName]
     used: tuple[Likeness | None, ...]
     bands: tuple[tuple[Band, BandScore], ...] = ()
     basis: str = ""
@@ -45,13 +46,22 @@ class Predictions(Summarised):
         fit: Fit,
         tests: Sequence[DamperTest],
         *,
-        nuisances: tuple[NuisanceName, ...] | None = None,
+        nuisances: Sequence[NuisanceName] | None = None,
         others: Sequence[Fit] = (),
-        substep_factor: int = 1,
+        substep_factor: Annotated[int, Within(least=1, most=256)] = 1,
         calibration: Calibration | None = None,
-        level: float | None = None,
+        level: Level | None = None,
     ) -> Predictions:
-        """Simulate every test; `others` as in `predict`."""
+        """Simulate every test, as `predict` does.
+
+        Parameters
+        ----------
+        substep_factor
+            Multiply the integration steps by N = 2, 4, ... to check that the result does not change.
+        level
+            Also give the half width and the coverage of the prediction band of this level, such as 0.9; needs a
+            calibration.
+        """
         chosen = fit.nuisances if nuisances is None else nuisances
         predictions = [
             with_others(predict_test(fit, test, chosen, substep_factor), fit, others, chosen)
@@ -65,7 +75,7 @@ class Predictions(Summarised):
         fit: Fit,
         predictions: Sequence[Prediction],
         *,
-        nuisances: tuple[NuisanceName, ...],
+        nuisances: Sequence[NuisanceName],
         calibration: Calibration | None,
         level: float | None,
     ) -> Predictions:
@@ -232,7 +242,7 @@ def predict(
     fit: Fit,
     test: DamperTest,
     *,
-    nuisances: tuple[NuisanceName, ...] | None = None,
+    nuisances: Sequence[NuisanceName] | None = None,
     others: Sequence[Fit] | None = None,
 ) -> Prediction: ...
 @overload
@@ -240,7 +250,7 @@ def predict(
     fit: Fit,
     test: Sequence[DamperTest],
     *,
-    nuisances: tuple[NuisanceName, ...] | None = None,
+    nuisances: Sequence[NuisanceName] | None = None,
     others: Sequence[Fit] | None = None,
     calibration: Calibration | None = None,
     level: Level | None = None,
@@ -250,7 +260,7 @@ def predict(
     fit: Fit,
     test: DamperTest | Sequence[DamperTest],
     *,
-    nuisances: tuple[NuisanceName, ...] | None = None,
+    nuisances: Sequence[NuisanceName] | None = None,
     others: Sequence[Fit] | None = None,
     calibration: Calibration | None = None,
     level: Level | None = None,

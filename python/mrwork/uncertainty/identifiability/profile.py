@@ -321,9 +321,9 @@ def profile(
     tests
         The test or tests of the fit.
     parameters
-        Names of the parameters to profile; default all free parameters.
+        Profile this parameter only; default all free ones.
     level
-        Probability of the intervals.
+        Level of the intervals.
     on_progress
         Called after each batch.
 

@@ -1,9 +1,4 @@
-"""Posterior sampling of an identified damper by an ensemble of walkers, until the chain has converged.
-
-The sampler is that of emcee with differential evolution on the past, a growing chain. The snooker move is left out: as
-implemented in emcee 3.1.6 it samples another density (a standard normal of 8 dimensions comes out with a variance of
-0.63).
-"""
+"""Posterior sampling of an identified damper by an ensemble of walkers, until the chain has converged."""
 
 from __future__ import annotations
 
@@ -11,18 +6,14 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import ceil
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from emcee import EnsembleSampler, State
-from emcee.moves import Move
-from numpy.typing import NDArray
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import duration_in_words, format_rate
 from mrwork.base.progress import ProgressReport
-from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
@@ -51,105 +42,8 @@ from mrwork.uncertainty.posterior.draws import (
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
 from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers, target_of
 
-# As returned by `numpy.random.RandomState.get_state`.
-RandomState = tuple[str, NDArray[np.uint32], int, int, float]
-
-# Share of steps with gamma = 1, which jump between modes (ter Braak 2006).
-_JUMPS = 0.1
-# Relative scatter of gamma, so that a walker can reach every position.
-_SCATTER = 1e-5
-
-
-class PastDifferences(Move):  # type: ignore[misc] # a base class without types
-    """Differential evolution with the past (DE-MCZ, ter Braak and Vrugt 2008).
-
-    A walker at x proposes x + gamma (z1 - z2), gamma = 2.38 / sqrt(2 n_dim), with two states z1 and z2 from the second
-    half of all walkers' past; so all walkers are one batch for the target, not one after the other as in emcee.
-    """
-
-    def __init__(self, target: Callable[[Floats], Floats], past: Callable[[], Floats]) -> None:
-        self._target = target
-        self._past = past
-
-    def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
-        """One proposal for each walker; `past` returns positions, shape (n_past, n_walkers, n_dim)."""
-        random = model.random
-        n_walkers, n_dim = state.coords.shape
-        past = self._past()
-        states = past[len(past) // 2 :].reshape(-1, n_dim)
-        first = random.randint(len(states), size=n_walkers)
-        second = (first + 1 + random.randint(len(states) - 1, size=n_walkers)) % len(states)
-        gamma = 1.0 if random.rand() < _JUMPS else 2.38 / np.sqrt(2.0 * n_dim)
-        factor = gamma * (1.0 + _SCATTER * random.randn(n_walkers, 1))
-        tried = state.coords + factor * (states[first] - states[second])
-        densities = self._target(tried)
-        if np.isnan(densities).any():
-            raise SettingError(
-                "the log density is not a number; give a target that is -inf where there is none"
-            )
-        accepted = np.log(random.rand(n_walkers)) < densities - state.log_prob
-        return self.update(state, State(tried, log_prob=densities), accepted), accepted
-
-
-@dataclass(slots=True, kw_only=True, eq=False, repr=False)
-class Ensemble(Summarised):
-    """Chain of positions, shape (n_steps + 1, n_walkers, n_dim), and log densities, (n_steps + 1, n_walkers).
-
-    `at` holds the number of steps and the random state after them in one tuple, so that an interrupt cannot separate
-    the two. The arrays may be longer than the chain.
-    """
-
-    target: Callable[[Floats], Floats]
-    positions: Floats
-    densities: Floats
-    at: tuple[int, RandomState]
-
-    @classmethod
-    def begin(cls, target: Callable[[Floats], Floats], walkers: Floats, rng: int) -> Ensemble:
-        """An ensemble at its start, shape (n_walkers, n_dim), with its own random stream."""
-        # emcee uses the legacy generator.
-        stream = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(rng)))
-        return cls(
-            target=target,
-            positions=walkers[None].copy(),
-            densities=target(walkers)[None],
-            at=(0, _state_of(stream.get_state())),
-        )
-
-    @property
-    def n_steps(self) -> int:
-        """Number of steps done."""
-        return self.at[0]
-
-    @property
-    def n_walkers(self) -> int:
-        """Number of walkers."""
-        return int(self.positions.shape[1])
-
-    def advance(self, until: int, on_step: Callable[[int], None]) -> None:
-        """Advance to step `until`; `on_step` is called after each step."""
-        done, random_state = self.at
-        missing = until + 1 - len(self.positions)
-        if missing > 0:
-            self.positions = np.concatenate([self.positions, np.empty((missing, *self.positions.shape[1:]))])
-            self.densities = np.concatenate([self.densities, np.empty((missing, self.n_walkers))])
-        # The past is the chain itself, so a resumed chain has the same past.
-        move = PastDifferences(self.target, lambda: self.positions[: self.n_steps + 1])
-        sampler = EnsembleSampler(
-            self.n_walkers, self.positions.shape[2], self.target, moves=move, vectorize=True
-        )
-        start = State(self.positions[done], log_prob=self.densities[done], random_state=random_state)
-        steps = sampler.sample(start, iterations=until - done, store=False, skip_initial_state_check=True)
-        for step, state in enumerate(steps, done + 1):
-            self.positions[step] = state.coords
-            self.densities[step] = state.log_prob
-            self.at = (step, _state_of(state.random_state))
-            on_step(step)
-
-
-def _state_of(legacy: Any) -> RandomState:
-    name, keys, position, has_gauss, cached = legacy
-    return name, keys, int(position), int(has_gauss), float(cached)
+if TYPE_CHECKING:
+    from mrwork.uncertainty.posterior.ensemble import Ensemble
 
 
 _PACKAGES = ("mrwork", "numpy", "emcee", "arviz-stats")
@@ -404,20 +298,21 @@ def sample(
     tests
         The tests of the fit, or others of the same damper.
     noise
-        Noise model: one of `mrwork.uncertainty.NOISES`.
+        Noise model of the force. One of `mrwork.uncertainty.NOISES`.
     priors
-        By parameter name in the form that is sampled; `noise.sigma` and so on for the noise. The default is uniform
-        over the box, on the parameter's own scale; for a stiffness k and its free length x0, uniform in k and k x0.
+        Prior of a parameter, by default uniform over its range; `noise.sigma` and so on for the noise. Names are those
+        of the form that is sampled. The default is uniform over the box, on the parameter's own scale; for a stiffness
+        k and its free length x0, uniform in k and k x0.
     tempering
-        Factor of the log-likelihood, so that correlated residuals are not counted as independent: a number, or
-        "effective", the share of independent residuals at the start. Default "effective" for "iid", "student_t" and
-        "amplitude", 1 for noise models with correlation; see `Target.of`.
+        Factor of the log-likelihood, or "effective": the ratio of effective to all samples at the fit; by default
+        "effective", and 1 for noise models with correlation. With it correlated residuals are not counted as
+        independent; see `Target.of`.
     walkers
-        An even number, at least twice the number of parameters including those of the noise.
+        Number of walkers, even and at least twice the number of parameters with those of the noise.
     most_steps
         Largest number of steps; the verdict of a chain that reaches it says what is missing.
     rng
-        Seed. The same seed gives the same bits on any number of threads.
+        Seed of the walkers. The same seed gives the same bits on any number of threads.
     threads
         Threads of the simulation, 0 for all.
     journal
@@ -475,6 +370,9 @@ def sample(
         density = _journal_target(problem.target, journal)
     mode = mode_near(problem.target, problem.start)
     origins = first_walkers(problem.target, mode, walkers, np.random.default_rng(rng))
+    # emcee takes half a second to load.
+    from mrwork.uncertainty.posterior.ensemble import Ensemble
+
     ensemble = Ensemble.begin(density, origins, rng)
     if journal is not None and not np.isfinite(ensemble.densities[0]).all():
         # Walkers start where it is.

@@ -108,20 +108,19 @@ _KINDS: dict[str, Callable[[float, float], Prior]] = {
 }
 
 
-def parse_prior(text: str) -> tuple[str, Prior]:
-    """Parse `NAME=KIND:NUMBER:NUMBER`, such as `k_w=normal:650:50`, into name and prior."""
-    name, equals, rest = text.partition("=")
-    kind, *numbers = rest.split(":")
+PRIORS_IN_WORDS = "normal:MEAN:DEVIATION, lognormal:MEDIAN:DEVIATION_OF_LOG or uniform:LOWER:UPPER"
+
+
+def prior_of_text(text: str) -> Prior:
+    """The prior of `KIND:NUMBER:NUMBER`, such as `normal:650:50`."""
+    kind, *numbers = text.split(":")
     try:
         first, second = (float(number) for number in numbers)
     except ValueError:
         first = second = float("nan")
-    if not (name and equals) or kind not in _KINDS or not (isfinite(first) and isfinite(second)):
-        raise SettingError(
-            f"a prior is {text!r}; give NAME=normal:MEAN:DEVIATION, NAME=lognormal:MEDIAN:DEVIATION_OF_LOG or "
-            "NAME=uniform:LOWER:UPPER"
-        )
-    return name, _KINDS[kind](first, second)
+    if kind not in _KINDS or not (isfinite(first) and isfinite(second)):
+        raise SettingError(f"a prior is {text!r}; give {PRIORS_IN_WORDS}")
+    return _KINDS[kind](first, second)
 
 
 def _check(fine: bool, kind: str, expected: str) -> None:
@@ -275,7 +274,7 @@ class Space:
         return 2.0 * self._largest_stiffness * max(abs(self.box.lower[index]), abs(self.box.upper[index]))
 
 
-Tempering = Literal["effective"] | float
+Tempering = Literal["effective"] | Annotated[float, Within(above=0.0, most=1.0)]
 Walkers = Annotated[int, Within(least=2, most=10_000)]
 Steps = Annotated[int, Within(least=1, most=10_000_000)]
 

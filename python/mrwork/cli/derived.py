@@ -1,0 +1,206 @@
+"""Options that are parameters of functions, or fields of settings: kind, range, default and help are those declared.
+
+The help is the first sentence that the docstring has of the parameter. What a text becomes is what the annotation says:
+a number of its range, one of several words, a flag, a list by repetition, or by commas where it is of numbers, and a
+mapping by repeated NAME=VALUE.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import re
+from collections.abc import Callable, Collection
+from dataclasses import MISSING, dataclass, fields, replace
+from functools import partial
+from typing import Any
+
+from mrwork.base import hints as nodes
+from mrwork.base.arguments import nodes_of
+from mrwork.base.hints import Node, fields_of
+from mrwork.base.parameters import parameter_texts
+from mrwork.cli.command_parser import CommandParser
+from mrwork.cli.numbers import Listed, OrWord, Range, finite_number
+from mrwork.errors import MrworkError
+
+_FIRST_SENTENCE = re.compile(r".*?(?=(?<!\.)\.(?:\s|$)|$)", re.DOTALL)
+# Options that are not called as the parameter.
+_CALLED = {"rng": "seed"}
+_DERIVED = "derived"
+UNCHANGED: Any = object()
+"""The default of a parameter."""
+
+
+def add_options_of(
+    parser: CommandParser, declaring: Callable[..., object], title: str, *names: str, **called: str
+) -> None:
+    """Declare options for parameters of a function, or fields of a class, in the group of this title.
+
+    Parameters that the command line calls otherwise are given as `parameter="option"`.
+    """
+    for name in names:
+        add_option_of(parser, declaring, title, name)
+    for name, option in called.items():
+        add_option_of(parser, declaring, title, name, option)
+
+
+def add_option_of(
+    parser: CommandParser,
+    declaring: Callable[..., object],
+    title: str,
+    name: str,
+    option: str = "",
+    *,
+    default: Any = UNCHANGED,
+    choices: Collection[str] = (),
+    reads: Callable[[str], Any] | None = None,
+    metavar: str | None = None,
+    more: str = "",
+) -> None:
+    """Declare the option for one parameter.
+
+    The `default` may be another; `choices` are words for a text, or further words for a list of words; `reads` makes
+    the value from a text that the annotation does not describe, as an object; and `more` is added to the help.
+    """
+    node, own_default, text = _declared(declaring, name)
+    form = _form_of(node, reads)
+    if form is None:
+        raise TypeError(f"no text stands for `{name}`; say how one is read")
+    option = option or _CALLED.get(name) or (name.removesuffix("s") if form.repeated else name)
+    default = own_default if default is UNCHANGED else default
+    listed = f"one of {', '.join(choices)}" if metavar and choices and not form.repeated else ""
+    stated = "" if "default" in more else _stated(default)
+    repeat = "repeat for more" if form.repeated else ""
+    parts = [_as_help(text), listed, more, repeat, stated, getattr(form.reads, "in_words", "")]
+    given: dict[str, Any] = {"dest": name, "default": default}
+    if form.action == "store_true":
+        given["action"] = "store_true"
+    else:
+        given |= {
+            "type": form.reads,
+            "choices": [*form.choices, *choices] or None,
+            "metavar": metavar or form.metavar,
+        }
+    if form.repeated:
+        given["action"] = Collect
+    says = "; ".join(filter(None, parts)).replace("%", "%%")
+    parser.group(title).add_argument(f"--{option.replace('_', '-')}", help=says, **given)
+    known = parser.get_default(_DERIVED) or {}
+    parser.set_defaults(**{_DERIVED: known | {declaring: (*known.get(declaring, ()), name)}})
+
+
+def arguments_of(options: argparse.Namespace, declaring: Callable[..., object]) -> dict[str, Any]:
+    """The arguments of a function that the command line gives."""
+    return {name: getattr(options, name) for name in getattr(options, _DERIVED)[declaring]}
+
+
+def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
+    """Annotation, default and text of a parameter."""
+    text = parameter_texts(declaring)[name]
+    if isinstance(declaring, type):
+        (field,) = (each for each in fields(declaring) if each.name == name)
+        made = field.default_factory
+        return fields_of(declaring)[name], field.default if made is MISSING else made(), text
+    signature = inspect.signature(declaring)
+    return nodes_of(declaring, signature)[name], signature.parameters[name].default, text
+
+
+def _as_help(text: str) -> str:
+    (first,) = re.findall(_FIRST_SENTENCE, " ".join(text.split()))[:1]
+    plain: str = first.replace("`", "")
+    return plain[0].lower() + plain[1:] if plain[1:2].islower() else plain
+
+
+def _stated(default: Any) -> str:
+    if isinstance(default, bool) or not isinstance(default, str | int | float):
+        return ""
+    return f"default {default:g}" if isinstance(default, float) else f"default {default}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Form:
+    """How a text is read, and whether the option may be repeated."""
+
+    reads: Callable[[str], Any] | None = None
+    choices: tuple[str, ...] = ()
+    metavar: str | None = None
+    action: str = "store"
+    repeated: bool = False
+
+
+def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
+    """The form of what an annotation declares; `None` where no text stands for it."""
+    match node:
+        case nodes.ByName(_, (_, value)):
+            read, shape = (reads, "VALUE") if reads is not None else _entry_of(value)
+            return _Form(reads=partial(read_entry, read, shape), metavar=f"NAME={shape}", repeated=True)
+        case nodes.Items(_, (nodes.Scalar(kind) as number,)) if kind in (int, float):
+            return _Form(reads=Listed(Range.of(number)), metavar="LIST")
+        case nodes.Items(_, (item,)):
+            inner = _form_of(item, reads)
+            return None if inner is None else replace(inner, repeated=True)
+        case nodes.Either():
+            forms = [form for each in node.parts if (form := _form_of(each, reads)) is not None]
+            words = [word for form in forms for word in form.choices]
+            numbers = [form.reads for form in forms if isinstance(form.reads, Range)]
+            if words and numbers:
+                return _Form(reads=OrWord(words[0], numbers[0]))
+            return next((form for form in forms if form.repeated), next(iter(forms), None))
+        case nodes.Enumerated(choices):
+            return _Form(choices=choices)
+        case nodes.Scalar(kind) if kind is bool:
+            return _Form(action="store_true")
+        case nodes.Scalar(kind) if kind in (int, float):
+            return _Form(reads=Range.of(node), metavar="N" if kind is int else "NUMBER")
+        case nodes.Scalar():
+            return _Form(metavar="NAME")
+    return None if reads is None else _Form(reads=reads, metavar="VALUE")
+
+
+def read_entry(reads: Callable[[str], Any], form: str, text: str) -> tuple[str, Any]:
+    """Name and value of NAME=VALUE."""
+    name, _, value = (part.strip() for part in text.partition("="))
+    if not name or not value or (":" in form and ":" not in value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not NAME={form}; write it so")
+    try:
+        return name, reads(value)
+    except MrworkError as refusal:
+        raise argparse.ArgumentTypeError(str(refusal)) from None
+
+
+def ends_of(text: str) -> tuple[float, float]:
+    """The two numbers of LOWER:UPPER."""
+    lower, _, upper = text.partition(":")
+    return finite_number(lower), finite_number(upper)
+
+
+def _entry_of(value: Node) -> tuple[Callable[[str], Any], str]:
+    """How the value of NAME=VALUE is read, and its form."""
+    if isinstance(value, nodes.Fixed):
+        return ends_of, "LOWER:UPPER"
+    return (finite_number, "NUMBER") if value.kind is float else (str, "VALUE")
+
+
+class Collect(argparse.Action):
+    """Values of a repeated option, in place of its default; those of one name once."""
+
+    # The arguments are those of argparse.
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        value: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Add a value."""
+        before = getattr(namespace, self.dest)
+        collected: Any = () if before is self.default else before
+        for each in value if isinstance(value, list) else [value]:
+            if not isinstance(each, tuple):
+                collected = (*collected, each)
+                continue
+            name, entry = each
+            if name in collected:
+                parser.error(f"{option_string or 'the command line'} gives {name} twice; give it once")
+            collected = dict(collected) | {name: entry}
+        setattr(namespace, self.dest, collected)
