@@ -256,4 +256,5 @@ def respond(
     threads: int = 0,
     outside: Callable[..., _Floats] | None = None,
     changes: _Floats | None = None,
+    n_commanded: int | None = None,
 ) -> tuple[_Floats, NDArray[np.uint8], NDArray[np.uint32], list[_Floats] | None, _Floats | None]: ...

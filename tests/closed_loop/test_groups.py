@@ -133,15 +133,67 @@ def test_two_models_in_one_frame_are_those_of_scipy() -> None:
     np.testing.assert_allclose(history.displacement, expected, rtol=0.0, atol=2e-6 * largest)
 
 
-def test_drivers_of_other_kinds_are_refused() -> None:
-    building, law = five_storeys(), ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
+def held_and_constant(command: float = 0.6) -> tuple[Device, Device]:
+    """A damper that holds a command, and a passive one of the same force."""
+    _, dahl = bingham_and_dahl()
+    k_w, slope, *others = np.asarray(dahl.theta)[:-1].tolist()
+    passive = replace(
+        dahl, spec=mr.damper("dahl"), theta=[k_w + slope * command, *others], largest_command=1.0
+    )
+    return replace(dahl, command=command), passive
+
+
+@pytest.mark.parametrize("name", ["clipped_optimal", "lyapunov", "passive", "predictive_rollout"])
+def test_what_holds_a_command_is_the_passive_damper_of_its_force(name: str) -> None:
+    (mr_damper,) = devices(rd1005())[:1]
+    held, passive = held_and_constant()
+    problem = mr.control.DesignProblem(
+        building=five_storeys(), devices=[mr_damper], beside=[held], sample_time=1e-3, motions=[sweep()]
+    )
+    settings = {
+        "passive": {"command": 0.7},
+        "predictive_rollout": {"base": 0.5, "drift": 0.01, "acceleration": 5.0},
+    }
+    if name in ("clipped_optimal", "lyapunov"):
+        law = law_with_gains(name, plant_with([mr_damper]))
+    else:
+        law = mr.control.design_law(name, problem, mr.control.settings_of(name, settings[name]))
+    found = simulate_loop(five_storeys(), [mr_damper, held], law, [sweep()], histories=True)
+    if law.model is not None:
+        law = replace(law, model=replace(law.model, devices=(mr_damper, passive)))
+    other = simulate_loop(five_storeys(), [mr_damper, passive], law, [sweep()], histories=True)
+    for quantity in ("peak_drift", "peak_acceleration", "rms_drift", "peak_force", "device_energy"):
+        np.testing.assert_allclose(found.numbers[quantity], other.numbers[quantity], rtol=1e-9)
+    command = found.histories[0].command
+    assert (command[:, 1] == 0.6).all()
+    assert np.isnan(found.numbers["mean_current"][..., 1]).all()
+    assert np.ptp(command[:, 0]) > 0.0 or name == "passive"
+
+
+def test_an_observer_takes_the_forces_of_all_dampers() -> None:
+    (mr_damper,) = devices(rd1005())[:1]
+    law = law_with_gains("clipped_optimal", plant_with([mr_damper]))
+    hardware = mr.Hardware(feedback="observer")
+    runs = [
+        simulate_loop(five_storeys(), [mr_damper, other], law, [sweep()], hardware)
+        for other in held_and_constant()
+    ]
+    np.testing.assert_allclose(runs[0].peak_drift, runs[1].peak_drift, rtol=1e-9)
+
+
+def test_what_cannot_stand_side_by_side_is_refused() -> None:
+    building, law = five_storeys(), ControlLaw(name="passive", gains={"command": [1.0]})
     passive = replace(group("linear"), name="plain", spec=PLAIN, theta=[400.0, 0.02, 200.0, 0.0])
+    held, _ = held_and_constant()
     for one, other, word in (
         (group("linear"), group("quadratic", unit="V"), "in V"),
-        (group("linear"), passive, "follows no command"),
+        (passive, group("linear"), "first"),
+        (held, group("linear"), "first"),
     ):
         loop = [one, replace(other, row=building.storeys[1])]
         refusal(simulate_loop, building, loop, law, [sweep()], match=word)
+    refusal(replace, held, command=1.5, match="1 at most")
+    refusal(replace, passive, command=0.5, match="takes no command")
 
 
 def test_a_device_gets_no_more_than_its_own_largest_command() -> None:

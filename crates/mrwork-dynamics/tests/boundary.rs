@@ -290,6 +290,7 @@ proptest! {
             springs: &springs,
             dampers: &[Group { damper, laws: &laws, theta: &theta, mountings: &mountings }],
             ranges: &ranges,
+            n_commanded: ranges.len(),
             law,
             outside: None,
             gains: &gains,

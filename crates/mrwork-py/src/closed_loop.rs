@@ -189,13 +189,14 @@ type Responses<'py> = (
 ///
 /// `motions` are pairs of the time step and the acceleration; `runs` has a row (candidate, motion, draw, varied damping and
 /// stiffness of the building, steps of delay beyond those of the hardware) for each run.
+/// The law commands the first `n_commanded` devices, by default all; the others hold their smallest command.
 /// `outside` is a law in Python that commands instead of that of the controller, see [`AskedLaw`].
 /// With `changes` of the gains along directions, shape (candidates, directions, gains), there are last the derivatives of the
 /// summaries along them, shape (`n_runs`, directions, width).
 #[pyfunction]
 #[pyo3(signature = (
     building, dampers, controller, hardware, motions, runs, streams, observer=None, histories=false, step_factor=1,
-    threads=0, outside=None, changes=None
+    threads=0, outside=None, changes=None, n_commanded=None
 ))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes what it needs by keyword from Python
 pub fn respond<'py>(
@@ -213,6 +214,7 @@ pub fn respond<'py>(
     threads: usize,
     outside: Option<Py<PyAny>>,
     changes: Option<PyReadonlyArray3<'py, f64>>,
+    n_commanded: Option<usize>,
 ) -> PyResult<Responses<'py>> {
     let motions = motions
         .iter()
@@ -224,18 +226,19 @@ pub fn respond<'py>(
     let n_coordinates = building.dynamics.n_coordinates();
     let groups: Vec<Group<'_>> = dampers.iter().map(|dampers| dampers.get().group()).collect();
     let ranges: Vec<[f64; 2]> = dampers.iter().flat_map(|dampers| dampers.get().ranges.clone()).collect();
-    let n_devices = ranges.len();
+    let n_commanded = n_commanded.unwrap_or(ranges.len());
     let runs = runs_of(&runs, &streams)?;
     let outside =
-        outside.map(|law| AskedLaw::new(law, n_coordinates, n_devices, building.dynamics.n_floors()));
+        outside.map(|law| AskedLaw::new(law, n_coordinates, n_commanded, building.dynamics.n_floors()));
     let batch = Batch {
         building: &building.dynamics,
         springs: &building.springs,
         dampers: &groups,
         ranges: &ranges,
+        n_commanded,
         law: controller.law,
         outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
-        gains: controller.gains(n_devices, 2 * n_coordinates)?,
+        gains: controller.gains(n_commanded, 2 * n_coordinates)?,
         tables: &controller.tables,
         shaping: &controller.shaping,
         curve: controller.curve()?,

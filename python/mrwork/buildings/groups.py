@@ -19,28 +19,37 @@ def groups_of(devices: Sequence[Device]) -> list[list[int]]:
     return [list(each) for _, each in groupby(range(len(devices)), key=lambda index: devices[index].spec)]
 
 
+def commanded(devices: Sequence[Device]) -> tuple[Device, ...]:
+    """The devices that a law commands; all where there are none, of which a command of zero changes nothing."""
+    return tuple(device for device in devices if device.is_commanded) or tuple(devices)
+
+
 def refuse_other_drivers(devices: Sequence[Device]) -> None:
-    """Refuse dampers that one law cannot command side by side.
+    """Refuse dampers that cannot stand side by side under one law.
 
     Raises
     ------
     SettingError
-        If some follow no command or one in another unit, or dampers of the user stand beside others.
+        If commands are in several units, dampers of the user stand beside others or hold a command, or devices that
+        hold a command or follow none are not the last ones.
     """
-    first = devices[0]
-    for device in devices[1:]:
-        if device.spec != first.spec and (device.spec.own is not None or first.spec.own is not None):
+    first, driven = devices[0], commanded(devices)
+    for device in devices:
+        own = [each.spec.own for each in (device, first) if each.spec.own is not None]
+        if own and (device.spec != first.spec or device.command is not None):
             raise SettingError(
                 f"{device.name} is a {device.spec.name} and {first.name} a {first.spec.name}, and a damper of your own "
-                'stands beside its like alone; let a model of the package take its place by like = "MODEL" beside its '
-                "run, or mr.fit_like(fit)"
+                "stands beside its like alone and holds no command; let a model of the package take its place by "
+                'like = "MODEL" beside its run, or mr.fit_like(fit)'
             )
-        if _driver_of(device) != _driver_of(first):
+    for device in driven[1:]:
+        if device.spec.command_unit != driven[0].spec.command_unit:
             raise SettingError(
-                f"{device.name} follows {_driver_of(device)} and {first.name} {_driver_of(first)}, and one law "
-                "commands all dampers; give all a command in one unit, and what is passive to the building"
+                f"{device.name} follows a command in {device.spec.command_unit} and {driven[0].name} one in "
+                f"{driven[0].spec.command_unit}, and one law commands both; give all a command in one unit"
             )
-
-
-def _driver_of(device: Device) -> str:
-    return f"a command in {device.spec.command_unit}" if device.spec.follows_command else "no command"
+    if tuple(devices[: len(driven)]) != driven:
+        raise SettingError(
+            f"{devices[0].name} is not commanded and stands before {driven[-1].name}, which is; give the devices that "
+            "a law commands first"
+        )

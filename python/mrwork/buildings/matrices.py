@@ -835,6 +835,8 @@ class Device(Summarised):
     lag
         Rate of a first-order lag of the driver [1/s], instead of that of `theta` or of none. It becomes the last
         parameter of `spec` and `theta`.
+    command
+        Command that the dampers hold [A or V], whatever a law sends; `None` where a law commands them.
     rated_force, rated_stroke
         Force [N] and stroke [m] that one of the dampers is made for, beyond which runs are told; `None` if unknown.
     """
@@ -850,13 +852,15 @@ class Device(Summarised):
     differential: bool = False
     tested: OperatingRange | None = None
     lag: Positive | None = None
+    command: NotNegative | None = None
     rated_force: Positive | None = None
     rated_stroke: Positive | None = None
 
     def __post_init__(self) -> None:
         if not self.spec.follows_command:
-            if self.lag is not None:
-                raise SettingError(f"{self.name}: a passive damper takes no command; leave `lag` out")
+            for name in ("lag", "command"):
+                if getattr(self, name) is not None:
+                    raise SettingError(f"{self.name}: a passive damper takes no command; leave `{name}` out")
             # Nothing follows it.
             object.__setattr__(self, "largest_command", self.largest_command or 1.0)
         elif self.lag is not None:
@@ -876,6 +880,10 @@ class Device(Summarised):
             raise SettingError(
                 f"{self.name}: the largest command is {self.largest_command}; give a positive number"
             )
+        if self.command is not None and self.command > self.largest_command:
+            raise SettingError(
+                f"{self.name}: it is to hold {self.command:g}, and its driver gives {self.largest_command:g} at most"
+            )
         if not self.count > 0.0:
             raise SettingError(f"{self.name}: {self.count} dampers in parallel; give a positive number")
 
@@ -886,6 +894,11 @@ class Device(Summarised):
         object.__setattr__(self, "spec", with_changed_laws(self.spec, lagged=True))
         object.__setattr__(self, "theta", np.insert(theta, theta.shape[-1], lag, axis=-1))
         object.__setattr__(self, "lag", None)
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether a law commands the dampers: they follow a command, and hold none."""
+        return self.spec.follows_command and self.command is None
 
     @property
     def draws(self) -> Floats:
@@ -914,7 +927,9 @@ class Device(Summarised):
         n_dampers = self.count * (2.0 if self.differential else 1.0)
         frequency = velocity / (2.0 * np.pi * stroke) if stroke > 0.0 else None
         command = None
-        if self.spec.follows_command:
+        if self.command is not None:
+            command = (self.command, self.command)
+        elif self.spec.follows_command:
             constant = mean_command > _CONSTANT * peak_command
             command = (peak_command if constant else 0.0, peak_command)
         return OperatingRange(

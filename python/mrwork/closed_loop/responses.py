@@ -168,7 +168,7 @@ def demand_of(
         energy=float(numbers["device_energy"][place]),
         seconds=seconds,
         peak_command=float(numbers["peak_current"][place]),
-        mean_command=float(numbers["mean_current"][place]),
+        mean_command=float(np.nan_to_num(numbers["mean_current"][place])),
         least_stroke=least_stroke,
     )
 

@@ -20,9 +20,10 @@ from mrwork.base.arguments import May, Threads, Whole, checked
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.groups import groups_of, refuse_other_drivers
+from mrwork.buildings.groups import commanded, groups_of, refuse_other_drivers
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
+from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
@@ -82,8 +83,15 @@ def _core_group(devices: Sequence[Device], theta: Floats) -> _rust.Dampers:
         theta=np.ascontiguousarray(theta),
         counts=[float(device.count) for device in devices],
         differential=[device.differential for device in devices],
-        ranges=[(0.0, float(device.largest_command)) for device in devices],
+        ranges=[_range_of(device) for device in devices],
     )
+
+
+def _range_of(device: Device) -> tuple[float, float]:
+    """Smallest and largest command: the one that the device holds twice."""
+    if device.command is not None:
+        return float(device.command), float(device.command)
+    return 0.0, float(device.largest_command)
 
 
 def _ideal_actuators(n_devices: int) -> list[_rust.Dampers]:
@@ -223,12 +231,12 @@ class _Core:
 
     def driven(self, runs: RunsOfLoop) -> RunsOfLoop | tuple[list[_rust.Dampers], _rust.Controller]:
         """Dampers and controller of the runs' draws and candidates; with dampers of the user the runs themselves."""
-        law, devices = self.loop.law, self.loop.devices
+        law, devices, n = self.loop.law, self.loop.devices, self.loop.n_commanded
         if self.loop.is_own:
             return runs
         with core_refusals():
             return (
-                _ideal_actuators(len(devices))
+                [*_ideal_actuators(n), *_core_dampers(devices[n:], runs.theta[1:])]
                 if law.spec.commands_force
                 else _core_dampers(devices, runs.theta),
                 _rust.Controller(
@@ -259,6 +267,11 @@ class LoopOfRuns:
     observer: Observer | None
     motions: tuple[GroundMotion, ...]
     step_factor: int
+
+    @property
+    def n_commanded(self) -> int:
+        """Number of devices that the law commands, which are the first ones."""
+        return len(commanded(self.devices))
 
     @property
     def is_own(self) -> bool:
@@ -308,6 +321,7 @@ def _respond(
             threads=threads,
             outside=outside,
             changes=None if changes is None else changes.rows[None],
+            n_commanded=core.loop.n_commanded,
         )
 
 
@@ -547,7 +561,8 @@ def simulate_loop(
     Parameters
     ----------
     devices
-        One or more, each with a model, parameters and laws of the command of its own, in one unit; see `Device`.
+        One or more, each with a model, parameters and laws of the command of its own, in one unit; see `Device`. Those
+        that hold a command or follow none come last; gains and commands of the law are of the others.
     law
         A law of the registry with its gains, or a law in Python, which takes one thread.
     histories
@@ -589,11 +604,13 @@ def simulate_loop(
     hardware = Hardware() if hardware is None else hardware
     user = law if isinstance(law, UserLaw) else None
     if isinstance(law, UserLaw):
-        law = law.placeholder(devices)
+        law = law.placeholder(commanded(devices))
     if not devices:
         raise SettingError(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
         )
+    refuse_other_drivers(devices)
+    driven = commanded(devices)
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
     numbers = np.arange(len(motions)) if motion_numbers is None else np.array(motion_numbers)
@@ -613,7 +630,7 @@ def simulate_loop(
             "`feedback` of the hardware to 'observer'"
         )
     n_states = 2 * len(building.mass)
-    gains = law.gain_rows(len(devices), n_states)
+    gains = law.gain_rows(len(driven), n_states)
     if not len(gains):
         raise SettingError(f"the gains of {law.name} are of no candidate; give those of one or more")
     shaping, n_candidates = _core_shaping(law, shaping), len(gains)
@@ -624,23 +641,25 @@ def simulate_loop(
             )
         n_candidates = max(len(gains), len(shaping))
     actuators = law.spec.commands_force
-    if not actuators:
-        refuse_other_drivers(devices)
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
             f"{law.name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
             "command: it would have no effect; give the model current laws, or simulate the passive damper with the "
             "law passive and a command of zero"
         )
-    _check_commands(law, devices)
+    _check_commands(law, driven)
     name = law.name if user is None else f"{user.name} in Python"
     if lacking := beyond_twin(building, devices, hardware, name):
         raise SettingError(lacking)
-    theta = (np.empty((1, len(devices), 0)),) if actuators else _theta_of(devices)
-    n_draws, factors = len(theta[0]), np.ones((1, len(devices)))
+    theta = _theta_of(devices)
+    if actuators:
+        beside = devices[len(driven) :]
+        theta = (np.empty((1, len(driven), 0)), *(_theta_of(beside) if beside else ()))
+    n_draws, factors = len(theta[-1]), np.ones((1, len(devices)))
     if largest_commands is not None:
         slope = math.inf if shaping is None else float(shaping[:, 1].min())
-        factors = _command_factors(law, hardware, devices, largest_commands, slope, histories=histories)
+        factors = _command_factors(law, hardware, driven, largest_commands, slope, histories=histories)
+        factors = np.hstack([factors, np.ones((len(factors), len(devices) - len(driven)))])
         if n_candidates not in (1, len(factors)):
             raise SettingError(
                 f"the gains are of {n_candidates} candidates and `largest_commands` of {len(factors)}; give one for "
@@ -677,7 +696,7 @@ def simulate_loop(
         building=building,
         varied=tuple((each.damping, each.site_stiffness) for each in varied),
         devices=tuple(devices),
-        law=_without_gains(law, len(devices), n_states),
+        law=_without_gains(law, len(driven), n_states),
         hardware=hardware,
         floors=tuple(floors),
         observer=observer,
@@ -706,7 +725,7 @@ def simulate_loop(
     streams = numbers.astype(np.uint64)[motion_of_run] + seed * np.uint64(2**32)
     own = RunsOfLoop(runs=runs, streams=streams, gains=gains, shaping=shaping, theta=theta)
     core = loop.core()
-    driven, workers, order = core.driven(own), present_workers(), np.arange(len(runs))
+    equipped, workers, order = core.driven(own), present_workers(), np.arange(len(runs))
     if user is None:
         # Runs that last equally long share lanes: side by side, so that they are in one call of the core.
         order = np.argsort(np.array([motion.duration for motion in motions])[motion_of_run], kind="stable")
@@ -716,11 +735,11 @@ def simulate_loop(
         while done < len(runs):
             part = order[done : done + count]
             began = perf_counter()
-            outside = None if user is None else user.asked(runs[part, :3], devices, hardware.sample_time)
+            outside = None if user is None else user.asked(runs[part, :3], driven, hardware.sample_time)
             parts.append(
                 _respond(
                     core,
-                    driven,
+                    equipped,
                     runs[part],
                     streams[part],
                     histories=histories,
@@ -745,6 +764,13 @@ def simulate_loop(
     responses = responses.with_numbers(
         **_shears(building, responses.numbers, [own.storey_springs for own in varied], places, realisation)
     )
+    if len(driven) < len(devices):
+        # Devices that no law commands count in no criterion of the command.
+        of_law = np.arange(len(devices)) < len(driven)
+        names = {each.quantity for each in criteria() if each.of_command}
+        responses = responses.with_numbers(
+            **{name: np.where(of_law, responses.numbers[name], np.nan) for name in names}
+        )
     if largest_commands is None:
         return responses
     scale = factors[candidate]

@@ -78,6 +78,8 @@ pub struct Batch<'a> {
     pub dampers: &'a [Group<'a>],
     /// Smallest and largest command of each device.
     pub ranges: &'a [[f64; 2]],
+    /// Devices that the law commands, the first ones; the others hold their smallest command.
+    pub n_commanded: usize,
     /// The control law.
     pub law: Law,
     /// A law outside of the core that commands instead of `law`.
@@ -120,7 +122,7 @@ impl<'a> Batch<'a> {
 
     /// Sizes of the gains of the law.
     pub(super) fn sizes(&self) -> LoopSizes {
-        LoopSizes { n_devices: self.n_devices(), n_states: 2 * self.building.n }
+        LoopSizes { n_devices: self.n_commanded, n_states: 2 * self.building.n }
     }
 
     /// Whether the law reads the absolute accelerations of floors.

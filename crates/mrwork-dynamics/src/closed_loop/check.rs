@@ -23,6 +23,7 @@ impl Batch<'_> {
         let sizes = [
             ("devices", self.building.n_devices(), n_devices),
             ("ranges", self.ranges.len(), n_devices),
+            ("commanded devices", self.n_commanded.min(n_devices), self.n_commanded),
             ("tables", self.tables.len(), spec.tables.len()),
         ];
         for (name, found, expected) in sizes {

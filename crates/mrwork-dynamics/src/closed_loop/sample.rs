@@ -48,7 +48,8 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
     pub(super) fn new(batch: &Batch<'a>, runs: &[usize], directions: Option<Directions<'_>>) -> Self {
         let Batch { building, gains, tables, dampers, ranges, hardware, law, .. } = *batch;
         let sizes = batch.sizes();
-        let LoopSizes { n_states, n_devices, .. } = sizes;
+        let LoopSizes { n_states, .. } = sizes;
+        let n_devices = batch.n_devices();
         let n_gains = law.spec().n_gains(sizes);
         let last = runs.len() - 1;
         let columns: Vec<R> = (0..n_gains)
@@ -71,6 +72,7 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
             (true, Some(model)) => largest
                 .iter()
                 .zip(mountings(dampers))
+                .take(batch.n_commanded)
                 .map(|(&largest, place)| model.curve(largest, place))
                 .collect(),
             _ => Vec::new(),
@@ -101,7 +103,7 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
             furthest: R::from_fn(|lane| {
                 hardware.command_rate.min(shaping(lane).slope) * hardware.sample_time
             }),
-            memory: law.start(Beginning { n_devices, plan }),
+            memory: law.start(Beginning { n_devices: batch.n_commanded, plan }),
             state: vec![zero; n_states],
             next_state: vec![zero; n_states],
             acceleration: vec![zero; building.n_floors()],
@@ -112,7 +114,7 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
             ground_acceleration: zero,
             sent: vec![zero; depth * n_devices],
             depth,
-            raw: vec![zero; n_devices],
+            raw: vec![zero; batch.n_commanded],
             command_invalid: zero,
         }
     }
@@ -122,7 +124,7 @@ impl<R: Lanes> Controller<'_, R> {
     /// Commands of a sample.
     #[inline(always)]
     pub(super) fn sent_at(&self, sample: usize) -> &[R] {
-        let n_devices = self.raw.len();
+        let n_devices = self.force.len();
         &self.sent[(sample % self.depth) * n_devices..][..n_devices]
     }
 }
@@ -282,7 +284,8 @@ impl<R: Lanes> Sample<'_, '_, R> {
 
     #[inline(always)]
     fn command(&mut self) {
-        let Batch { law, outside, tables, hardware, ranges, building, observer, .. } = *self.batch;
+        let Batch { law, outside, tables, hardware, ranges, n_commanded, building, observer, .. } =
+            *self.batch;
         let n_devices = self.force.len();
         let controller = &mut *self.controller;
         let earlier = (self.number.wrapping_sub(1) % controller.depth) * n_devices;
@@ -290,12 +293,14 @@ impl<R: Lanes> Sample<'_, '_, R> {
             Gains { spec: law.spec(), columns: &controller.columns, tables, sizes: self.batch.sizes() };
         let (displacement, velocity) =
             known_state(observer, &controller.state, self.motion.displacement, self.motion.velocity);
+        // A law that predicts the motion knows all dampers, any other those that it commands.
+        let n_known = if law.spec().needs_model { n_devices } else { n_commanded };
         let measured = Measurement {
             displacement,
             velocity,
-            deformation: &controller.deformation,
-            rate: &controller.rate,
-            force: &controller.force,
+            deformation: &controller.deformation[..n_known],
+            rate: &controller.rate[..n_known],
+            force: &controller.force[..n_known],
             acceleration: &controller.acceleration,
             device_floors: building.device_floors.as_ref(),
             ground_acceleration: controller.ground_acceleration,
@@ -305,14 +310,19 @@ impl<R: Lanes> Sample<'_, '_, R> {
             largest: &controller.largest,
             curves: &controller.curves,
             sample_time: hardware.sample_time,
-            sent: &controller.sent[earlier..earlier + n_devices],
+            sent: &controller.sent[earlier..earlier + n_known],
         };
         match outside {
             None => controller.memory.command(&gains, &measured, &mut controller.raw),
             Some(outside) => ask(outside, self.runs, self.number, &measured, &mut controller.raw),
         }
         let position = (self.number % self.controller.depth) * n_devices;
-        for (device, &[smallest, largest]) in ranges.iter().enumerate() {
+        for (device, &[held, _]) in ranges.iter().enumerate().skip(n_commanded) {
+            let command = R::splat(held);
+            self.controller.sent[position + device] =
+                self.with_faults(Channel::Command(device), command, command);
+        }
+        for (device, &[smallest, largest]) in ranges[..n_commanded].iter().enumerate() {
             let raw = self.controller.raw[device];
             let checked = raw + self.controller.unknown;
             let known = checked.equal(checked);

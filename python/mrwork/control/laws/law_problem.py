@@ -53,6 +53,7 @@ class DesignProblem(Summarised):
     `sample_time` and `delay` [s] are those of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the
     largest ones expected of the dampers, if given. `motions` are the ground motions whose strength and spectrum a
     design from limits takes, the training motions of a study; `judged` says that laws are judged on them, too.
+    `beside` are the devices that no law commands, which only a law that predicts the motion knows.
     `reference_peaks` finds the largest motions under a constant command, to which a law may refer. A problem that
     `limited_to` made is `limited_from` the one with the largest commands of the dampers themselves.
     """
@@ -68,6 +69,7 @@ class DesignProblem(Summarised):
     delay: NotNegative = 0.0
     motions: Sequence[GroundMotion] = ()
     judged: bool = False
+    beside: Sequence[Device] = ()
     reference_peaks: Callable[[], ReferencePeaks] | None = field(default=None, repr=False, compare=False)
     limited_from: DesignProblem | None = field(default=None, repr=False, compare=False)
     # The grounds of the motions that designs have asked for, by kind and given numbers.
@@ -78,6 +80,11 @@ class DesignProblem(Summarised):
     _weights: dict[object, DesignedWeights] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
+
+    @property
+    def all_devices(self) -> tuple[Device, ...]:
+        """Every device, those that a law commands first."""
+        return (*self.devices, *self.beside)
 
     @property
     def curve(self) -> tuple[DamperSpec, Floats]:

@@ -215,7 +215,7 @@ def design_law(
 
 def _model_of(spec: ControlLawSpec, problem: DesignProblem) -> LoopModel | None:
     """The building with its devices of the problem, for a law that predicts the motion."""
-    return LoopModel(building=problem.building, devices=tuple(problem.devices)) if spec.needs_model else None
+    return LoopModel(building=problem.building, devices=problem.all_devices) if spec.needs_model else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -68,6 +68,13 @@ impl<'a, R: Lanes + 'a> OutOfLine for NewPlanner<'a, '_, R> {
         let mut tails = tried.clone();
         for (device, &[smallest, largest]) in ranges.iter().enumerate() {
             let (smallest, largest) = (R::splat(smallest), R::splat(largest));
+            if device >= gains.sizes.n_devices {
+                // It holds its command.
+                for place in (device..tried.len()).step_by(n_devices) {
+                    (tried[place], tails[place]) = (smallest, smallest);
+                }
+                continue;
+            }
             let base = within(gains.of_device(BASE, device), smallest, largest);
             tried[device] = base;
             tails[device] = base;
