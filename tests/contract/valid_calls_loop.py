@@ -179,7 +179,7 @@ def loop_calls(_: Path) -> Calls:
     yield call(of.UserLaw, name="x", command=_viscous, n_candidates=2, n_memory=1, rms_time=1.0, source="s")
     values = {
         **{"building": frame, "nominal": frame, "devices": loop, "law": law},
-        **{"motions": [motion], "motion": motion},
+        **{"motions": [motion]},
         **{"hardware": mr.Hardware(feedback="observer"), "histories": False, "step_factor": 1, "threads": 1},
         **{"shaping": [[0.01, 50.0]]},
         "variation": of.LoopVariation(
@@ -188,9 +188,8 @@ def loop_calls(_: Path) -> Calls:
     }
     yield from calls_with(values, mr.simulate_loop)
     shared = {"law": share, "largest_commands": [1.0, 1.5], "hardware": mr.Hardware()}
-    shared |= {name: values[name] for name in ("building", "devices", "motions", "motion", "threads")}
+    shared |= {name: values[name] for name in ("building", "devices", "motions", "threads")}
     yield from calls_with(shared, mr.simulate_loop)
-    yield from calls_with(values | {"hardware": mr.Hardware()}, of.simulate_prescribed)
     yield call(run.demand, run=0, device=1)
     yield call(run.over_axes, name="peak_drift")
     yield call(run.outside, run=0)
