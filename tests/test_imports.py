@@ -27,7 +27,6 @@ HOMES = {
         "identification.traced_twin",
         "tuning.traced_score",
         "uncertainty.traced_likelihood",
-        "uncertainty.posterior.nuts",
     ),
     ("emcee",): ("uncertainty.posterior",),
     ("xarray", "pandas"): ("base.labelled", "plots.drawn", "uncertainty.posterior"),

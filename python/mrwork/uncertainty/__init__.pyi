@@ -22,7 +22,6 @@ from .planning import plan as plan
 from .posterior.draws import Draws as Draws
 from .posterior.draws import convergence as convergence
 from .posterior.inference_data import inference_data as inference_data
-from .posterior.nuts import sample_nuts as sample_nuts
 from .posterior.sample import sample as sample
 from .posterior.target import Lognormal as Lognormal
 from .posterior.target import Normal as Normal

@@ -1,1 +1,1 @@
-"""Posterior of parameters and noise: priors, target density, ensemble and NUTS samplers, draws with diagnostics."""
+"""Posterior of parameters and noise: priors, target density, ensemble sampler, draws with diagnostics."""

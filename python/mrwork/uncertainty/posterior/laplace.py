@@ -69,7 +69,8 @@ def first_walkers(target: Target, start: Floats, n_walkers: int, rng: np.random.
     Normal with the inverse of the tempered Fisher information as covariance, reflected at the faces of the box.
     """
     space = target.space
-    origin, root = centre_and_root(target, start)
+    origin = target.position_of(target.form.box.inside(start))
+    root = np.linalg.cholesky(np.linalg.inv(fisher_information(target, origin)))
     walkers = np.tile(origin, (n_walkers, 1))
     waiting = np.arange(n_walkers)
     scale = 1.0
@@ -84,12 +85,6 @@ def first_walkers(target: Target, start: Floats, n_walkers: int, rng: np.random.
         f"{waiting.size} of {n_walkers} walkers found no place near the start that prior and simulation allow; "
         "give priors that allow for the fit, or another fit"
     )
-
-
-def centre_and_root(target: Target, start: Floats) -> tuple[Floats, Floats]:
-    """Position of `start` with its noise, (n_dim,), and a Cholesky factor of the covariance, (n_dim, n_dim)."""
-    origin = target.position_of(target.form.box.inside(start))
-    return origin, np.linalg.cholesky(np.linalg.inv(fisher_information(target, origin)))
 
 
 def mode_near(target: Target, theta: Floats) -> Floats:
