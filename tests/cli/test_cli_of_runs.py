@@ -113,7 +113,7 @@ def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> Non
     ("words", "word"),
     [
         (("--prior", "alpha=flat"), "normal:MEAN"),
-        (("--noise", "pink"), "iid, student_t"),
+        (("--noise", "pink"), "choose one of iid, ar1"),
         (("--walkers", "4"), "an even number"),
     ],
 )

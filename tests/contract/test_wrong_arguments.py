@@ -49,7 +49,7 @@ NAMESPACES = (
 # Nothing can be checked against these: anything at all, and type variables.
 UNCHECKED = re.compile(r"\b(Any|object|T|StateT|Array)\b")
 # NumPy arrays, or arrays that JAX traces.
-TRACED = {"Noise.log_densities", "Iid.log_likelihood_of_sum", "Noise.log_likelihood_of_sum"}
+TRACED = {"Iid.log_densities", "Iid.log_likelihood_of_sum"}
 # Called for each candidate, or with arrays that JAX traces, by functions that check.
 INNER = re.compile(r"(\w+Settings|TuningObjective|SettingSpace|MRFluid|Steel)\.\w+|power|simulate")
 _CALLED = re.compile(r"\bCallable\[.*\]|\bIterator\[.*\]")

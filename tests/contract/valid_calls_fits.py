@@ -124,7 +124,7 @@ def uncertainty_calls(folder: Path) -> Calls:
             "measured": np.linspace(-2.0, 2.0, 9),
         },
         **{"per": 2.0, "forces": np.ones((5, 9)), "level": 0.9, "noise_draws": np.full((5, 1), 0.1)},
-        **{"noise": uncertainty.noise_model("iid"), "deviation": 1.0, "mean": 0.0},
+        **{"noise": uncertainty.noise_model("iid"), "deviation": 1.0},
         "rng": np.random.default_rng(0),
     }
     yield from calls_with(values, uncertainty.score, uncertainty.parameter_band, uncertainty.noise_band)
@@ -136,7 +136,7 @@ def uncertainty_calls(folder: Path) -> Calls:
         "priors": {fit.estimates[0].name: uncertainty.Lognormal(median=1000.0, deviation=1.0)},
     }
     yield from calls_with(values, mr.plan, mr.sample)
-    data = {"priors": {}, "pointwise": "blocks", "most_draws": 16}
+    data = {"pointwise": "blocks", "most_draws": 16}
     yield from calls_with(values | data, uncertainty.inference_data)
     yield call(uncertainty.convergence, chains=np.random.default_rng(0).standard_normal((4, 40)))
 

@@ -252,8 +252,8 @@ def test_parameter_band_shrinks_with_the_draws_and_the_noise_band_does_not() -> 
     for spread in (0.02, 0.002):
         draws = np.array(spec.nominal) * (1.0 + spread * rng.standard_normal((200, len(spec.parameters))))
         forces = simulate_draws(spec, draws, test)
-        scale = {"deviation": float(np.std(forces)), "mean": float(np.mean(forces))}
-        noisy = noise_band(forces, np.full((200, 1), 0.1), NOISES["iid"], 0.9, rng=rng, **scale)
+        deviation = float(np.std(forces))
+        noisy = noise_band(forces, np.full((200, 1), 0.1), NOISES["iid"], 0.9, deviation=deviation, rng=rng)
         widths[spread] = [
             float(np.mean(band.upper - band.lower)) for band in (parameter_band(forces, 0.9), noisy)
         ]
@@ -261,7 +261,7 @@ def test_parameter_band_shrinks_with_the_draws_and_the_noise_band_does_not() -> 
     assert parameter[1] < 0.2 * parameter[0]
     assert prediction[1] > 0.7 * prediction[0]
     # 3.29 deviations of 0.1 of the force hold 90 % of independent noise.
-    assert prediction[1] == pytest.approx(0.329 * scale["deviation"], rel=0.1)
+    assert prediction[1] == pytest.approx(0.329 * deviation, rel=0.1)
 
 
 def test_a_prediction_has_the_names_of_a_fit_for_what_it_prints() -> None:

@@ -16,44 +16,25 @@ import mrwork.twins.models
 from mrwork.uncertainty import Iid
 from mrwork.uncertainty.noise import NOISES
 
-PARAMETERS = {
-    "iid": [0.1],
-    "student_t": [0.1, 6.0],
-    "ar1": [0.1, 0.9],
-    "arma11": [0.1, 0.9, -0.4],
-    "amplitude": [0.02, 0.15],
-}
+PARAMETERS = {"iid": [0.1], "ar1": [0.1, 0.9]}
+N_TIME = 4000
 
 
-@pytest.fixture
-def force() -> np.ndarray:
-    return 1.4 * np.sin(np.linspace(0.0, 60.0, 4000))[None]
-
-
-def autocovariance(name: str, lags: np.ndarray) -> np.ndarray:
-    sigma, *rest = PARAMETERS[name]
-    phi, theta = [*rest, 0.0][:2]
-    ratio = (phi + theta) * (1.0 + phi * theta) / (1.0 + 2.0 * phi * theta + theta**2)
-    return sigma**2 * np.where(lags == 0, 1.0, ratio * phi ** np.maximum(lags - 1.0, 0.0))
-
-
-@pytest.mark.parametrize("name", ["ar1", "arma11"])
-def test_density_of_correlated_noise_is_that_of_the_joint_normal(name: str) -> None:
-    lags = np.abs(np.subtract.outer(np.arange(300), np.arange(300))).astype(float)
-    joint = multivariate_normal(np.zeros(300), autocovariance(name, lags))
+def test_density_of_correlated_noise_is_that_of_the_joint_normal() -> None:
+    sigma, phi = PARAMETERS["ar1"]
+    lags = np.abs(np.subtract.outer(np.arange(300), np.arange(300)))
+    joint = multivariate_normal(np.zeros(300), sigma**2 * phi**lags)
     rows = joint.rvs(3, random_state=0)
-    ours = NOISES[name].log_densities(rows, rows, np.tile(PARAMETERS[name], (3, 1))).sum(axis=1)
-    # The start of an ARMA(1,1) is approximate, worth less than one unit of log-likelihood; all else is exact.
-    np.testing.assert_allclose(ours, joint.logpdf(rows), atol=1e-8 if name == "ar1" else 1.0)
+    ours = NOISES["ar1"].log_densities(rows, np.tile(PARAMETERS["ar1"], (3, 1))).sum(axis=1)
+    np.testing.assert_allclose(ours, joint.logpdf(rows), atol=1e-8)
 
 
-@pytest.mark.parametrize("name", [each.name for each in NOISES.values() if each.differentiable])
-def test_differentiable_noise_has_one_density_in_numpy_and_jax(name: str, force: np.ndarray) -> None:
+@pytest.mark.parametrize("name", NOISES)
+def test_noise_has_one_density_in_numpy_and_jax(name: str) -> None:
     noise = np.tile(PARAMETERS[name], (3, 1))
-    residual = 0.1 * np.random.default_rng(5).standard_normal((3, force.size))
-    arrays = (residual, np.repeat(force, 3, axis=0), noise)
-    ours = NOISES[name].log_densities(*arrays)
-    traced = jax.jit(NOISES[name].log_densities)(*arrays)
+    residual = 0.1 * np.random.default_rng(5).standard_normal((3, N_TIME))
+    ours = NOISES[name].log_densities(residual, noise)
+    traced = jax.jit(NOISES[name].log_densities)(residual, noise)
     np.testing.assert_allclose(traced, ours, rtol=1e-11, atol=1e-11)
 
 
@@ -61,33 +42,27 @@ def test_independent_noise_needs_only_the_sum_of_squares() -> None:
     residual = np.random.default_rng(1).standard_normal((3, 50))
     noise = np.array([[0.5], [1.0], [2.0]])
     model = Iid()
-    whole = model.log_densities(residual, residual, noise).sum(axis=1)
+    whole = model.log_densities(residual, noise).sum(axis=1)
     np.testing.assert_allclose(model.log_likelihood_of_sum((residual**2).sum(axis=1), 50, noise), whole)
 
 
 @pytest.mark.parametrize("name", NOISES)
-def test_draws_are_likeliest_under_their_own_parameters(name: str, force: np.ndarray) -> None:
+def test_draws_are_likeliest_under_their_own_parameters(name: str) -> None:
     true = np.array([PARAMETERS[name]])
-    residual = NOISES[name].draw(force, true, np.random.default_rng(2))
-    at_true = NOISES[name].log_densities(residual, force, true).sum()
+    residual = NOISES[name].draw(N_TIME, true, np.random.default_rng(2))
+    at_true = NOISES[name].log_densities(residual, true).sum()
     for index in range(true.size):
         for factor in (0.7, 1.1):
             other = true.copy()
             other[0, index] *= factor
-            if abs(other[0, index]) < 1.0 or index == 1:
-                assert NOISES[name].log_densities(residual, force, other).sum() < at_true
+            assert NOISES[name].log_densities(residual, other).sum() < at_true
 
 
 @pytest.mark.parametrize("name", NOISES)
-def test_moments_of_draws_give_the_parameters_back(name: str, force: np.ndarray) -> None:
+def test_moments_of_draws_give_the_parameters_back(name: str) -> None:
     true = np.array([PARAMETERS[name]])
-    residual = NOISES[name].draw(np.tile(force, 8), true, np.random.default_rng(3))[0]
-    estimate = NOISES[name].estimate(residual, np.tile(force, 8)[0])
-    assert estimate[0] == pytest.approx(true[0, 0], rel=0.1 if name != "amplitude" else 0.5)
-    assert all(
-        parameter.lower < value < parameter.upper
-        for parameter, value in zip(NOISES[name].parameters, estimate, strict=True)
-    )
+    (residual,) = NOISES[name].draw(8 * N_TIME, true, np.random.default_rng(3))
+    np.testing.assert_allclose(NOISES[name].estimate(residual), true[0], rtol=0.1)
 
 
 @pytest.mark.parametrize("noise", ["iid", "ar1"])

@@ -145,9 +145,7 @@ def test_tempering_is_the_share_of_independent_residuals_only_where_noise_does_n
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.95])
 def test_correlated_residuals_are_worth_what_theory_says(phi: float) -> None:
-    residual = NOISES["ar1"].draw(
-        np.zeros((8, 20_000)), np.tile([1.0, phi], (8, 1)), np.random.default_rng(4)
-    )
+    residual = NOISES["ar1"].draw(20_000, np.tile([1.0, phi], (8, 1)), np.random.default_rng(4))
     worth = effective_samples(residual) / len(residual)
     # (1 - phi) / (1 + phi); the estimate of 8 rows scatters by a few per cent.
     assert worth / 20_000 == pytest.approx((1.0 - phi) / (1.0 + phi), rel=0.15)
@@ -227,7 +225,7 @@ def test_slope_is_that_of_the_residuals_over_the_position(model: str) -> None:
 
     def residuals(at: np.ndarray) -> np.ndarray:
         own = np.ascontiguousarray(target.space.values(at)[0][:, : target.space.n_params])
-        return np.concatenate([each for each, _, _ in target.residuals(own)], axis=1)
+        return np.concatenate([each for each, _ in target.residuals(own)], axis=1)
 
     np.testing.assert_allclose(residuals(position[None])[0], residual, rtol=1e-9, atol=1e-12)
     # A step that changes the residuals by about a thousandth of their size, not more.

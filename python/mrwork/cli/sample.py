@@ -23,7 +23,7 @@ from mrwork.errors import Interrupted
 from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.run_folder import CHAIN, DRAWS
 from mrwork.store.run_writer import add_to_run, addition_journal, nothing_to_resume
-from mrwork.uncertainty.noise import NOISES, names_in_words
+from mrwork.uncertainty.noise import NOISES
 from mrwork.uncertainty.posterior.sample import SamplingProgress, sample
 from mrwork.uncertainty.posterior.target import PRIORS_IN_WORDS, prior_of_text
 
@@ -46,7 +46,7 @@ def add_options(parser: CommandParser) -> None:
     )
     add_run(parser)
     of_posterior = partial(add_option_of, parser, sample, "posterior")
-    of_posterior("noise", more=names_in_words(list(NOISES.values())))
+    of_posterior("noise", more=" or ".join(NOISES))
     of_posterior(
         "priors",
         reads=prior_of_text,

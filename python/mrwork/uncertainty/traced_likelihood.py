@@ -18,7 +18,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.traced import ComparedArrays, Residuals, form_of, function_of, objective_of
 from mrwork.records import DamperTest
 from mrwork.twins.traced_function import TracedFunction
-from mrwork.uncertainty.noise import NOISES, Noise, names_in_words, noise_model
+from mrwork.uncertainty.noise import Noise, noise_model
 from mrwork.uncertainty.posterior.target import with_noise
 
 _ROUNDING = 1e-12
@@ -35,9 +35,6 @@ class LogLikelihood:
     @classmethod
     def of(cls, objective: Objective, noise: Noise, residuals: Residuals) -> LogLikelihood:
         """The likelihood of an objective whose residuals have this form."""
-        if not noise.differentiable:
-            names = names_in_words([each for each in NOISES.values() if each.differentiable])
-            raise SettingError(f"{noise.name} noise has no derivatives in JAX; take {names}")
         if not all(each.is_plain for each in objective.compared):
             raise SettingError(
                 "this objective has weights or a loss, and a likelihood has its noise in their place; leave one out"
@@ -54,12 +51,11 @@ class LogLikelihood:
         inside = jnp.isclose(given, jnp.clip(given, lower, upper), rtol=_ROUNDING, atol=0.0)
         noise = jnp.where(inside, given, upper)
         total, failures = jnp.zeros(()), [~jnp.all(inside)]
-        for test, deviation, (newtons, failed) in zip(
-            tests, self.deviations, self.residuals.newtons(theta, tests), strict=True
+        for deviation, (newtons, failed) in zip(
+            self.deviations, self.residuals.newtons(theta, tests), strict=True
         ):
             residual = newtons / deviation
-            force = residual + (test.measured - jnp.mean(test.measured)) / deviation
-            total = total + jnp.sum(self.noise.log_densities(residual[None], force[None], noise[None]))  # type: ignore[arg-type] # arrays of JAX
+            total = total + jnp.sum(self.noise.log_densities(residual[None], noise[None]))  # type: ignore[arg-type] # arrays of JAX
             failures.append(failed)
         failed = jnp.any(jnp.stack(failures))
         return jnp.where(failed, -jnp.inf, jnp.where(failed, 0.0, total))
@@ -99,8 +95,7 @@ def log_likelihood(
     Raises
     ------
     SettingError
-        Where the objective has weights or a loss, in whose place a likelihood has its noise, or the noise has no
-        derivatives.
+        Where the objective has weights or a loss, in whose place a likelihood has its noise.
 
     Examples
     --------

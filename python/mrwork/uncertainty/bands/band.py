@@ -184,7 +184,6 @@ def noise_band(
     level: Level,
     *,
     deviation: Positive,
-    mean: float,
     rng: np.random.Generator,
 ) -> Band:
     """Uncalibrated prediction band from posterior draws and a noise model, shape (n,).
@@ -197,8 +196,8 @@ def noise_band(
         Forces of the draws [N], shape (n_draws, n).
     noise_draws
         Noise parameters of the draws, shape (n_draws, n_noise).
-    deviation, mean
-        Standard deviation and mean of the force [N], to which noise parameters refer.
+    deviation
+        Standard deviation of the force [N], to which noise parameters refer.
     """
     _check_draws(forces)
     if noise_draws.shape[1] != len(noise.parameters):
@@ -206,7 +205,7 @@ def noise_band(
         raise SettingError(
             f"`noise_draws` has shape {noise_draws.shape}; {noise.name} noise has the parameters {names}"
         )
-    added = noise.draw((forces - mean) / deviation, noise_draws, rng)
+    added = noise.draw(forces.shape[1], noise_draws, rng)
     basis = f"{noise.title} noise about {len(forces)} draws, not calibrated on any other test"
     return _central_band("prediction", forces + deviation * added, level, basis)
 

@@ -251,7 +251,7 @@ class Steps:
 def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Floats, ...]:
     """Residuals of a fit, test by test, in deviations of the test's measured force, shape (n_counted,)."""
     target, theta = target_of(fit, tests, NOISES["iid"], tempering=1.0)
-    return tuple(residual[0] for residual, _, _ in target.residuals(theta[None]))
+    return tuple(residual[0] for residual, _ in target.residuals(theta[None]))
 
 
 @dataclass(slots=True, kw_only=True)

@@ -88,8 +88,10 @@ def inference_data(
         raise SettingError(
             f"the draws are of {draws.model} and the fit is of {fit.model}; give those of the fit"
         )
-    own_tests, noise = as_tests(tests), noise_model(draws.noise_model)
-    target, start = target_of(fit, own_tests, noise, tempering=draws.temper, threads=threads)
+    noise = noise_model(draws.noise_model)
+    target, start = target_of(fit, as_tests(tests), noise, tempering=draws.temper, threads=threads)
+    # As the fit observes them: a moving average leaves out the ends of a record.
+    own_tests = target.objective.tests
     n_walkers, n_kept = draws.densities.shape
     stride = -(-n_kept * n_walkers // max(most_draws, n_walkers))
     kept = replace(
@@ -127,7 +129,7 @@ def _log_likelihood(
     target: Target, theta: Floats, start: Floats, draws: Draws, labels: Sequence[str], pointwise: Pointwise
 ) -> NamedArrays:
     """Tempered log densities of blocks or samples of all tests, one after the other."""
-    residuals = [residual[0] for residual, _, _ in target.residuals(start[None])]
+    residuals = [residual[0] for residual, _ in target.residuals(start[None])]
     if pointwise == "blocks":
         blocks = [
             _blocks_of(each.test, autocorrelation_time(residual))
@@ -170,8 +172,8 @@ def _block_densities(
 
     def of_rows(theta: Floats, noise: Floats) -> Floats:
         columns = []
-        for (residual, force, failed), of_test in zip(target.residuals(theta), blocks, strict=True):
-            density = target.temper * target.noise.log_densities(residual, force, noise)
+        for (residual, failed), of_test in zip(target.residuals(theta), blocks, strict=True):
+            density = target.temper * target.noise.log_densities(residual, noise)
             density[failed] = -np.inf
             columns += [density[:, block].sum(axis=1) for block in of_test]
         return np.stack(columns, axis=1)
@@ -202,7 +204,7 @@ def _predictive(
 ) -> NamedArrays:
     shape = draws.densities.shape
     forces = {}
-    for label, axis, each, deviation, (_, force, _) in zip(
+    for label, axis, each, deviation, (residual, _) in zip(
         labels,
         _time_axes(tests),
         target.objective.compared,
@@ -210,7 +212,8 @@ def _predictive(
         target.residuals(theta),
         strict=True,
     ):
-        noisy = (force + target.noise.draw(force, draws.noise, stream)) * deviation + each.measured.mean()
+        noise = target.noise.draw(each.measured.size, draws.noise, stream)
+        noisy = each.measured + (residual + noise) * deviation
         forces[label] = NamedArray.of(
             noisy.reshape(*shape, -1),
             *("chain", "draw", axis),

@@ -298,15 +298,14 @@ def sample(
     tests
         The tests of the fit, or others of the same damper.
     noise
-        Noise model of the force. One of `mrwork.uncertainty.NOISES`.
+        Noise model of the force. "iid" is independent, "ar1" of first-order autocorrelation.
     priors
         Prior of a parameter, by default uniform over its range; `noise.sigma` and so on for the noise. Names are those
         of the form that is sampled. The default is uniform over the box, on the parameter's own scale; for a stiffness
         k and its free length x0, uniform in k and k x0.
     tempering
         Factor of the log-likelihood, or "effective": the ratio of effective to all samples at the fit; by default
-        "effective", and 1 for noise models with correlation. With it correlated residuals are not counted as
-        independent; see `Target.of`.
+        "effective", and 1 for "ar1". With it correlated residuals are not counted as independent; see `Target.of`.
     walkers
         Number of walkers, even and at least twice the number of parameters with those of the noise.
     most_steps

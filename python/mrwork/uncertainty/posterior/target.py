@@ -31,7 +31,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
-from mrwork.uncertainty.noise import Noise
+from mrwork.uncertainty.noise import Iid, Noise
 
 # NumPy or JAX, as in `coordinates`.
 AnyArray = Any
@@ -328,7 +328,7 @@ class Target(Summarised):
         if tempering is None:
             tempering = 1.0 if noise.correlated else "effective"
         if tempering == "effective":
-            residuals = [residual[0] for residual, _, _ in target.residuals(start[None])]
+            residuals = [residual[0] for residual, _ in target.residuals(start[None])]
             share = effective_samples(residuals) / objective.n_time
         else:
             share = float(tempering)
@@ -350,7 +350,7 @@ class Target(Summarised):
         """Untempered log-likelihood of parameters and noise, shape (n_batch,); -inf where a simulation failed."""
         n_params = self.space.n_params
         theta, noise = np.ascontiguousarray(values[:, :n_params]), values[:, n_params:]
-        if self.noise.of_sum_of_squares and self.objective.is_direct:
+        if isinstance(self.noise, Iid) and self.objective.is_direct:
             squared = np.zeros(len(theta))
             for run, deviation in zip(self.objective.misfits(theta), self.deviations, strict=True):
                 squared += run.squared_error / deviation**2
@@ -359,27 +359,25 @@ class Target(Summarised):
 
     def _of_histories(self, theta: Floats, noise: Floats) -> Floats:
         total = np.zeros(len(theta))
-        for residual, force, failed in self.residuals(theta):
-            total += self.noise.log_densities(residual, force, noise).sum(axis=1)
+        for residual, failed in self.residuals(theta):
+            total += self.noise.log_densities(residual, noise).sum(axis=1)
             total[failed] = -np.inf
         return total
 
-    def residuals(self, theta: Floats) -> Iterator[tuple[Floats, Floats, NDArray[np.bool_]]]:
-        """Residuals and forces about their mean, (n_batch, n_counted), in deviations; zero in rows that failed."""
+    def residuals(self, theta: Floats) -> Iterator[tuple[Floats, NDArray[np.bool_]]]:
+        """Residuals of each test in deviations, (n_batch, n_counted), and rows that failed, of zeros."""
         objective = self.objective
         objective.tally.simulations += len(theta)
         for each, deviation in zip(objective.compared, self.deviations, strict=True):
             residual, failed = each.residuals(theta, threads=objective.threads)
             residual /= deviation
-            force = residual + (each.measured - each.measured.mean()) / deviation
             residual[failed] = 0.0
-            force[failed] = 0.0
-            yield residual, force, failed
+            yield residual, failed
 
     def position_of(self, theta: Floats) -> Floats:
         """Position (n_dim,) of parameters (n_params,), clipped to the box, with the mean noise of all residuals."""
         runs = self.residuals(theta[None])
-        noise = np.mean([self.noise.estimate(residual[0], force[0]) for residual, force, _ in runs], axis=0)
+        noise = np.mean([self.noise.estimate(residual[0]) for residual, _ in runs], axis=0)
         values = np.concatenate([theta, noise])
         return np.asarray(self.space.position(self.space.box.inside(values)))
 
