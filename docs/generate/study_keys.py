@@ -5,8 +5,8 @@ from __future__ import annotations
 import inspect
 
 from generate.markdown import code, directive, document, prose, table, unit
-from mrwork.base.documents import KeyInWords, before_sections, keys_in_words
-from mrwork.base.keys import tables
+from mrwork.base.documents import KeyInWords, keys_in_words, prose_of
+from mrwork.base.keys import Table, before_sections, tables
 from mrwork.study.schema import StudyTable
 
 HEADINGS = ("key", "type", "unit", "default", "meaning")
@@ -29,15 +29,16 @@ def schema_page() -> str:
     )
 
 
-def key_table(kind: type) -> str:
+def key_table(kind: Table) -> str:
     """The keys of a table of a document; on a narrow page its rows become blocks."""
     rows = table(HEADINGS, [_row(each) for each in keys_in_words(kind)])
     return directive("div", "keys", rows) if rows else ""
 
 
-def documentation(kind: type) -> str:
-    """The docstring of a class before its sections, its paragraphs on a line each."""
-    paragraphs = before_sections(inspect.getdoc(kind) or "").split("\n\n")
+def documentation(kind: Table) -> str:
+    """The docstrings of a class or functions before their sections, their paragraphs on a line each."""
+    texts = [before_sections(inspect.getdoc(each) or "") for each in kind] if isinstance(kind, tuple) else []
+    paragraphs = "\n\n".join(texts or [prose_of(kind)]).split("\n\n")
     return "\n\n".join(prose(each) for each in paragraphs)
 
 

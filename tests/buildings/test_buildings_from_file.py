@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import get_type_hints
 
 import numpy as np
 import pytest
@@ -15,8 +13,6 @@ from refusals import refusal
 from scipy.io import savemat
 
 from mrwork.base.documents import read_table
-from mrwork.base.hints import Within
-from mrwork.base.keys import keys_of
 from mrwork.base.places import Place
 from mrwork.buildings import (
     Building,
@@ -37,7 +33,7 @@ from mrwork.buildings import (
     with_viscous_damper,
     with_yielding_damper,
 )
-from mrwork.buildings.from_file import Addition, BuildingTable
+from mrwork.buildings.from_file import BuildingTable
 from mrwork.errors import MrworkWarning
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
@@ -210,7 +206,7 @@ UTS_WITH = 'published = "uts"\n'
         (
             f"{UTS_WITH}[isolation]\nmass = 1.0\nperiod = 2.0\nratio = 0.1\n"
             "[lead_rubber]\nmass = 1.0\nperiod = 2.0\nyield_force = 1.0",
-            "isolation and lead_rubber both",
+            "keep one of isolation and lead_rubber",
         ),
         (
             f"{UTS_WITH}[tuned_mass]\nfloor = 5\nmass_ratio = 0.1\nmass = 3.0",
@@ -247,21 +243,6 @@ def test_separators_and_comments_of_a_text_matrix_are_understood(tmp_path: Path)
 def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Path) -> None:
     savemat(tmp_path / "plant.mat", {"A": np.eye(2), "B": np.ones((2, 1))})
     refusal(read_building, tmp_path / "plant.mat", match="found A, B")
-
-
-@pytest.mark.parametrize("kind", Addition.__subclasses__())
-def test_the_keys_of_an_addition_are_the_arguments_of_its_functions_with_their_ranges(
-    kind: type[Addition],
-) -> None:
-    keys = {entry.name: entry for entry in keys_of(kind)}
-    taken = set()
-    for way in kind.ways:
-        hints = get_type_hints(way, include_extras=True)
-        taken |= {name for name in inspect.signature(way).parameters if name != "building"}
-        for name in taken & hints.keys():
-            stated = [note for note in getattr(hints[name], "__metadata__", ()) if isinstance(note, Within)]
-            assert not stated or stated == [keys[name].metadata["within"]], name
-    assert taken == set(keys)
 
 
 def test_heights_are_those_of_storeys_and_of_no_addition() -> None:

@@ -21,8 +21,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from mrwork.base.arguments import Refusal, accept, in_words, nodes_of
-from mrwork.base.hints import Node
+from mrwork.base.arguments import Refusal, accept, in_words
+from mrwork.base.hints import Node, nodes_of
 from mrwork.errors import ArgumentError, MistakesError, MrworkError
 from tests.contract import valid_calls_dampers, valid_calls_fits, valid_calls_loop
 from tests.contract.wrong_arguments import Calls, Nothing, ValidCall, wrong
@@ -111,7 +111,7 @@ def declared(target: Any) -> dict[str, Node]:
     """What the parameters take; of a method also its object."""
     function = vars(target)["__init__"] if isinstance(target, type) else target
     owner = target if isinstance(target, type) else object
-    return nodes_of(inspect.unwrap(function), inspect.signature(target), owner)
+    return nodes_of(function, owner)
 
 
 def checked_parameters(target: Any) -> dict[str, Node]:

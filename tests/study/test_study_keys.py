@@ -7,9 +7,8 @@ import math
 import random
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import Field, is_dataclass
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import pytest
 from refusals import command_refusal, refusal
@@ -17,10 +16,9 @@ from tuning_samples import motion
 
 import mrwork as mr
 from mrwork.base.documents import read_table
-from mrwork.base.hints import May, fields_of
-from mrwork.base.keys import is_required, keys_of, name_in_file, tables, toml_text
+from mrwork.base.hints import Array, ByName, Either, Fixed, May, Node, Record
+from mrwork.base.keys import Key, Table, is_required, keys_of, name_in_file, tables, toml_text
 from mrwork.base.places import KeyPath, Place
-from mrwork.buildings.from_file import Addition
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import MistakesError, MrworkError, SettingError
@@ -104,13 +102,13 @@ def place_of(heading: str) -> KeyPath:
     return tuple(path)
 
 
-def documents() -> Iterator[tuple[Document, KeyPath, type]]:
+def documents() -> Iterator[tuple[Document, KeyPath, Table]]:
     """Every table that a study file may have: a document with it, its place, and its declaration."""
     for heading, kind in tables(StudyTable):
         _, *inner = heading.strip("[]").split(".")
         if heading in TABLES:
             yield (*TABLES[heading], kind)
-        elif inner and issubclass(kind, Addition):
+        elif inner and inner[0] in ADDITIONS:
             building = {"masses": [300.0, 200.0], "stiffnesses": [1e6, 8e5], inner[0]: ADDITIONS[inner[0]]}
             several = isinstance(ADDITIONS[inner[0]], list)
             yield essential(building=building), ("building", inner[0], *((0,) if several else ())), kind
@@ -125,41 +123,43 @@ def documents() -> Iterator[tuple[Document, KeyPath, type]]:
 
 TABLES_OF_A_STUDY = pytest.mark.parametrize(
     ("document", "place", "kind"),
-    [pytest.param(*each, id=f"{'.'.join(map(str, each[1]))} {each[2].__name__}") for each in documents()],
+    [
+        pytest.param(*each, id=".".join(map(str, (*each[1], getattr(each[2], "__name__", "")))))
+        for each in documents()
+    ],
 )
 
 
-def members(hint: Any) -> list[Any]:
-    """The types of which a value of a key may be."""
-    return [hint] if get_origin(hint) in (tuple, None) else [*get_args(hint), hint]
+def members(node: Node) -> tuple[Node, ...]:
+    """The kinds of which a value of a key may be."""
+    return node.parts if isinstance(node, Either) else (node,)
 
 
-def numeric(hint: Any) -> type | None:
+def numeric(node: Node) -> type | None:
     """Kind of the number that a key takes, alone or in an array; none where it takes no number."""
-    inner = [one for each in members(hint) for one in (each, *get_args(each))]
-    return float if float in inner else int if int in inner and bool not in inner else None
+    inner = [one for each in members(node) for one in (each, *members(each), *each.parts)]
+    kinds = [float if isinstance(each, Array) else each.kind for each in inner]
+    return float if float in kinds else int if int in kinds and bool not in kinds else None
 
 
-def wrong_values(table: type, entry: Field[Any]) -> Iterator[Any]:
+def wrong_values(entry: Key) -> Iterator[Any]:
     """Of other kinds, then numbers out of range and in another unit."""
-    hint, node = get_type_hints(table)[entry.name], fields_of(table)[entry.name]
+    node, says = entry.node, entry.says
+    kinds = [each.kind for each in members(node)]
     notes = {note for each in (node, *node.parts) for note in each.notes}
-    is_table = any(is_dataclass(each) or get_origin(each) not in (tuple, None) for each in members(hint))
-    yield 3 if bool in members(hint) else True
-    yield [[True]] if is_table else {}
-    if any(
-        get_origin(each) is get_origin(next(iter(get_args(each)), None)) is tuple for each in members(hint)
-    ):
+    yield 3 if bool in kinds else True
+    yield [[True]] if any(isinstance(each, Record | ByName) for each in members(node)) else {}
+    if any(isinstance(each, Fixed) and isinstance(each.parts[0], Fixed) for each in members(node)):
         yield [[math.nan]]
-    if (kind := numeric(hint)) is not None and not any(map(is_dataclass, members(hint))):
+    if (kind := numeric(node)) is not None and not any(isinstance(each, Record) for each in members(node)):
         wrong: list[Any] = [*numbers_out_of_range(entry, kind, notes)]
-        if entry.metadata["unit"] and str not in members(hint) and not entry.metadata["matrix"]:
-            wrong.append("2.5 kN" if entry.metadata["unit"] != "N" else "2.5 mm")
-        yield from wrong if kind in members(hint) else ([each] for each in wrong)
+        if says.unit and str not in kinds and not says.matrix:
+            wrong.append("2.5 kN" if says.unit != "N" else "2.5 mm")
+        yield from wrong if kind in kinds else ([each] for each in wrong)
 
 
-def numbers_out_of_range(entry: Field[Any], kind: type, notes: set[Any]) -> Iterator[float]:
-    within, first = entry.metadata["within"], int(entry.metadata["from_one"])
+def numbers_out_of_range(entry: Key, kind: type, notes: set[Any]) -> Iterator[float]:
+    within, first = entry.within, int(entry.says.from_one)
     if math.isfinite(within.least):
         yield within.least + first - 1
     if math.isfinite(within.above):
@@ -208,9 +208,9 @@ REMEDY = re.compile(r"; (give|choose|leave|it has|its unit)|, did you mean")
 
 @TABLES_OF_A_STUDY
 def test_every_wrong_key_is_named_in_its_line_with_what_to_give(
-    document: Document, place: KeyPath, kind: type, tmp_path: Path
+    document: Document, place: KeyPath, kind: Table, tmp_path: Path
 ) -> None:
-    wrong = {name_in_file(entry): [*wrong_values(kind, entry)] for entry in keys_of(kind)}
+    wrong = {name_in_file(entry): [*wrong_values(entry)] for entry in keys_of(kind)}
     for turn in range(max(map(len, wrong.values()), default=1)):
         given = {name: values[turn] for name, values in wrong.items() if turn < len(values)}
         given |= {"surplus_qzx": 1} if turn == 0 else {}
@@ -234,7 +234,7 @@ def test_mistakes_of_several_tables_are_told_together_and_no_others(tmp_path: Pa
         for name in rng.sample(sorted({str(place[0]) for place, _ in inner}), 4):
             place, kind = rng.choice([each for each in inner if each[0][0] == name])
             entry = rng.choice(keys_of(kind))
-            value = rng.choice([*wrong_values(kind, entry)])
+            value = rng.choice([*wrong_values(entry)])
             document = with_values(document, place, {name_in_file(entry): value})
             expected.append((*place, name_in_file(entry)))
         told, lines = mistakes_of(document, tmp_path)
@@ -278,7 +278,7 @@ def test_the_printed_schema_has_every_key_that_the_reader_knows(heading: str, ki
     words = " ".join(block.split())
     for entry in keys_of(kind):
         default = "required" if is_required(entry) else ""
-        found = re.search(rf" {name_in_file(entry)} {default}.*{re.escape(entry.metadata['says'])}", words)
+        found = re.search(rf" {name_in_file(entry)} {default}.*{re.escape(entry.says.words)}", words)
         assert found, entry.name
 
 

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import Field
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 import hypothesis.strategies as st
 import numpy as np
 import pytest
 from examples import examples
 from hypothesis import given
-from test_study_keys import SOUND
+from test_study_keys import SOUND, members
 from tuning_samples import study_file
 
 import mrwork as mr
 from mrwork.base.documents import given_values
-from mrwork.base.keys import keys_of, name_in_file, tables, toml_text, toml_value
+from mrwork.base.hints import Array, Fixed, Node
+from mrwork.base.keys import Key, Table, keys_of, name_in_file, tables, toml_text, toml_value
 from mrwork.base.places import KeyPath, Place
 from mrwork.base.units import number_in
 from mrwork.control.laws.law_settings import SETTINGS
@@ -107,29 +107,30 @@ PREFIXED = {
 def keys_with_units() -> Iterator[Any]:
     for kind in (*(kind for _, kind in tables(StudyTable)), *dict.fromkeys(SETTINGS.values()), WeightWishes):
         for entry in keys_of(kind):
-            if entry.metadata["unit"]:
-                yield pytest.param(kind, entry, id=f"{kind.__name__} {name_in_file(entry)}")
+            if entry.says.unit:
+                yield pytest.param(kind, entry, id=f"{getattr(kind, '__name__', '')} {name_in_file(entry)}")
 
 
-def written(hint: Any, text: str) -> Iterator[Any]:
+def written(node: Node, text: str) -> Iterator[Any]:
     """A text as a number, as an array and as a matrix, of which the key takes some."""
-    kinds = get_args(hint) if get_origin(hint) is not tuple else (hint,)
-    if (float in kinds or hint is float) and str not in kinds:
+    kinds = [each.kind for each in members(node)]
+    if float in kinds and str not in kinds:
         yield text
-    for kind in kinds:
-        if get_origin(kind) is tuple:
-            yield [[text, text]] if get_origin(get_args(kind)[0]) is tuple else [text, text]
+    for each in members(node):
+        if isinstance(each, Fixed | Array):
+            yield [[text, text]] if isinstance(next(iter(each.parts), None), Fixed) else [text, text]
 
 
-def read(kind: type, entry: Field[Any], value: Any) -> Any:
-    name = name_in_file(entry)
-    return given_values(kind, {name: value}, Place(origin="study.toml", path=("table",)))[entry.name]
+def read(kind: Table, entry: Key, value: Any) -> Any:
+    given = {name_in_file(entry): value}
+    (read,) = given_values(kind, given, Place(origin="study.toml", path=("table",))).values()
+    return read
 
 
 @pytest.mark.parametrize(("kind", "entry"), list(keys_with_units()))
-def test_every_key_takes_its_number_in_a_prefixed_unit(kind: type, entry: Field[Any]) -> None:
-    unit, size = PREFIXED[entry.metadata["unit"]]
-    for value in written(get_type_hints(kind)[entry.name], f"2.5 {unit}"):
+def test_every_key_takes_its_number_in_a_prefixed_unit(kind: Table, entry: Key) -> None:
+    unit, size = PREFIXED[entry.says.unit]
+    for value in written(entry.node, f"2.5 {unit}"):
         assert np.allclose(read(kind, entry, value), 2.5 * size, rtol=1e-15)
 
 

@@ -18,7 +18,7 @@ import operator
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from contextlib import suppress
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from functools import wraps
 from numbers import Real
 from types import NoneType
@@ -33,16 +33,14 @@ from mrwork.base.hints import (
     InUnit,
     Node,
     fields_of,
-    hint_in,
     instead_of,
-    node_of,
-    notes_of_default,
+    nodes_of,
     shape_of,
 )
 from mrwork.base.hints import May as May
 from mrwork.base.hints import Shape as Shape
 from mrwork.base.hints import Within as Within
-from mrwork.base.keys import keys_of, quote_value, suggestion
+from mrwork.base.keys import documented, is_table, quote_value, suggestion
 from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
 from mrwork.base.units import number_in
@@ -87,12 +85,16 @@ def checked(target: TargetT) -> TargetT:
     `ArgumentError` for an argument of another kind than its annotation, of an unknown name, by position where a name is
     wanted, or left out; and a `SettingError` for a number that is not finite or out of its range, or a name that is
     none of those to choose from.
+
+    What the note `Says` of an argument means is among the Parameters of the docstring.
     """
     if isinstance(target, type):
         kind: Any = target
         if "__dataclass_fields__" not in vars(target):
             kind = dataclass(frozen=True, slots=True, kw_only=True)(target)
         kind.__init__ = _check_calls(kind.__init__, kind.__name__, kind)
+        with suppress(NameError):
+            kind.__doc__ = documented(kind.__doc__, fields_of(kind))
         return cast(TargetT, kind)
     # A method is named with its class, a constructor by its class, a function within a function by its own name.
     name = target.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
@@ -113,13 +115,14 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     shapes: dict[str, Shape] = {}
 
     def read_annotations() -> None:
-        declared.update(nodes_of(function, signature, owner))
+        declared.update(nodes_of(function, owner))
         declared.update({name: nodes.Items(tuple, (declared[name],)) for name in rest if name in declared})
         shapes.update({name: shape for name, node in declared.items() if (shape := shape_of(node))})
 
     # An annotation may name what is defined after the function; the first call reads it then.
     with suppress(NameError):
         read_annotations()
+    documentation = documented(function.__doc__, declared)
 
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
@@ -143,6 +146,7 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
             _check_shapes(shapes, name, values)
         return function(*call.args, **call.kwargs)
 
+    checking.__doc__ = documentation
     return checking
 
 
@@ -183,18 +187,6 @@ def _check_shapes(shapes: Mapping[str, Shape], function: str, given: Mapping[str
             refusal = Refusal(Node(), value, f"has shape {came}", end, SettingError)
             raise _error(parameter, function, refusal)
         lengths |= zip(shape.axes, came, strict=True)
-
-
-def nodes_of(function: Any, signature: inspect.Signature, owner: type = object) -> dict[str, Node]:
-    """Annotation node of each parameter of a function, or of the constructor of the dataclass `owner`."""
-    own = inspect.unwrap(function).__globals__
-    declared = fields_of(owner) if is_dataclass(owner) else {}
-    return {
-        name: declared.get(name)
-        or node_of(hint_in(own, parameter.annotation), notes_of_default(parameter.default))
-        for name, parameter in signature.parameters.items()
-        if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
-    }
 
 
 class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the name of the argument is known
@@ -261,7 +253,7 @@ def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str
             return noun("table" if in_file else "dict", "" if values == "anything" else f" of {values}")
         case nodes.Either(_, parts):
             return " or ".join(filter(None, map(words, parts)))
-        case nodes.Record(kind) if in_file and keys_of(kind):
+        case nodes.Record(kind) if in_file and is_table(kind):
             return noun("table")
         case nodes.Record() | nodes.Instance() | nodes.Function() if in_file:
             return ""

@@ -1,24 +1,28 @@
 """Documents of declared tables: how one is read, and the schema that is printed.
 
-A table becomes the dataclass that declares its keys, and all mistakes of a document are told together. A value is
-checked as an argument of a function is; a number may be a text with a unit.
+A table becomes the dataclass that declares its keys, or the `Arguments` of functions, and all mistakes of a document
+are told together. A value is checked as an argument of a function is; a number may be a text with a unit.
 """
 
 from __future__ import annotations
 
+import inspect
 import math
-import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import Field, dataclass, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from functools import cache
 from typing import Any, NoReturn, TypeVar, cast
 
 from mrwork.base import hints as nodes
 from mrwork.base.arguments import Refusal, accept, in_words
-from mrwork.base.hints import InUnit, Node, Record, Within, fields_of
+from mrwork.base.hints import InUnit, Node, Within, fields_of
 from mrwork.base.keys import (
+    Arguments,
+    Key,
+    Table,
     as_document,
+    before_sections,
     describe_key,
     describe_repeat,
     inner_table,
@@ -26,8 +30,10 @@ from mrwork.base.keys import (
     keys_of,
     meant,
     name_in_file,
+    own_keys,
     quote_value,
     range_of,
+    refuse_missing,
     suggestion,
 )
 from mrwork.base.places import Place, all_mistakes, read_each
@@ -42,6 +48,16 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
 
     All mistakes of the table, and of the tables in it, are raised together.
     """
+    values = _complete(kind, table, place)
+    if "place" in fields_of(cast(Any, kind)):
+        values["place"] = place
+    with place.prefix_errors(SettingError):
+        return kind(**values)
+
+
+def _complete(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """The values of a table that gives all keys that it needs."""
+    values: dict[str, Any] = {}
     with all_mistakes() as part:
         with part():
             values = given_values(kind, table, place)
@@ -51,19 +67,21 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
             if is_required(entry) and not {name} & (table.keys() | misspelt):
                 with part():
                     refuse_missing(entry, place)
-    if "place" in fields_of(cast(Any, kind)):
-        values["place"] = place
-    with place.prefix_errors(SettingError):
-        return kind(**values)
+    return values
 
 
-def refuse_missing(entry: Field[Any], place: Place) -> NoReturn:
-    """Refuse a table that does not give a key."""
-    place.refuse(f"{place.table} has no {name_in_file(entry)}; give {describe_key(entry)}")
+def _read_inner(kind: Table, table: Mapping[str, Any], place: Place) -> Any:
+    if isinstance(kind, tuple):
+        given = _complete(kind, table, place)
+        return Arguments(functions=kind, given=given, place=place)
+    return read_table(kind, table, place)
 
 
-def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """The values of the keys that a table gives, in the types of the dataclass `kind` and in SI."""
+def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """The values of the keys that a table gives, in the types of their annotations and in SI.
+
+    They are by the names of the fields of a dataclass, or by those of the document for functions.
+    """
     known, declared = {name_in_file(entry): entry for entry in keys_of(kind)}, _nodes_in_file(kind)
     values = {}
     with all_mistakes() as part:
@@ -71,8 +89,9 @@ def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str
             if name in table:
                 with part():
                     where = place.within(name)
-                    values[entry.name] = _read_value(declared[name], table[name], where, entry)
-                    _ask(values[entry.name], table[name], where, entry)
+                    value = _read_value(declared[name], table[name], where, entry)
+                    values[name if isinstance(kind, tuple) else entry.name] = value
+                    _ask(value, table[name], where, entry)
         for name in [each for each in table if each not in known]:
             with part():
                 near = suggestion(name, [*known], otherwise="it has")
@@ -84,14 +103,14 @@ def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str
 _STATED = 10.0
 
 
-def _ask(read: Any, given: Any, place: Place, entry: Field[Any]) -> None:
+def _ask(read: Any, given: Any, place: Place, entry: Key) -> None:
     """Keep a question on an unusual number of a key, or on the largest one of an array."""
-    if not (usual := entry.metadata["usual"]):
+    if not (usual := entry.says.usual):
         return
     numbers = [each for each in (read if isinstance(read, tuple) else (read,)) if isinstance(each, float)]
     largest = max(map(abs, numbers), default=0.0)
     stated = any(isinstance(each, str) for each in (given if isinstance(given, list) else (given,)))
-    room, unit = _STATED if stated else 1.0, entry.metadata["unit"] or "1"
+    room, unit = _STATED if stated else 1.0, entry.says.unit or "1"
     if 0.0 < largest < math.inf and (
         question := question_on(str(place.path[-1]), largest, usual, unit, room=room)
     ):
@@ -99,37 +118,42 @@ def _ask(read: Any, given: Any, place: Place, entry: Field[Any]) -> None:
 
 
 @cache
-def _nodes_in_file(kind: type) -> Mapping[str, Node]:
+def _nodes_in_file(kind: Table) -> Mapping[str, Node]:
     """What each key of a table takes in a file, by its name there: numbers with units, and counts from one."""
-    return {name_in_file(each): _node_in_file(fields_of(kind)[each.name], each) for each in keys_of(kind)}
+    return {name_in_file(each): _node_in_file(_without_arrays(each.node), each) for each in keys_of(kind)}
 
 
-def _node_in_file(node: Node, entry: Field[Any], *, alone: bool = True) -> Node:
+def _without_arrays(node: Node) -> Node:
+    """What a document has: lists of numbers in the place of arrays."""
+    if isinstance(node, nodes.Array):
+        return nodes.Items(tuple, (nodes.Scalar(float, (), node.notes),), node.notes)
+    return replace(node, parts=tuple(map(_without_arrays, node.parts)))
+
+
+def _node_in_file(node: Node, entry: Key, *, alone: bool = True) -> Node:
     shifted = (range_of(entry) if isinstance(note, Within) else note for note in node.notes)
-    notes = tuple(shifted) if entry.metadata["from_one"] else node.notes
+    notes = tuple(shifted) if entry.says.from_one else node.notes
     if node.kind is float:
         # A text that stands for something else is no number with its unit.
-        notes += (InUnit((entry.metadata["unit"] or "1") if alone else ""),)
+        notes += (InUnit((entry.says.unit or "1") if alone else ""),)
     alone = not any(part.kind is str for part in node.parts)
     parts = tuple(_node_in_file(part, entry, alone=alone) for part in node.parts)
-    return replace(node, notes=notes, parts=parts)
+    kind = tuple if isinstance(node, nodes.Items) else node.kind
+    return replace(node, kind=kind, notes=notes, parts=parts)
 
 
-def _read_value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
+def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
     members = node.parts if isinstance(node, nodes.Either) else (node,)
-    table, several = inner_table(node)
+    table, several = inner_table(entry)
     if table is not None:
-        if isinstance(value, dict) and any(isinstance(each, Record) for each in members):
-            return read_table(cast(type[Any], table), value, place)
+        if isinstance(value, dict) and any(isinstance(each, nodes.Record) for each in members):
+            return _read_inner(table, value, place)
         if isinstance(value, list) and several:
-            item = Record(table)
-            read = read_each(lambda n: _read_value(item, value[n], place.within(n), entry), range(len(value)))
-            return tuple(read)
-        key, came = name_in_file(entry), "a table" if isinstance(value, dict) else quote_value(value)
-        place.refuse(
-            f"{_name(place)} is {came}; give {f'tables, as [[{key}]]' if several else f'a table [{key}]'}"
-        )
-    most = entry.metadata["most_items"]
+            return tuple(
+                read_each(lambda n: _read_item(table, value[n], place.within(n), entry), range(len(value)))
+            )
+        _refuse_no_table(value, place, name_in_file(entry), several=several)
+    most = entry.says.most_items
     if isinstance(value, list) and not value:
         leave = "" if is_required(entry) else ", or leave it out"
         place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}{leave}")
@@ -143,9 +167,22 @@ def _read_value(node: Node, value: Any, place: Place, entry: Field[Any]) -> Any:
     accepted = _accept(node, value, place)
     items = accepted if isinstance(accepted, tuple) else (accepted,)
     _check_items(items, members, place)
-    if entry.metadata["from_one"]:
+    if entry.says.from_one:
         items = tuple(item - 1 for item in items)
     return items if isinstance(accepted, tuple) else items[0]
+
+
+def _read_item(table: Table, value: Any, place: Place, entry: Key) -> Any:
+    if not isinstance(value, dict):
+        _refuse_no_table(value, place, name_in_file(entry), several=False)
+    return _read_inner(table, value, place)
+
+
+def _refuse_no_table(value: Any, place: Place, key: str, *, several: bool) -> NoReturn:
+    came = "a table" if isinstance(value, dict) else quote_value(value)
+    place.refuse(
+        f"{_name(place)} is {came}; give {f'tables, as [[{key}]]' if several else f'a table [{key}]'}"
+    )
 
 
 def _accept(node: Node, value: Any, place: Place) -> Any:
@@ -180,33 +217,8 @@ def _name(place: Place) -> str:
     return str(place.path[length - 1]) + "".join(f"[{number}]" for number in place.path[length:])
 
 
-def choose_way(table: Any, ways: Sequence[Sequence[str]], place: Place) -> int:
-    """Index of the alternative set of keys, of several `ways` to give a table, whose keys are given.
-
-    Keys that all ways have tell nothing. A table with keys of two ways is refused, or with none.
-    """
-    own = [[name for name in way if any(name not in other for other in ways)] for way in ways]
-    given = [[name for name in names if getattr(table, name) is not None] for names in own]
-    used = [number for number, names in enumerate(given) if names]
-    choice = " or by ".join(" and ".join(filter(None, (", ".join(way[:-1]), way[-1]))) for way in own)
-    if not used:
-        place.refuse(f"{place.table} is given by {choice}; here by none of them")
-    if len(used) > 1:
-        # The way of which fewer keys are given is the one that was not meant.
-        odd = min(used, key=lambda number: (len(given[number]), -number))
-        place.within(given[odd][0]).refuse(f"{place.table} is given by {choice}; keep one")
-    return used[0]
-
-
 # Characters of a line of the printed schema.
 _WIDTH = 110
-# A section of a docstring, as Raises: its name, and dashes below it.
-_SECTION = re.compile(r"\n\s*\w+\n\s*-{3,}\s*\n")
-
-
-def before_sections(docstring: str) -> str:
-    """Text of a docstring before its first section."""
-    return _SECTION.split(docstring)[0].rstrip()
 
 
 def heading_lines(heading: str, prose: str) -> list[str]:
@@ -226,27 +238,36 @@ class KeyInWords:
     unit: str
 
 
-def keys_in_words(kind: type) -> list[KeyInWords]:
+def prose_of(table: Table) -> str:
+    """What a table is: the docstring of a dataclass, or first lines of functions with the keys that each has alone."""
+    if not isinstance(table, tuple):
+        return before_sections(inspect.getdoc(table) or "")
+    first = ((inspect.getdoc(function) or "").partition("\n")[0].rstrip(".") for function in table)
+    keys = (f" ({', '.join(names)})" if names else "" for names in own_keys(table))
+    return " ".join(f"{line}{listed}." for line, listed in zip(first, keys, strict=True))
+
+
+def keys_in_words(kind: Table) -> list[KeyInWords]:
     """The keys of a table, in order."""
-    return [_key_in_words(fields_of(kind)[entry.name], entry) for entry in keys_of(kind)]
+    return [_key_in_words(entry) for entry in keys_of(kind)]
 
 
-def _key_in_words(node: Node, entry: Field[Any]) -> KeyInWords:
-    notes = entry.metadata
-    span, can_be = notes["span"], "" if notes["span"] is None or notes["span"].free else "can be "
-    most = f"at most {notes['most_items']} of them" if math.isfinite(notes["most_items"]) else ""
-    file = " or the name of a text file" if notes["matrix"] else ""
-    form = [f"{in_words(node, in_file=True)}{file}", range_of(entry).in_words, most]
+def _key_in_words(entry: Key) -> KeyInWords:
+    says = entry.says
+    can_be = "" if says.span is None or says.span.free else "can be "
+    most = f"at most {says.most_items} of them" if math.isfinite(says.most_items) else ""
+    file = " or the name of a text file" if says.matrix else ""
+    form = [f"{in_words(_without_arrays(entry.node), in_file=True)}{file}", range_of(entry).in_words, most]
     return KeyInWords(
         name=name_in_file(entry),
         default="required" if is_required(entry) else _default(entry),
-        meaning=notes["says"] if span is None else f"{notes['says']}; {can_be}searched by mrwork tune",
+        meaning=says.words if says.span is None else f"{says.words}; {can_be}searched by mrwork tune",
         form=", ".join(filter(None, form)),
-        unit=notes["unit"],
+        unit=says.unit,
     )
 
 
-def _default(entry: Field[Any]) -> str:
+def _default(entry: Key) -> str:
     value = entry.default
     if value is None or value in ("", ()) or is_dataclass(value):
         return "-"
@@ -254,10 +275,10 @@ def _default(entry: Field[Any]) -> str:
         return ", ".join(map(str, value))
     if isinstance(value, bool | float):
         return str(value).lower() if isinstance(value, bool) else f"{value:g}"
-    return str(as_document(value, from_one=entry.metadata["from_one"]))
+    return str(as_document(value, from_one=entry.says.from_one))
 
 
-def key_lines(kind: type) -> list[str]:
+def key_lines(kind: Table) -> list[str]:
     """The keys of a table, their meanings, defaults and forms."""
     keys = keys_in_words(kind)
     names = max((len(entry.name) for entry in keys), default=0)

@@ -7,6 +7,7 @@ An annotation of an unknown form is a `TypeError`.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -24,7 +25,7 @@ SMALLEST = 1.0 / LARGEST
 """Least positive number of a quantity that is divided by, or of which the logarithm or the square is taken."""
 
 NOTES = "notes"
-"""Name of the notes in the metadata of a field that `key` declares."""
+"""Name of the notes in the metadata of a field, which hold beside those of its annotation."""
 
 # Notes
 
@@ -81,6 +82,29 @@ class Within:
         """What to give instead of a number out of the range, as "a number above 0"."""
         words = f"of at least {SMALLEST:g}" if self.above == 0.0 < value < SMALLEST else self.in_words
         return f"a {kind} {words}"
+
+
+@dataclass(frozen=True, slots=True)
+class Says:
+    """What an argument or a field means, which makes it a key of documents, and how a document has it.
+
+    A number with a `unit`, which is that of SI, may be a text with another unit in a document; one beyond the `usual`,
+    of an array the largest, is asked about. `span` is the range in which a search looks for it. A number that counts
+    `from_one` in a document counts from 0 in Python; `named` is the name in a document, where it is another one.
+    `matrix` permits a matrix, also as the name of a text file with it. A text that may name a `file` is relative to the
+    folder of the document. The table of a key with `functions` holds arguments of one or several of these.
+    """
+
+    words: str
+    unit: str = ""
+    usual: tuple[float, float] | None = None
+    span: Any = None
+    from_one: bool = False
+    named: str = ""
+    matrix: bool = False
+    file: bool = False
+    most_items: float = math.inf
+    functions: tuple[Callable[..., Any], ...] = ()
 
 
 def _end(value: float) -> str:
@@ -259,6 +283,18 @@ def notes_of_default(default: Any) -> Notes:
     if not isinstance(default, float) or math.isfinite(default):
         return ()
     return (May.BE_NAN if math.isnan(default) else May.BE_INFINITE,)
+
+
+def nodes_of(function: Any, owner: type = object) -> dict[str, Node]:
+    """What each parameter of a function declares by its annotation, or of the constructor of the dataclass `owner`."""
+    own = inspect.unwrap(function).__globals__
+    declared = fields_of(owner) if is_dataclass(owner) else {}
+    return {
+        name: declared.get(name)
+        or node_of(hint_in(own, parameter.annotation), notes_of_default(parameter.default))
+        for name, parameter in inspect.signature(function).parameters.items()
+        if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
+    }
 
 
 def hint_in(names: dict[str, Any], annotation: Any) -> Any:

@@ -1,23 +1,26 @@
 """Declared tables: the meaning, unit and range of each key, in words and as TOML.
 
-A table is a dataclass. The annotation of a field is the type of its value; `key` declares the rest. The reader of
-documents, the printed schema and scripts that build the same values all use these notes.
+A table is a dataclass, or one or several functions whose arguments it holds. Its keys are the fields and parameters
+with the note `Says`: in the annotation, or by `key`, which declares a field of a dataclass. The reader of documents,
+the printed schema and scripts that build the same values all use these notes.
 """
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import MISSING, Field, field, fields, is_dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
-from functools import partial
-from typing import Any, cast
+from functools import cache, partial
+from typing import Any, NoReturn, cast
 
 from mrwork.base import hints as nodes
-from mrwork.base.hints import NOTES, May, Node, Record, Within, fields_of
+from mrwork.base.hints import NOTES, May, Node, Record, Says, Within, fields_of, nodes_of
+from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import synonyms, without_style
 from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
 
@@ -87,7 +90,7 @@ def meant(name: object, known: Sequence[str]) -> list[str]:
 
 
 def key(
-    says: str,
+    words: str,
     *,
     unit: str = "",
     default: Any = _REQUIRED,
@@ -98,23 +101,29 @@ def key(
     most_items: float = math.inf,
     may_be_nan: bool = False,
     matrix: bool = False,
-    span: object = None,
+    span: Any = None,
     from_one: bool = False,
     named: str = "",
     file: bool = False,
     usual: tuple[float, float] | None = None,
+    functions: tuple[Callable[..., Any], ...] = (),
 ) -> Any:
-    """Declare a key of a table: what it means in a few words, and its range, as of `Within`.
-
-    A number with a `unit`, which is that of SI, may be a text with another unit in a file. A key without a default is
-    required. `matrix` permits a matrix, in a file also the name of a text file with it. `span` is the range in which a
-    search looks for it. A number that counts `from_one` in a file counts from 0 in Python; `named` is the name in a
-    file, where it is another one. A text that may name a `file` is relative to the folder of the document. A number
-    other than 0 that is beyond the `usual`, of an array the largest, is asked about in `Place.questions`.
-    """
-    declared = {**locals(), "within": Within(least=least, above=above, most=most, below=below)}
-    declared[NOTES] = (declared["within"], *([May.BE_NAN] * may_be_nan))
-    return field(metadata=declared) if default is MISSING else field(default=default, metadata=declared)
+    """Declare a field of a dataclass as a key, by the notes `Within` and `Says`; without a default it is required."""
+    says = Says(
+        words,
+        unit,
+        usual,
+        span,
+        from_one,
+        named,
+        matrix=matrix,
+        file=file,
+        most_items=most_items,
+        functions=functions,
+    )
+    within = Within(least=least, above=above, most=most, below=below)
+    metadata = {NOTES: (within, says, *([May.BE_NAN] * may_be_nan))}
+    return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
 optional = partial(key, default=None)
@@ -122,15 +131,74 @@ optional = partial(key, default=None)
 positive = partial(optional, above=0.0)
 """Declare a key of a number above zero that may be left out, and is `None` then or its default."""
 
-
-def keys_of(table: type) -> tuple[Field[Any], ...]:
-    """The keys of a table: its fields declared by `key`."""
-    return tuple(entry for entry in fields(cast(Any, table)) if "says" in entry.metadata)
+Table = type | tuple[Callable[..., Any], ...]
+"""What declares the keys of a table: a dataclass, or functions."""
 
 
-def name_in_file(entry: Field[Any]) -> str:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Key:
+    """A key of a table: a field of a dataclass or an argument of a function, and what its notes declare."""
+
+    name: str
+    node: Node
+    default: Any
+    says: Says
+
+    @property
+    def within(self) -> Within:
+        """Permitted range of its numbers."""
+        return _note(self.node, Within) or Within()
+
+
+def _note(node: Node, kind: type) -> Any:
+    """The first note of a kind that a value has, or those in it."""
+    own = (each for each in node.notes if isinstance(each, kind))
+    return next(own, None) or next((found for part in node.parts if (found := _note(part, kind))), None)
+
+
+@cache
+def keys_of(table: Table) -> tuple[Key, ...]:
+    """The keys of a table: of functions all that one of them has, which is required where it is of each."""
+    if not isinstance(table, tuple):
+        defaults = {each.name: _default_of(each) for each in fields(cast(Any, table))}
+        return _keys(fields_of(table), defaults)
+    of_each = [_keys_of_function(function) for function in table]
+    alike: dict[str, list[Key]] = {}
+    for each in (each for keys in of_each for each in keys):
+        alike.setdefault(name_in_file(each), []).append(each)
+    return tuple(
+        each[0] if len(each) == len(table) else replace(each[0], default=_known_default(each))
+        for each in alike.values()
+    )
+
+
+def _keys_of_function(function: Callable[..., Any]) -> tuple[Key, ...]:
+    if isinstance(function, type):
+        return keys_of(function)
+    defaults = {name: each.default for name, each in inspect.signature(function).parameters.items()}
+    required = {name: MISSING for name, default in defaults.items() if default is inspect.Parameter.empty}
+    return _keys(nodes_of(function), defaults | required)
+
+
+def _keys(declared: Mapping[str, Node], defaults: Mapping[str, Any]) -> tuple[Key, ...]:
+    return tuple(
+        Key(name=name, node=node, default=defaults[name], says=says)
+        for name, node in declared.items()
+        if (says := next((each for each in node.notes if isinstance(each, Says)), None))
+    )
+
+
+def _default_of(entry: Any) -> Any:
+    return entry.default if entry.default_factory is MISSING else entry.default_factory()
+
+
+def _known_default(alike: Sequence[Key]) -> Any:
+    return next((each.default for each in alike if each.default is not MISSING), None)
+
+
+def name_in_file(entry: Key) -> str:
     """Name of a key in a file."""
-    return entry.metadata["named"] or entry.name
+    return entry.says.named or entry.name
 
 
 def given_in(table: Any) -> dict[str, Any]:
@@ -139,12 +207,14 @@ def given_in(table: Any) -> dict[str, Any]:
     for entry in keys_of(type(table)):
         value = getattr(table, entry.name)
         if type(value) is not type(entry.default) or value != entry.default:
-            given[name_in_file(entry)] = as_document(value, from_one=entry.metadata["from_one"])
+            given[name_in_file(entry)] = as_document(value, from_one=entry.says.from_one)
     return given
 
 
 def as_document(value: Any, *, from_one: bool = False) -> Any:
     """A value of a key as a document has it: tables and arrays of plain values."""
+    if isinstance(value, Arguments):
+        return as_document(value.given)
     if isinstance(value, Mapping):
         return {name: as_document(item, from_one=from_one) for name, item in value.items()}
     if isinstance(value, list | tuple):
@@ -154,15 +224,95 @@ def as_document(value: Any, *, from_one: bool = False) -> Any:
     return value + 1 if from_one else value
 
 
-def is_required(entry: Field[Any]) -> bool:
+def is_required(entry: Key) -> bool:
     """Whether the key must be given."""
-    return entry.default is MISSING and entry.default_factory is MISSING
+    return entry.default is MISSING
 
 
-def describe_key(entry: Field[Any]) -> str:
+def describe_key(entry: Key) -> str:
     """Meaning of a key and its unit."""
-    unit = entry.metadata["unit"]
-    return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
+    return f"{entry.says.words}{f' [{entry.says.unit}]' if entry.says.unit else ''}"
+
+
+# A section of a docstring, as Raises: its name, and dashes below it.
+_SECTION = re.compile(r"\n\s*\w+\n\s*-{3,}\s*\n")
+_PARAMETERS = "\nParameters\n----------\n"
+
+
+def before_sections(docstring: str) -> str:
+    """Text of a docstring before its first section."""
+    return _SECTION.split(docstring)[0].rstrip()
+
+
+def documented(docstring: str | None, declared: Mapping[str, Node]) -> str | None:
+    """The docstring of a function or class with what the notes of its parameters say, among or as its Parameters."""
+    keys = _keys(declared, dict.fromkeys(declared))
+    if not docstring or not keys:
+        return docstring
+    said = ((each.name, ", ".join(filter(None, (describe_key(each), each.within.in_words)))) for each in keys)
+    lines = "".join(f"{name}\n    {words[:1].upper()}{words[1:]}.\n" for name, words in said)
+    text = inspect.cleandoc(docstring)
+    before, head, rest = text.partition(_PARAMETERS)
+    if not head:
+        before = before_sections(text)
+        rest = text[len(before) :].lstrip("\n")
+        rest = f"\n{rest}" if rest else ""
+        before = f"{before}\n"
+    return f"{before}{_PARAMETERS}{lines}{rest}"
+
+
+def refuse_missing(entry: Key, place: Place) -> NoReturn:
+    """Refuse a table that does not give a key."""
+    place.refuse(f"{place.table} has no {name_in_file(entry)}; give {describe_key(entry)}")
+
+
+def own_keys(functions: Sequence[Callable[..., Any]]) -> list[list[str]]:
+    """Names of the keys of each function in a document, without those that all have."""
+    names = [[name_in_file(entry) for entry in keys_of((each,))] for each in functions]
+    return [[name for name in keys if any(name not in other for other in names)] for keys in names]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arguments:
+    """Arguments of `functions` that a table of a document gives, by their names there."""
+
+    functions: tuple[Callable[..., Any], ...]
+    given: Mapping[str, Any]
+    place: Place
+
+    def of(self, function: Callable[..., Any]) -> dict[str, Any]:
+        """Those of one of the functions, by its own names."""
+        names = {name_in_file(entry): entry.name for entry in keys_of((function,))}
+        return {names[name]: value for name, value in self.given.items() if name in names}
+
+    def call(self) -> Callable[..., Any]:
+        """The one of the functions whose keys are given, with these as its arguments; errors begin with the place."""
+        function = self.functions[0] if len(self.functions) == 1 else self._chosen()
+        with all_mistakes() as part:
+            for entry in keys_of((function,)):
+                if is_required(entry) and name_in_file(entry) not in self.given:
+                    with part():
+                        refuse_missing(entry, self.place)
+
+        def called(*given: Any) -> Any:
+            with self.place.prefix_errors():
+                return function(*given, **self.of(function))
+
+        return called
+
+    def _chosen(self) -> Callable[..., Any]:
+        """A table with keys of two functions is refused, or with none; keys that all functions have tell nothing."""
+        own = own_keys(self.functions)
+        given = [[name for name in way if name in self.given] for way in own]
+        used = [number for number, way in enumerate(given) if way]
+        choice = " or by ".join(" and ".join(filter(None, (", ".join(way[:-1]), way[-1]))) for way in own)
+        if not used:
+            self.place.refuse(f"{self.place.table} is given by {choice}; here by none of them")
+        if len(used) > 1:
+            # The way of which fewer keys are given is the one that was not meant.
+            odd = min(used, key=lambda number: (len(given[number]), -number))
+            self.place.within(given[odd][0]).refuse(f"{self.place.table} is given by {choice}; keep one")
+        return self.functions[used[0]]
 
 
 def describe_repeat(name: str, values: Sequence[object]) -> str:
@@ -172,32 +322,42 @@ def describe_repeat(name: str, values: Sequence[object]) -> str:
     return "" if twice is None else f"{name} has {twice!r} twice; give each once"
 
 
-def range_of(entry: Field[Any]) -> Within:
+def range_of(entry: Key) -> Within:
     """Permitted range of a key's number in a file, where counts may start from one."""
-    within: Within = entry.metadata["within"]
-    if not entry.metadata["from_one"]:
+    within = entry.within
+    if not entry.says.from_one:
         return within
     return replace(within, least=within.least + 1, most=within.most + 1)
 
 
-def tables(kind: type, path: str = "") -> Iterator[tuple[str, type]]:
+def tables(table: Table, path: str = "") -> Iterator[tuple[str, Table]]:
     """Headings and declarations of a table and all tables in it, outer tables first, each declaration once."""
-    by_heading = {path: kind}
-    for entry in keys_of(kind):
-        inner, several = inner_table(fields_of(kind)[entry.name])
+    by_heading = {path: table}
+    for entry in keys_of(table):
+        inner, several = inner_table(entry)
         if inner is not None:
             name = ".".join(filter(None, (path.strip("[]"), name_in_file(entry))))
-            for heading, table in tables(inner, f"[[{name}]]" if several else f"[{name}]"):
-                if table not in by_heading.values():
-                    by_heading[heading] = table
+            for heading, each in tables(inner, f"[[{name}]]" if several else f"[{name}]"):
+                if each not in by_heading.values():
+                    by_heading[heading] = each
     yield from by_heading.items()
 
 
-def inner_table(node: Node) -> tuple[type | None, bool]:
-    """Class of the table that a key holds, if any, and whether the key may hold several."""
+def inner_table(entry: Key) -> tuple[Table | None, bool]:
+    """What declares the table that a key holds, if any, and whether the key may hold several."""
+    kind, several = _table_in(entry.node)
+    return (entry.says.functions if kind is Arguments else kind), several
+
+
+def is_table(kind: type) -> bool:
+    """Whether a table of a document is read into this dataclass."""
+    return kind is Arguments or bool(keys_of(kind))
+
+
+def _table_in(node: Node) -> tuple[type | None, bool]:
     if isinstance(node, Record):
-        return (node.kind if keys_of(node.kind) else None), False
-    inner = [inner_table(part) for part in node.parts]
+        return (node.kind if is_table(node.kind) else None), False
+    inner = [_table_in(part) for part in node.parts]
     kind = next((table for table, _ in inner if table is not None), None)
     return kind, isinstance(node, nodes.Fixed) or any(several for _, several in inner)
 

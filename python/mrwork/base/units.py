@@ -15,6 +15,9 @@ from mrwork.errors import UnitError
 STANDARD_GRAVITY: Final = 9.80665
 """[m/s^2], exact by definition: third General Conference on Weights and Measures, 1901."""
 
+RATIOS: Final = (5e-4, 0.25)
+"""Usual damping ratios of frames and of spectra."""
+
 MeasuredQuantity = Literal[
     "time", "frequency", "rate", "displacement", "velocity", "acceleration", "mass", "force", "stiffness", "damping",
     "current", "voltage", "current rate", "voltage rate",

@@ -8,16 +8,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Annotated
 
 import numpy as np
 import scipy
 
-from mrwork.base.arguments import NotNegative, Positive, checked
+from mrwork.base.arguments import NotNegative, Positive, Share, checked
+from mrwork.base.hints import Says, Within
 from mrwork.base.keys import check_known
+from mrwork.base.units import RATIOS
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building, PassiveElement, source_with, transform_elements
 from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.errors import SettingError
+
+Storey = Annotated[int | str, Says("number of the storey from 1, or its name")]
+Floor = Annotated[int | str, Says("number of the floor from 1, or its name")]
+SlabMass = Annotated[Positive, Says("mass of the slab", unit="kg")]
+Name = Annotated[str, Says("name in tables")]
+ISOLATORS, ADDED = (0.7, 10.0), (5e-3, 0.8)
+"""Usual periods on isolators [s], and usual damping ratios of what is added to a frame."""
 
 # No building is as tall; natural frequencies of more coordinates take many seconds.
 _MOST_STOREYS = 1000
@@ -213,8 +223,13 @@ def building(name: str) -> Building:
 
 
 @checked
-def with_rayleigh_coefficients(building: Building, *, a0: float, a1: float) -> Building:
-    """Return the building with Rayleigh damping, C = a0 M + a1 K, with a0 [1/s] and a1 [s].
+def with_rayleigh_coefficients(
+    building: Building,
+    *,
+    a0: Annotated[float, Says("coefficient of the mass", unit="1/s")],
+    a1: Annotated[float, Says("coefficient of the stiffness", unit="s")],
+) -> Building:
+    """The building with Rayleigh damping, C = a0 M + a1 K.
 
     Raises
     ------
@@ -233,9 +248,17 @@ def with_rayleigh_coefficients(building: Building, *, a0: float, a1: float) -> B
 
 @checked
 def with_rayleigh_damping(
-    building: Building, *, ratios: tuple[float, float], modes: tuple[int, int] = (1, 2)
+    building: Building,
+    *,
+    ratios: Annotated[
+        tuple[Share, Share], Says("damping ratios in two modes, as [0.02, 0.02]", usual=RATIOS)
+    ],
+    modes: Annotated[tuple[int, int], Within(least=1), Says("numbers of these modes from 1, as [1, 3]")] = (
+        1,
+        2,
+    ),
 ) -> Building:
-    """Return the building with Rayleigh damping that has given ratios in two modes, numbered from 1.
+    """The building with Rayleigh damping that has given ratios in two modes.
 
     a0 and a1 solve `ratio = (a0 / omega + a1 omega) / 2` for both (Chopra, Dynamics of Structures, 11.4.1).
 
@@ -244,9 +267,8 @@ def with_rayleigh_damping(
     SettingError
         If the modes are equal, do not exist or have zero frequency, or a mode would have negative damping.
     """
-    _check_ratios(ratios, building.name)
     omega, _ = modes_of(building.mass, building.stiffness)
-    if len(set(modes)) != 2 or not all(1 <= mode <= omega.size for mode in modes):
+    if len(set(modes)) != 2 or max(modes) > omega.size:
         raise SettingError(
             f"building {building.name}: Rayleigh damping in modes {modes[0]} and {modes[1]}; "
             + (
@@ -266,12 +288,18 @@ def with_rayleigh_damping(
 
 
 @checked
-def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Building:
-    """Return the building with given modal damping ratios, one for each mode or a single one for all.
+def with_modal_damping(
+    building: Building,
+    *,
+    ratios: Annotated[
+        Sequence[Share],
+        Says("damping ratios, as [0.01]: one for all modes or one for each", usual=RATIOS),
+    ],
+) -> Building:
+    """The building with given damping ratios of its modes.
 
     `C = M (sum of 2 ratio omega phi phi') M` over the modes phi, normalised so that phi' M phi = 1.
     """
-    _check_ratios(ratios, building.name)
     omega, modes = modes_of(building.mass, building.stiffness)
     if len(ratios) not in (1, omega.size):
         raise SettingError(
@@ -290,26 +318,14 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
     return replace(building, damping=(moved * spread) @ moved.T)
 
 
-def _check_ratios(ratios: Sequence[float], name: str) -> None:
-    for ratio in ratios:
-        if not 0.0 <= ratio <= 1.0:
-            raise SettingError(
-                f"building {name}: a damping ratio is {ratio:g}; give a share of critical damping from 0 to 1, such as "
-                "0.02 for 2 %"
-            )
-
-
 @checked
-def with_viscous_damper(building: Building, *, storey: int | str, damping: NotNegative) -> Building:
-    """Return the building with a linear viscous damper across a storey: C grows by `damping e'e`.
-
-    Parameters
-    ----------
-    storey
-        Number from 1, or name.
-    damping
-        Sum over all dampers of the storey [N s/m].
-    """
+def with_viscous_damper(
+    building: Building,
+    *,
+    storey: Storey,
+    damping: Annotated[NotNegative, Says("sum over all dampers of the storey", unit="N s/m")],
+) -> Building:
+    """The building with a linear viscous damper across a storey: C grows by `damping e'e`."""
     name = f"viscous damper in {building.storey_name(storey)}"
     element = PassiveElement(name=name, row=building.storey_row(storey), damping=damping)
     return with_element(building, element, f"has {damping:g} N s/m")
@@ -373,13 +389,18 @@ def with_coordinate(
 def with_brace(
     building: Building,
     *,
-    storey: int | str,
-    stiffness: Positive,
-    mass: Positive,
-    damping: NotNegative = 0.0,
-    name: str = "",
+    storey: Storey,
+    stiffness: Annotated[Positive, Says("stiffness of the brace along the drift", unit="N/m")],
+    mass: Annotated[
+        Positive,
+        Says("mass that moves with the deformation of the brace, such as a thousandth of a floor", unit="kg"),
+    ],
+    damping: Annotated[NotNegative, Says("damping of the brace along the drift", unit="N s/m")] = 0.0,
+    name: Annotated[
+        str, Says('name of the stroke of the damper in tables, by default "damper in" and the storey')
+    ] = "",
 ) -> Building:
-    """Return the building with a brace in series with a damper: the two share the drift of a storey.
+    """The building with a brace in series with a damper: the two share the drift of a storey.
 
     The deformation d of the brace is a new coordinate, `m d'' + c d' + k d = f`, and the rest of the drift, `e q - d`,
     elongates the damper. This row is appended to the storeys as a stroke, named "damper in storey 1" for storey 1.
@@ -388,17 +409,6 @@ def with_brace(
     deformation only, so the mass of the building does not change. With a viscous damper c0, d settles at the rate
     `(c + c0) / m` and oscillates at `sqrt(k / m)`. Choose a mass for which both are fast compared with the building and
     slow compared with the step of the simulation; a thousandth of a floor mass is usually suitable.
-
-    Parameters
-    ----------
-    storey
-        Number from 1, or name.
-    stiffness, damping
-        Stiffness [N/m] and damping [N s/m] of the brace along the drift.
-    mass
-        Mass that moves with the deformation of the brace [kg].
-    name
-        Name of the new row; by default "damper in" and the storey.
     """
     where = building.storey_name(storey)
     row = building.storey_row(storey)
@@ -434,21 +444,22 @@ def brace_across(
 
 @checked
 def with_base_isolation(
-    building: Building, *, mass: Positive, stiffness: Positive, damping: NotNegative
+    building: Building,
+    *,
+    mass: SlabMass,
+    stiffness: Annotated[Positive, Says("stiffness of all isolators", unit="N/m")],
+    damping: Annotated[NotNegative, Says("damping of all isolators", unit="N s/m")],
 ) -> Building:
-    """Return the building on a base slab with isolators between slab and ground.
+    """The building on a base slab with isolators between slab and ground.
 
     The displacement u of the slab relative to the ground is a new first coordinate. The building stands on the slab, so
     `q - r u` replaces q in its forces. The slab becomes the lowest floor, "base", and the isolators the lowest storey,
     "isolation".
-
-    Parameters
-    ----------
-    mass
-        Mass of the slab [kg].
-    stiffness, damping
-        Sum over all isolators [N/m], [N s/m].
     """
+    if "isolation" in building.storey_names:
+        raise SettingError(
+            f"{building.name} stands on isolators already; keep one of isolation and lead_rubber"
+        )
     # Displacements relative to the slab, q - r u.
     relative = np.hstack([-building.influence[:, None], np.eye(building.n_coordinates)])
     slab = np.concatenate([[1.0], np.zeros(building.n_coordinates)])
@@ -474,21 +485,18 @@ def with_base_isolation(
 
 @checked
 def with_base_isolation_of_period(
-    building: Building, *, mass: Positive, period: Positive, ratio: NotNegative
+    building: Building,
+    *,
+    mass: SlabMass,
+    period: Annotated[
+        Positive, Says("period of the rigid building on its isolators", unit="s", usual=ISOLATORS)
+    ],
+    ratio: Annotated[NotNegative, Says("damping ratio of that motion", usual=ADDED)],
 ) -> Building:
-    """Return the building on a base slab with isolators given by their period and damping ratio.
+    """The building on a base slab with isolators given by their period and damping ratio.
 
     With the total mass m above the isolators in rigid-body motion, `stiffness = m (2 pi / period)^2` and
     `damping = 2 ratio m (2 pi / period)` (Naeim, Kelly, Design of Seismic Isolated Structures, 1999).
-
-    Parameters
-    ----------
-    mass
-        Mass of the slab [kg].
-    period
-        Period of the rigid building on its isolators [s].
-    ratio
-        Damping ratio of that motion.
     """
     omega = 2.0 * np.pi / period
     total = building.total_mass + mass

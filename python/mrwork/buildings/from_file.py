@@ -1,25 +1,24 @@
 """Read a building from a file or from a table of a study file: the table is `BuildingTable`.
 
-An addition is what such a table puts into a building: a field of `BuildingTable` whose type is a class with the keys
-and the function that puts it in, or several of which the keys choose one. Additions are applied in the order of the
-fields, so that damping ratios refer to the bare building, and storey 1 of an isolated building is the isolators.
+An addition is what such a table puts into a building: a key of `BuildingTable` with the functions that put it in, whose
+arguments are the keys of its own table. Additions are applied in the order of the keys, so that damping ratios refer to
+the bare building, and storey 1 of an isolated building is the isolators.
 """
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 from warnings import warn
 
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.documents import choose_way, read_table, refuse_missing
-from mrwork.base.keys import key, keys_of, optional, positive
+from mrwork.base.documents import read_table
+from mrwork.base.keys import Arguments, keys_of, optional, positive, refuse_missing
 from mrwork.base.numbers import counted
 from mrwork.base.places import Place, all_mistakes, read_each
 from mrwork.base.values import Floats
@@ -54,247 +53,11 @@ from mrwork.store.input_file import TOML, is_folder, text_of
 from mrwork.store.parse import toml_lines, toml_table
 from mrwork.store.run_folder import real_place
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Addition:
-    """Table of something built into a building, by a function or by the one of several whose keys are given."""
-
-    ways: ClassVar[tuple[Callable[..., Building], ...]]
-    place: Place
-
-    def way(self) -> Callable[[Building], Building]:
-        """The function that puts this addition in; keys that are not given have its defaults."""
-        takes = [inspect.signature(way).parameters for way in self.ways]
-        names = [[name for name in each if name != "building"] for each in takes]
-        number = choose_way(self, names, self.place) if len(self.ways) > 1 else 0
-        given = {name: value for name in names[number] if (value := getattr(self, name)) is not None}
-        needed = {name for name in names[number] if takes[number][name].default is inspect.Parameter.empty}
-        with all_mistakes() as part:
-            for entry in keys_of(type(self)):
-                if entry.name in needed - given.keys():
-                    with part():
-                        refuse_missing(entry, self.place)
-        return partial(self.ways[number], **given)
-
-
-# Usual damping ratios of frames and of what is added, periods on isolators [s], yield displacements of devices [m] and
-# shares of the mass of a building.
-RATIOS: Final = (5e-4, 0.25)
-_ADDED, _ISOLATORS, _YIELDS, _SHARES = (5e-3, 0.8), (0.7, 10.0), (2e-5, 0.15), (5e-4, 0.5)
-_STOREY: Final = "storey: its number from 1, or its name"
-_FLOOR: Final = "floor: its number from 1, or its name"
-_SHARP: Final = "sharpness of the knee: 1 is round, 10 nearly bilinear"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RayleighTable(Addition):
-    """Rayleigh damping, C = a0 M + a1 K, by a0 and a1 or by damping ratios in two modes."""
-
-    ways = (with_rayleigh_coefficients, with_rayleigh_damping)
-    a0: float | None = optional("coefficient of the mass", unit="1/s")
-    a1: float | None = optional("coefficient of the stiffness", unit="s")
-    ratios: tuple[float, float] | None = optional(
-        "damping ratios in two modes, as [0.02, 0.02]", least=0.0, most=1.0, usual=RATIOS
-    )
-    modes: tuple[int, int] | None = optional("numbers of these modes, as [1, 3]; [1, 2] by default", least=1)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModalDampingTable(Addition):
-    """Damping by the ratios of the modes."""
-
-    ways = (with_modal_damping,)
-    ratios: tuple[float, ...] = key(
-        "damping ratios, as [0.01]: one for all modes or one for each", least=0.0, most=1.0, usual=RATIOS
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class YieldingStoreysTable(Addition):
-    """Storeys of the frame that yield; one number for all, or one for each, lowest first.
-
-    Periods, damping and the design of laws are those of the elastic frame.
-    """
-
-    ways = (with_storeys_that_yield,)
-    yield_drift: float | tuple[float, ...] | None = positive(
-        "drift at which a storey yields; or yield_drift_ratio, or yield_shear", unit="m"
-    )
-    yield_drift_ratio: float | tuple[float, ...] | None = positive(
-        "the same over the height of the storey, as 0.5 %", below=1.0
-    )
-    yield_shear: float | tuple[float, ...] | None = positive("shear at which it yields", unit="N")
-    post_yield_ratio: float | tuple[float, ...] | None = optional(
-        "stiffness after yielding over that before, 0.03 by default", least=0.0, below=1.0
-    )
-    sharpness: float | tuple[float, ...] | None = optional(f"{_SHARP}; 10 by default", least=1.0, most=50.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IsolationTable(Addition):
-    """A base slab on isolators, given by stiffness and damping or by period and ratio."""
-
-    ways = (with_base_isolation, with_base_isolation_of_period)
-    mass: float = key("mass of the slab", unit="kg", above=0.0)
-    stiffness: float | None = positive("stiffness of all isolators", unit="N/m")
-    damping: float | None = optional("damping of all isolators", unit="N s/m", least=0.0)
-    period: float | None = positive(
-        "period of the rigid building on its isolators", unit="s", usual=_ISOLATORS
-    )
-    ratio: float | None = optional("damping ratio of that motion", least=0.0, usual=_ADDED)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeadRubberTable(Addition):
-    """A base slab on lead-rubber bearings: a spring of rubber, and leads that yield."""
-
-    ways = (with_lead_rubber_bearings,)
-    mass: float = key("mass of the slab", unit="kg", above=0.0)
-    period: float | None = positive(
-        "period of the rigid building on the rubber alone; or post_yield_stiffness",
-        unit="s",
-        usual=_ISOLATORS,
-    )
-    post_yield_stiffness: float | None = positive(
-        "stiffness K_d of the rubber of all bearings; or period", unit="N/m"
-    )
-    ratio: float | None = optional("damping ratio of the rubber, 0 by default", least=0.0, usual=_ADDED)
-    characteristic_strength: float | None = positive(
-        "characteristic strength Q_d of all leads together", unit="N"
-    )
-    yield_force: float | None = positive("another name of characteristic_strength", unit="N")
-    yield_displacement: float | None = positive(
-        "displacement at which the leads yield, 0.01 m by default", unit="m", usual=_YIELDS
-    )
-    sharpness: float | None = optional(f"{_SHARP}; 2 by default", least=1.0, most=50.0)
-    name: str | None = optional("name in tables")
-
-    def way(self) -> Callable[[Building], Building]:
-        """The function that puts the building on its bearings."""
-        put = Addition.way(self)
-
-        def put_on_bearings(building: Building) -> Building:
-            if "isolation" in building.storey_names:
-                self.place.refuse("isolation and lead_rubber both stand under the building; keep one")
-            return put(building)
-
-        return put_on_bearings
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ViscousTable(Addition):
-    """A linear viscous damper across a storey."""
-
-    ways = (with_viscous_damper,)
-    storey: int | str = key(_STOREY)
-    damping: float = key("sum over all dampers of the storey", unit="N s/m", least=0.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class YieldingTable(Addition):
-    """A metallic yielding damper across a storey."""
-
-    ways = (with_yielding_damper,)
-    storey: int | str = key(_STOREY)
-    yield_force: float = key("force at which it yields, along the drift", unit="N", above=0.0)
-    yield_displacement: float = key(
-        "displacement at which it yields, with its brace", unit="m", above=0.0, usual=_YIELDS
-    )
-    post_yield_ratio: float | None = optional(
-        "stiffness after yielding over that before, 0.05 by default", least=0.0, below=1.0
-    )
-    sharpness: float | None = optional(f"{_SHARP}; 10 by default", least=1.0, most=50.0)
-    name: str | None = optional("name in tables")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrictionTable(Addition):
-    """A friction damper in a brace across a storey."""
-
-    ways = (with_friction_damper,)
-    storey: int | str = key(_STOREY)
-    slip_load: float = key("force at which it slips, along the drift", unit="N", above=0.0)
-    stiffness: float = key("stiffness of the brace until it slips", unit="N/m", above=0.0)
-    sharpness: float | None = optional(f"{_SHARP}; 20 by default", least=1.0, most=50.0)
-    name: str | None = optional("name in tables")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BraceOfBuildingTable(Addition):
-    """A brace in series with a damper of the storey."""
-
-    ways = (with_brace,)
-    storey: int | str = key(_STOREY)
-    stiffness: float = key("stiffness of the brace", unit="N/m", above=0.0)
-    mass: float = key(
-        "mass that moves with the deformation of the brace, such as a thousandth of a floor",
-        unit="kg",
-        above=0.0,
-    )
-    damping: float | None = optional("damping of the brace, 0 by default", unit="N s/m", least=0.0)
-    name: str | None = optional("name of the stroke of the damper in tables")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TunedMassTable(Addition):
-    """A tuned mass on a floor: an optimum by mass_ratio, or given by mass, frequency and ratio."""
-
-    ways = (with_optimal_tuned_mass, with_tuned_mass)
-    floor: int | str = key(_FLOOR)
-    mass_ratio: float | None = positive(
-        "mass over that of the building, as 0.02, with a published tuning", usual=_SHARES
-    )
-    tuning: str | None = optional(
-        "warburton for ground motion, the default, den_hartog or sadek; with mass_ratio"
-    )
-    mode: int | None = optional("mode it is tuned to, 1 by default; with mass_ratio", least=1)
-    mass: float | None = positive("mass", unit="kg")
-    frequency: float | None = positive("frequency of the mass on its spring, on the fixed floor", unit="Hz")
-    ratio: float | None = optional("damping ratio of that motion", least=0.0, usual=_ADDED)
-    name: str | None = optional("name in tables")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LiquidColumnTable(Addition):
-    """A liquid column on a floor: an optimum by mass_ratio and rms_velocity, or by mass, frequency and head_loss."""
-
-    ways = (with_optimal_liquid_column, with_liquid_column)
-    floor: int | str = key(_FLOOR)
-    width_ratio: float = key("horizontal share of the length of the column", above=0.0, below=1.0)
-    mass_ratio: float | None = positive(
-        "mass of the liquid over that of the building, as 0.02", usual=_SHARES
-    )
-    rms_velocity: float | None = positive(
-        "velocity of the liquid at which its damping is the optimum; with mass_ratio", unit="m/s"
-    )
-    mode: int | None = optional("mode it is tuned to, 1 by default; with mass_ratio", least=1)
-    mass: float | None = positive("mass of the liquid", unit="kg")
-    frequency: float | None = positive("frequency of the liquid on the fixed floor", unit="Hz")
-    head_loss: float | None = optional("coefficient of head loss of orifice and tube", least=0.0)
-    name: str | None = optional("name in tables")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ElementTable:
-    """A passive element whose spring and dashpot are in the matrices, see `mr.buildings.PassiveElement`."""
-
-    name: str = key("name in tables")
-    row: _Numbers = key("its displacement over the coordinates: a number for each")
-    stiffness: float = key("spring, which is in the matrices", unit="N/m", default=0.0, least=0.0)
-    damping: float = key("dashpot, which is in the matrices", unit="N s/m", default=0.0, least=0.0)
-    head_loss: float = key("coefficient of head loss, in N s2/m2", default=0.0, least=0.0)
-    yield_force: float = key("force at which it yields or slips", unit="N", default=0.0, least=0.0)
-    yield_displacement: float = positive("displacement at which it does", unit="m", default=1.0)
-    sharpness: float = key(_SHARP, default=10.0, least=1.0, most=50.0)
-    in_stiffness: bool = key(
-        "whether the stiffness matrix has the initial stiffness of its loop too, as of a storey that yields",
-        default=False,
-    )
-
-
 _Numbers = tuple[float, ...]
 _Rows = tuple[_Numbers, ...]
 _Names = tuple[str, ...]
+_Addition = Arguments | None
+_Additions = tuple[Arguments, ...] | Arguments | None
 _OR_FILE: Final = (
     ", as rows or the name of a text file; with `published` or `file` it replaces that of the building"
 )
@@ -357,18 +120,28 @@ class BuildingTable:
         unit="N",
         least=0.0,
     )
-    element: tuple[ElementTable, ...] | None = optional("passive elements beside the matrices")
-    rayleigh: RayleighTable | None = optional("Rayleigh damping")
-    modal_damping: ModalDampingTable | None = optional("damping ratios of the modes")
-    storeys_that_yield: YieldingStoreysTable | None = optional("storeys of the frame that yield")
-    isolation: IsolationTable | None = optional("base isolation")
-    lead_rubber: LeadRubberTable | None = optional("lead-rubber bearings")
-    viscous: tuple[ViscousTable, ...] | ViscousTable | None = optional("viscous dampers")
-    yielding: tuple[YieldingTable, ...] | YieldingTable | None = optional("yielding dampers")
-    friction: tuple[FrictionTable, ...] | FrictionTable | None = optional("friction dampers")
-    brace: tuple[BraceOfBuildingTable, ...] | BraceOfBuildingTable | None = optional("braces")
-    tuned_mass: tuple[TunedMassTable, ...] | TunedMassTable | None = optional("tuned masses")
-    liquid_column: tuple[LiquidColumnTable, ...] | LiquidColumnTable | None = optional("liquid columns")
+    element: tuple[Arguments, ...] | None = optional(
+        "passive elements beside the matrices", functions=(PassiveElement,)
+    )
+    rayleigh: _Addition = optional(
+        "Rayleigh damping", functions=(with_rayleigh_coefficients, with_rayleigh_damping)
+    )
+    modal_damping: _Addition = optional("damping ratios of the modes", functions=(with_modal_damping,))
+    storeys_that_yield: _Addition = optional(
+        "storeys of the frame that yield", functions=(with_storeys_that_yield,)
+    )
+    isolation: _Addition = optional(
+        "base isolation", functions=(with_base_isolation, with_base_isolation_of_period)
+    )
+    lead_rubber: _Addition = optional("lead-rubber bearings", functions=(with_lead_rubber_bearings,))
+    viscous: _Additions = optional("viscous dampers", functions=(with_viscous_damper,))
+    yielding: _Additions = optional("yielding dampers", functions=(with_yielding_damper,))
+    friction: _Additions = optional("friction dampers", functions=(with_friction_damper,))
+    brace: _Additions = optional("braces", functions=(with_brace,))
+    tuned_mass: _Additions = optional("tuned masses", functions=(with_optimal_tuned_mass, with_tuned_mass))
+    liquid_column: _Additions = optional(
+        "liquid columns", functions=(with_optimal_liquid_column, with_liquid_column)
+    )
     place: Place
 
     def override_with(self, other: BuildingTable) -> BuildingTable:
@@ -380,13 +153,12 @@ class BuildingTable:
         """The building; names of files are relative to `folder`."""
         return _make_building(self, folder, ())
 
-    def additions(self) -> Iterator[Addition]:
+    def additions(self) -> Iterator[Arguments]:
         """Additions to the building, in order."""
         for entry in keys_of(BuildingTable):
             value = getattr(self, entry.name)
-            for each in value if isinstance(value, tuple) else (value,):
-                if isinstance(each, Addition):
-                    yield each
+            if entry.says.functions and entry.name != "element" and value is not None:
+                yield from value if isinstance(value, tuple) else (value,)
 
 
 def _list_given_keys(table: BuildingTable) -> tuple[str, ...]:
@@ -468,7 +240,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             with part():
                 place.within(damped[-1]).refuse(f"{' and '.join(damped[:2])} both give the damping; keep one")
         with part():
-            ways = read_each(lambda each: (each.place, each.way()), table.additions())
+            additions = read_each(Arguments.call, table.additions())
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         if form == "masses":
@@ -489,20 +261,17 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             built = _replace_matrices(known, table, folder)
         with place.prefix_errors():
             built = _with_statements(built, table)
-        if table.element or any(not isinstance(each, _OF_DAMPING) for each in table.additions()):
+        of_damping = (table.rayleigh, table.modal_damping)
+        if table.element or any(each not in of_damping for each in table.additions()):
             refuse_without_masses(built, place.within(form))
-        for where, way in ways:
-            with where.prefix_errors():
-                built = way(built)
+        for add in additions:
+            built = add(built)
         if table.p_delta:
             if table.loads is not None:
                 place.within("loads").refuse("p_delta and loads both give the weights; keep one")
             with place.within("p_delta").prefix_errors():
                 built = with_p_delta(built)
     return built
-
-
-_OF_DAMPING: Final = (RayleighTable, ModalDampingTable)
 
 
 def refuse_without_masses(building: Building, place: Place) -> None:
@@ -516,10 +285,7 @@ def refuse_without_masses(building: Building, place: Place) -> None:
 
 def _with_statements(building: Building, table: BuildingTable) -> Building:
     """The building with what a table states beside its matrices: strokes, elements, heights, drift limit, weights."""
-    elements = tuple(
-        PassiveElement(**{entry.name: getattr(each, entry.name) for entry in keys_of(ElementTable)})
-        for each in table.element or ()
-    )
+    elements = tuple(each.call()() for each in table.element or ())
     n_strokes = building.n_strokes if table.n_strokes is None else table.n_strokes
     count = max(len(building.storeys) - n_strokes, 0)
     if table.height is not None and table.heights is not None:

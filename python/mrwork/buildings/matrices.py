@@ -12,7 +12,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import NotNegative, Positive, checked
-from mrwork.base.hints import Within
+from mrwork.base.hints import Says, Within
 from mrwork.base.numbers import counted, format_rounded, significant
 from mrwork.base.plotted import Plotted, building_html
 from mrwork.base.summary import Summarised, Summary
@@ -30,6 +30,9 @@ from mrwork.buildings.modes import (
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.dampers.tested_range import OperatingRange, Outside, beyond_rating, outside_of
 from mrwork.errors import SettingError, UnknownNameError
+
+KNEE: Final = Says("sharpness of the knee: 1 is round, 10 nearly bilinear")
+Sharpness = Annotated[float, Within(least=1.0, most=50.0), KNEE]
 
 
 @checked
@@ -50,15 +53,20 @@ class PassiveElement(Summarised):
         "mr.buildings.with_friction_damper(...) and its like, or mr.buildings.PassiveElement(...)"
     )
 
-    name: str
-    row: Floats
-    stiffness: NotNegative = 0.0
-    damping: NotNegative = 0.0
-    head_loss: NotNegative = 0.0
-    yield_force: NotNegative = 0.0
-    yield_displacement: Positive = 1.0
-    sharpness: Annotated[float, Within(least=1.0, most=50.0)] = 10.0
-    in_stiffness: bool = False
+    name: Annotated[str, Says("name in tables")]
+    row: Annotated[Floats, Says("its displacement over the coordinates: a number for each")]
+    stiffness: Annotated[NotNegative, Says("spring, which is in the matrices", unit="N/m")] = 0.0
+    damping: Annotated[NotNegative, Says("dashpot, which is in the matrices", unit="N s/m")] = 0.0
+    head_loss: Annotated[NotNegative, Says("coefficient of head loss, in N s2/m2")] = 0.0
+    yield_force: Annotated[NotNegative, Says("force at which it yields or slips", unit="N")] = 0.0
+    yield_displacement: Annotated[Positive, Says("displacement at which it does", unit="m")] = 1.0
+    sharpness: Sharpness = 10.0
+    in_stiffness: Annotated[
+        bool,
+        Says(
+            "whether the stiffness matrix has the initial stiffness of its loop too, as of a storey that yields"
+        ),
+    ] = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "row", freeze_samples(self.row))

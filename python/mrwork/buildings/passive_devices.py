@@ -6,52 +6,57 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import pi, sqrt
 from types import MappingProxyType
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
 import numpy as np
 
 from mrwork.base.arguments import Level, NotNegative, Positive, checked
-from mrwork.base.hints import Within
+from mrwork.base.hints import Says, Within
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings.frames import (
+    ADDED,
+    ISOLATORS,
+    Floor,
+    Name,
+    SlabMass,
+    Storey,
     mode_at_floor,
     with_base_isolation_of_period,
     with_coordinate,
     with_element,
 )
-from mrwork.buildings.matrices import Building, PassiveElement, source_with
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.buildings.matrices import Building, PassiveElement, Sharpness, source_with
+from mrwork.errors import SettingError
+
+# Usual displacements at which devices yield [m], and masses over that of the building.
+_YIELDS, _SHARES = (2e-5, 0.15), (5e-4, 0.5)
+MassRatio = Annotated[
+    Positive, Says("mass over that of the building, as 0.02, with a published tuning", usual=_SHARES)
+]
+TunedMode = Annotated[int, Within(least=1), Says("number of the mode that it is tuned to; with mass_ratio")]
+WidthRatio = Annotated[Level, Says("alpha, horizontal share of the length of the column")]
 
 
 @checked
 def with_yielding_damper(
     building: Building,
     *,
-    storey: int | str,
-    yield_force: Positive,
-    yield_displacement: Positive,
-    post_yield_ratio: Annotated[float, Within(least=0.0, below=1.0)] = 0.05,
-    sharpness: float = 10.0,
-    name: str = "",
+    storey: Storey,
+    yield_force: Annotated[Positive, Says("force at which it yields, along the drift", unit="N")],
+    yield_displacement: Annotated[
+        Positive, Says("displacement at which it yields, with its brace", unit="m", usual=_YIELDS)
+    ],
+    post_yield_ratio: Annotated[
+        float, Within(least=0.0, below=1.0), Says("stiffness after yielding over that before")
+    ] = 0.05,
+    sharpness: Sharpness = 10.0,
+    name: Name = "",
 ) -> Building:
-    """Return the building with a metallic yielding damper (ADAS, TADAS) across a storey.
+    """The building with a metallic yielding damper (ADAS, TADAS) across a storey.
 
     Of the force F_y at the yield displacement x_y, the share `1 - r` yields and the share r is elastic:
     `f = r F_y / x_y x + (1 - r) F_y w`, bilinear but for the rounded knee (Whittaker, Bertero, Thompson, Alonso,
     Earthquake Spectra 7, 1991, 563-604, who test such elements; the form is the usual Bouc-Wen one).
-
-    Parameters
-    ----------
-    storey
-        Number from 1, or name.
-    yield_force, yield_displacement
-        Of the element with its brace, along the drift [N], [m].
-    post_yield_ratio
-        Stiffness after yielding over that before, from 0 to below 1.
-    sharpness
-        See `PassiveElement`.
-    name
-        Name of the element; by default "yielding damper in" and the storey.
     """
     return with_element(
         building,
@@ -71,25 +76,16 @@ def with_yielding_damper(
 def with_friction_damper(
     building: Building,
     *,
-    storey: int | str,
-    slip_load: Positive,
-    stiffness: Positive,
-    sharpness: float = 20.0,
-    name: str = "",
+    storey: Storey,
+    slip_load: Annotated[Positive, Says("force at which it slips, along the drift", unit="N")],
+    stiffness: Annotated[Positive, Says("stiffness of the brace until it slips", unit="N/m")],
+    sharpness: Sharpness = 20.0,
+    name: Name = "",
 ) -> Building:
-    """Return the building with a friction damper (Pall) in a brace across a storey.
+    """The building with a friction damper (Pall) in a brace across a storey.
 
     The brace is elastic up to the slip load and slips at it: a yielding damper without post-yield stiffness (Pall,
     Marsh, J. Struct. Div. ASCE 108(6), 1982, 1313-1323).
-
-    Parameters
-    ----------
-    slip_load
-        Along the drift [N].
-    stiffness
-        Of the brace along the drift, until it slips [N/m].
-    storey, sharpness, name
-        As of `with_yielding_damper`; the name is by default "friction damper in" and the storey.
     """
     return with_element(
         building,
@@ -108,38 +104,37 @@ def with_friction_damper(
 def with_lead_rubber_bearings(
     building: Building,
     *,
-    mass: Positive,
-    period: Positive | None = None,
-    post_yield_stiffness: Positive | None = None,
-    yield_force: Positive | None = None,
-    characteristic_strength: Positive | None = None,
-    yield_displacement: Positive = 0.01,
-    ratio: NotNegative = 0.0,
-    sharpness: float = 2.0,
-    name: str = "lead-rubber bearings",
+    mass: SlabMass,
+    period: Annotated[
+        Positive | None,
+        Says(
+            "period of the rigid building on the rubber alone; or post_yield_stiffness",
+            unit="s",
+            usual=ISOLATORS,
+        ),
+    ] = None,
+    post_yield_stiffness: Annotated[
+        Positive | None, Says("stiffness K_d of the rubber of all bearings; or period", unit="N/m")
+    ] = None,
+    ratio: Annotated[NotNegative, Says("damping ratio of the rubber", usual=ADDED)] = 0.0,
+    characteristic_strength: Annotated[
+        Positive | None,
+        Says("characteristic strength Q_d of all leads together, some per cent of the weight", unit="N"),
+    ] = None,
+    yield_force: Annotated[Positive | None, Says("another name of characteristic_strength", unit="N")] = None,
+    yield_displacement: Annotated[
+        Positive, Says("displacement at which the leads yield", unit="m", usual=_YIELDS)
+    ] = 0.01,
+    sharpness: Sharpness = 2.0,
+    name: Name = "lead-rubber bearings",
 ) -> Building:
-    """Return the building on a base slab with lead-rubber bearings between slab and ground.
+    """The building on a base slab with lead-rubber bearings between slab and ground.
 
     The rubber is the spring of `with_base_isolation_of_period`, the lead a loop in parallel:
     `f = K_d x + Q_d w` with the post-yield stiffness K_d and the characteristic strength Q_d, the force at no
     displacement (Naeim, Kelly, Design of Seismic Isolated Structures, 1999, ch. 3). Before the leads yield the
     stiffness is `K_d + Q_d / yield_displacement`. At five yield displacements the force is that of the bilinear loop to
     0.01 % with the sharpness that is taken, to 0.7 % of Q_d with any.
-
-    Parameters
-    ----------
-    mass
-        Mass of the slab [kg].
-    period, post_yield_stiffness
-        Period of the rigid building on the rubber alone [s], or the stiffness K_d of the rubber [N/m].
-    yield_force, characteristic_strength
-        Q_d of all leads together [N], by either name; some per cent of the weight.
-    ratio
-        Damping ratio of the rubber at its period.
-    yield_displacement
-        Displacement at which the leads yield [m].
-    sharpness, name
-        As of `with_yielding_damper`.
 
     Raises
     ------
@@ -177,33 +172,22 @@ def with_lead_rubber_bearings(
 def with_liquid_column(
     building: Building,
     *,
-    floor: int | str,
-    mass: Positive,
-    frequency: Positive,
-    width_ratio: Level,
-    head_loss: NotNegative,
-    name: str = "liquid column",
+    floor: Floor,
+    width_ratio: WidthRatio,
+    mass: Annotated[Positive, Says("mass of the liquid, rho A L", unit="kg")],
+    frequency: Annotated[
+        Positive, Says("frequency of the liquid on the fixed floor, sqrt(2 g / L) / (2 pi)", unit="Hz")
+    ],
+    head_loss: Annotated[NotNegative, Says("xi, coefficient of head loss of orifice and tube")],
+    name: Name = "liquid column",
 ) -> Building:
-    """Return the building with a tuned liquid column damper on a floor: a U-tube in which a liquid sways.
+    """The building with a tuned liquid column damper on a floor: a U-tube in which a liquid sways.
 
     A tube of constant section A holds a liquid of density rho over the length L, of which the share alpha is
     horizontal. Its elevation y is a new coordinate, with the floor's displacement u:
     `rho A L (y'' + alpha u'') + rho A xi |y'| y' / 2 + 2 rho A g y = 0`, and the liquid adds its mass and
     `alpha rho A L y''` to the floor (Sakai, Takaeda, Tamaki, 1989; Gao, Kwok, Samali, Eng. Struct. 19, 1997, 476-486).
     The elevation is appended to the storeys as a stroke, under the name `name`; the head loss is a passive element.
-
-    Parameters
-    ----------
-    floor
-        Number from 1, or name.
-    mass
-        Mass of the liquid, rho A L [kg].
-    frequency
-        Of the liquid on the fixed floor [Hz]: `sqrt(2 g / L) / (2 pi)`.
-    width_ratio
-        alpha, horizontal over whole length of the column, above 0 and below 1.
-    head_loss
-        xi, coefficient of head loss of the orifice and the tube.
     """
     row = building.floor_row(floor)
     elevation, length = np.append(np.zeros(building.n_coordinates), 1.0), column_length(frequency)
@@ -262,28 +246,19 @@ def head_loss_of(ratio: NotNegative, frequency: Positive, rms_velocity: Positive
 def with_optimal_liquid_column(
     building: Building,
     *,
-    floor: int | str,
-    mass_ratio: Positive,
-    width_ratio: Level,
-    rms_velocity: float,
-    mode: int = 1,
-    name: str = "liquid column",
+    floor: Floor,
+    width_ratio: WidthRatio,
+    mass_ratio: MassRatio,
+    rms_velocity: Annotated[
+        Positive,
+        Says("velocity of the liquid at which its damping is the optimum; with mass_ratio", unit="m/s"),
+    ],
+    mode: TunedMode = 1,
+    name: Name = "liquid column",
 ) -> Building:
-    """Return the building with a liquid column tuned to a mode by the optimum of `liquid_column_optimum`.
+    """The building with a liquid column tuned to a mode by the optimum of `liquid_column_optimum`.
 
-    Parameters
-    ----------
-    floor
-        Number from 1, or name.
-    mass_ratio
-        Mass of the liquid over that of the building.
-    width_ratio
-        alpha, horizontal over whole length of the column.
-    rms_velocity
-        Velocity of the liquid [m/s] at which its damping is the optimum: the loss of head is quadratic, so that the
-        damping of a liquid column grows with its motion.
-    mode
-        Number of the mode, from 1.
+    The loss of head is quadratic, so that the damping of a liquid column grows with its motion.
 
     Raises
     ------
@@ -355,25 +330,18 @@ TUNINGS: Final[Mapping[str, Callable[[float, float], Tuning]]] = MappingProxyTyp
 def with_tuned_mass(
     building: Building,
     *,
-    floor: int | str,
-    mass: Positive,
-    frequency: Positive,
-    ratio: NotNegative,
-    name: str = "tuned mass",
+    floor: Floor,
+    mass: Annotated[Positive, Says("mass", unit="kg")],
+    frequency: Annotated[
+        Positive, Says("frequency of the mass on its spring, on the fixed floor", unit="Hz")
+    ],
+    ratio: Annotated[NotNegative, Says("damping ratio of that motion", usual=ADDED)],
+    name: Name = "tuned mass",
 ) -> Building:
-    """Return the building with a mass on a floor, attached by a spring and a dashpot.
+    """The building with a mass on a floor, attached by a spring and a dashpot.
 
     Its displacement relative to the ground is a new coordinate but not a floor; its stroke is appended to the storeys
     under the name `name`.
-
-    Parameters
-    ----------
-    floor
-        Number from 1, or name.
-    mass
-        Mass [kg].
-    frequency, ratio
-        Frequency [Hz] and damping ratio of the mass on its spring, with the floor fixed.
     """
     row = building.floor_row(floor)
     omega = 2.0 * np.pi * frequency
@@ -396,27 +364,19 @@ def with_tuned_mass(
 def with_optimal_tuned_mass(
     building: Building,
     *,
-    floor: int | str,
-    mass_ratio: Positive,
-    tuning: str = "warburton",
-    mode: int = 1,
-    name: str = "tuned mass",
+    floor: Floor,
+    mass_ratio: MassRatio,
+    tuning: Annotated[
+        Literal["warburton", "den_hartog", "sadek"],
+        Says("published optimum, warburton for ground motion; with mass_ratio"),
+    ] = "warburton",
+    mode: TunedMode = 1,
+    name: Name = "tuned mass",
 ) -> Building:
-    """Return the building with a mass on a floor, tuned to a mode by a published optimum.
+    """The building with a mass on a floor, tuned to a mode by a published optimum.
 
     The optima are derived for a single mass; the effective mass of a mode at a floor where its shape has the entry p is
     `1 / p^2`, with phi' M phi = 1.
-
-    Parameters
-    ----------
-    floor
-        Number from 1, or name.
-    mass_ratio
-        Ratio of the tuned mass to the mass of the building.
-    tuning
-        "warburton", for ground motion, "den_hartog" or "sadek".
-    mode
-        Number of the mode, from 1.
 
     Raises
     ------
@@ -424,8 +384,6 @@ def with_optimal_tuned_mass(
         If the mass ratio is not positive, there is no such mode, the mode does not move the floor, or the tuned mass
         is at least twice the effective mass of the mode.
     """
-    if tuning not in TUNINGS:
-        raise UnknownNameError(f"there is no tuning {tuning!r}; choose one of {', '.join(TUNINGS)}")
     omega, damping_ratio, entry = mode_at_floor(building, floor, mode, name)
     mass = mass_ratio * building.total_mass
     modal_ratio = mass * entry**2

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 
 from mrwork.base.arguments import Positive, checked
+from mrwork.base.hints import Says, Within
 from mrwork.base.numbers import counted, format_rounded, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.matrices import Building, PassiveElement, source_with
+from mrwork.buildings.matrices import KNEE, Building, PassiveElement, source_with
 from mrwork.buildings.modes import modes_of
 from mrwork.errors import SettingError
 
@@ -24,27 +25,30 @@ from mrwork.errors import SettingError
 def with_storeys_that_yield(
     building: Building,
     *,
-    yield_drift: Positive | Sequence[Positive] | None = None,
-    yield_drift_ratio: Positive | Sequence[Positive] | None = None,
-    yield_shear: Positive | Sequence[Positive] | None = None,
-    post_yield_ratio: float | Sequence[float] = 0.03,
-    sharpness: float | Sequence[float] = 10.0,
+    yield_drift: Annotated[
+        Positive | Sequence[Positive] | None,
+        Says("drift at which a storey yields; or yield_drift_ratio, or yield_shear", unit="m"),
+    ] = None,
+    yield_drift_ratio: Annotated[
+        float | Sequence[float] | None,
+        Within(above=0.0, below=1.0),
+        Says("the same over the height of the storey, as 0.5 %"),
+    ] = None,
+    yield_shear: Annotated[
+        Positive | Sequence[Positive] | None, Says("shear at which it yields", unit="N")
+    ] = None,
+    post_yield_ratio: Annotated[
+        float | Sequence[float],
+        Within(least=0.0, below=1.0),
+        Says("stiffness after yielding over that before, r"),
+    ] = 0.03,
+    sharpness: Annotated[float | Sequence[float], Within(least=1.0, most=50.0), KNEE] = 10.0,
 ) -> Building:
-    """Return the building with storeys that yield: loops in the place of the stiffness of its storeys.
+    """The building with storeys that yield; one number for all, or one for each, lowest first.
 
     A storey of stiffness k that yields at the drift d_y has the shear `r k d + (1 - r) k d_y w` with the loop w of
     `PassiveElement`, bilinear but for the rounded knee, without degradation of strength or stiffness. The stiffness
     matrix stays that of the elastic frame, of which periods, Rayleigh damping, regulators and observers are.
-
-    Parameters
-    ----------
-    yield_drift, yield_drift_ratio, yield_shear
-        Drift [m], drift over the height of the storey, or shear [N] at which the storeys yield: one of the three, a
-        number for all, or one for each, lowest first.
-    post_yield_ratio
-        r, stiffness after yielding over that before, from 0 to below 1.
-    sharpness
-        Of the knee, see `PassiveElement`.
 
     Raises
     ------
@@ -78,8 +82,6 @@ def with_storeys_that_yield(
         drifts = drifts / stiffnesses
     ratios = _of_each("post_yield_ratio", post_yield_ratio, count)
     knees = _of_each("sharpness", sharpness, count)
-    if not ((ratios >= 0.0) & (ratios < 1.0)).all():
-        raise SettingError(f"post_yield_ratio is {ratios.tolist()}; give numbers from 0 to below 1")
     loops = tuple(
         PassiveElement(
             name=f"{building.storey_names[storey]}, which yields",

@@ -502,8 +502,8 @@ def _with_matrices(
     resolved = dict(settings)
     for entry in keys_of(kind):
         name = resolved.get(entry.name)
-        unit = entry.metadata["unit"] or "1"
-        if entry.metadata["matrix"] and isinstance(name, str) and isinstance(number_in(name, unit), str):
+        unit = entry.says.unit or "1"
+        if entry.says.matrix and isinstance(name, str) and isinstance(number_in(name, unit), str):
             with place.within(entry.name).prefix_errors(SettingError):
                 matrix = read_matrix(folder / name)
                 if matrix.size > _MOST_NUMBERS:

@@ -180,7 +180,7 @@ class Trials:
         magnitudes = replace(magnitudes, cost=kind.cost({**given, **taken}, magnitudes))
         scanned: dict[str, Floats] = {}
         for entry in missing:
-            span = entry.metadata["span"]
+            span = entry.says.span
             if entry.name in taken:
                 continue
             if span.entries:
@@ -241,7 +241,7 @@ class Trials:
         best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
         unit = problem.devices[0].spec.command_unit or "A"
         units = {
-            entry.name: in_command_unit(entry.metadata["unit"], unit) for entry in keys_of(SETTINGS[law])
+            entry.name: in_command_unit(entry.says.unit, unit) for entry in keys_of(SETTINGS[law])
         }
         spans = (
             f"{name} from {each[0]:.3g} to {each[-1]:.3g} {units[name]}" for name, each in scanned.items()

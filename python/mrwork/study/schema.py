@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import checked
-from mrwork.base.documents import heading_lines, key_lines
+from mrwork.base.documents import heading_lines, key_lines, prose_of
 from mrwork.base.keys import (
     LARGEST_SEED,
     key,
@@ -22,8 +22,8 @@ from mrwork.base.keys import (
     tables,
 )
 from mrwork.base.places import Place
-from mrwork.base.units import DriverUnit
-from mrwork.buildings.from_file import RATIOS, BuildingTable
+from mrwork.base.units import RATIOS, DriverUnit
+from mrwork.buildings.from_file import BuildingTable
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.laws import LawName
@@ -555,7 +555,7 @@ class StudyTable:
 def schema_text() -> str:
     """Every table with its keys, their meanings, units and defaults, for `mrwork respond --schema`."""
     return "\n\n".join(
-        "\n".join([*heading_lines(heading or "at the top", kind.__doc__ or ""), *key_lines(kind)])
+        "\n".join([*heading_lines(heading or "at the top", prose_of(kind)), *key_lines(kind)])
         for heading, kind in tables(StudyTable)
     )
 

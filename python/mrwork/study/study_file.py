@@ -16,7 +16,7 @@ import numpy as np
 
 from mrwork.base.keys import given_in, keys_of, toml_text
 from mrwork.buildings import Building
-from mrwork.buildings.from_file import ElementTable
+from mrwork.buildings.matrices import PassiveElement
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import OutputError, SettingError
@@ -63,7 +63,7 @@ def _names_files(table: Any) -> bool:
     for entry in keys_of(type(table)):
         value = getattr(table, entry.name)
         inner = [each for each in (value if isinstance(value, tuple) else (value,)) if is_dataclass(each)]
-        if (entry.metadata["file"] and _has_text(value)) or any(map(_names_files, inner)):
+        if (entry.says.file and _has_text(value)) or any(map(_names_files, inner)):
             return True
     return False
 
@@ -108,7 +108,8 @@ def _put_building(table: dict[str, Any], name: str, put: _Put) -> None:
         text = "\n".join(",".join(map(repr, row)) for row in rows)
         table["file"] = str(Path(put(f"{name}/{each}.csv", f"{text}\n".encode())).parent)
     elements = [
-        {entry.name: getattr(each, entry.name) for entry in keys_of(ElementTable)} for each in value.elements
+        {entry.name: getattr(each, entry.name) for entry in keys_of(PassiveElement)}
+        for each in value.elements
     ]
     stated = {
         "name": value.name,

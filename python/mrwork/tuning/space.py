@@ -311,7 +311,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     kind = SETTINGS[law]
     held = _held_settings(table, law, kind)
     spans: dict[str, Span] = {
-        entry.name: span for entry in keys_of(kind) if (span := entry.metadata["span"]) is not None
+        entry.name: span for entry in keys_of(kind) if (span := entry.says.span) is not None
     }
     if not (control_law(law).commands_force or kind.constant):
         spans |= SHAPING_SPANS

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mrwork.base.arguments import Level, Positive, checked
-from mrwork.base.keys import positive
+from mrwork.base.keys import keys_of, positive
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
@@ -56,7 +55,7 @@ class RmsLimits:
             raise SettingError(
                 f'limits are {type(given).__name__}; give them by name, as {{"rms_drift": 2e-3}}, or RmsLimits'
             )
-        known = {entry.name: entry.metadata["unit"] for entry in fields(cls)}
+        known = {entry.name: entry.says.unit for entry in keys_of(cls)}
         for name in given:
             if name not in known:
                 hint = (
