@@ -285,6 +285,13 @@ class Arguments:
         names = {name_in_file(entry): entry.name for entry in keys_of((function,))}
         return {names[name]: value for name, value in self.given.items() if name in names}
 
+    def refuse_others(self, functions: tuple[Callable[..., Any], ...], reason: str, remedy: str) -> None:
+        """Refuse a key that none of these functions has."""
+        known = {name_in_file(entry) for entry in keys_of(functions)}
+        for name in self.given:
+            if name not in known:
+                self.place.within(name).refuse(f"{name} {reason}; {remedy}")
+
     def call(self) -> Callable[..., Any]:
         """The one of the functions whose keys are given, with these as its arguments; errors begin with the place."""
         function = self.functions[0] if len(self.functions) == 1 else self._chosen()

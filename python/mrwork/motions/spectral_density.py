@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import Positive, Whole, checked
-from mrwork.base.hints import Within
+from mrwork.base.hints import Says, Within
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import MrworkWarning, RecordError, SettingError
@@ -41,19 +41,14 @@ class KanaiTajimi:
     `S(w) = S0 (w_g^4 + 4 zeta_g^2 w_g^2 w^2) / ((w_g^2 - w^2)^2 + 4 zeta_g^2 w_g^2 w^2)`. The defaults are firm soil
     (Der Kiureghian and Neuenhofer, Earthq. Eng. Struct. Dyn. 21, 1992, 713-740); the intensity is our choice, for peaks
     of about 0.3 g.
-
-    Parameters
-    ----------
-    frequency, damping
-        w_g [rad/s] and zeta_g of the ground.
-    intensity
-        S0 [m^2/s^3], two-sided in circular frequency.
     """
 
     name: ClassVar[str] = "Kanai-Tajimi"
-    frequency: Positive = 15.0
-    damping: Positive = 0.6
-    intensity: Positive = 0.01
+    frequency: Annotated[Positive, Says("frequency w_g of the ground", unit="rad/s")] = 15.0
+    damping: Annotated[Positive, Says("damping ratio zeta_g of the ground", usual=(0.02, 2.0))] = 0.6
+    intensity: Annotated[
+        Positive, Says("spectral density S0 of the bedrock, two-sided in circular frequency", unit="m2/s3")
+    ] = 0.01
 
     @checked
     def transfer(self, w: Floats) -> Complexes:
@@ -80,14 +75,19 @@ class KanaiTajimi:
 class CloughPenzien:
     """Clough-Penzien spectrum: Kanai-Tajimi with a high-pass filter, which keeps ground displacements finite.
 
-    `S(w) = S_KT(w) w^4 / ((w_f^2 - w^2)^2 + 4 zeta_f^2 w_f^2 w^2)`, w_f [rad/s] (Clough and Penzien, Dynamics of
+    `S(w) = S_KT(w) w^4 / ((w_f^2 - w^2)^2 + 4 zeta_f^2 w_f^2 w^2)` (Clough and Penzien, Dynamics of
     Structures, 1975). The defaults are firm soil as in `KanaiTajimi`.
     """
 
     name: ClassVar[str] = "Clough-Penzien"
     soil: KanaiTajimi = KanaiTajimi()
-    frequency: Positive = 1.5
-    damping: Positive = 0.6
+    frequency: Annotated[
+        Positive,
+        Says("frequency w_f of the second filter", unit="rad/s", named="high_pass_frequency"),
+    ] = 1.5
+    damping: Annotated[
+        Positive, Says("damping ratio zeta_f of the second filter", named="high_pass_damping")
+    ] = 0.6
 
     @property
     def intensity(self) -> float:

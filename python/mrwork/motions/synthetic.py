@@ -39,7 +39,7 @@ from typing import Annotated, Final, Literal, get_args
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive, Seed, checked
-from mrwork.base.hints import Within
+from mrwork.base.hints import Says, Within
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, brought_to_rest, check_samples, scaled_to_peak
@@ -271,31 +271,39 @@ _LONGEST_PERIOD = 5.0
 
 @checked
 def suite(
-    soil: Soil | Sequence[Soil] = USUAL_SOILS,
-    n: Annotated[int, Within(most=MOST_OF_A_SUITE)] = 24,
+    soil: Annotated[
+        Soil | Sequence[Soil],
+        Says(
+            "soils of the motions; rock, the fourth, is that of records rich in high frequencies, which raise the "
+            "accelerations of the higher modes",
+            named="soils",
+        ),
+    ] = USUAL_SOILS,
+    n: Annotated[
+        int,
+        Within(least=1, most=MOST_OF_A_SUITE),
+        Says(
+            "number of motions; if no multiple of the strata, the first ones have one more", named="motions"
+        ),
+    ] = 24,
     *,
     rng: np.random.Generator | Seed,
-    pulses: Pulses = "both",
+    pulses: Annotated[
+        Pulses, Says("whether half of the motions of each soil have a near-fault pulse, all or none")
+    ] = "both",
     peak: float | None = None,
     dt: float = 0.01,
     name: str = "",
 ) -> tuple[GroundMotion, ...]:
-    """Draw `n` synthetic motions, equally many of each soil, with and without a near-fault pulse.
+    """Synthetic motions, equally many of each soil, with and without a near-fault pulse.
 
     A motion depends on the seed, its soil, whether it has a pulse, and its number among those alike: a longer suite of
     the same seed begins with the same motions. Distributions and sources are those of this module.
 
     Parameters
     ----------
-    soil
-        ``"firm"``, ``"medium"``, ``"soft"``, ``"rock"``, or several of them; the first three by default. Rock is that
-        of records rich in high frequencies, which raise the accelerations of the higher modes.
-    n
-        Number of motions. If it is no multiple of the number of strata, the first ones have one motion more.
     rng
         Seed, or a random generator, from which a seed is drawn.
-    pulses
-        ``"both"``: half of the motions of each soil have a pulse; ``"with"`` and ``"without"``: all or none.
     peak
         Peak ground acceleration [m/s^2] to which all are scaled; by default they are not scaled.
     dt
@@ -315,8 +323,8 @@ def suite(
     ['Firm 1', 'Firm 2', 'Firm pulse 1', 'Firm pulse 2']
     """
     soils: tuple[Soil, ...] = (soil,) if isinstance(soil, str) else tuple(dict.fromkeys(soil))
-    if not soils or n < 1:
-        raise SettingError(f"a suite of {n} motions on {len(soils)} soils; give at least one of each")
+    if not soils:
+        raise SettingError("a suite has motions on a soil; give one or several")
     seed = rng if isinstance(rng, int) else int(rng.integers(2**32))
     strata = [
         Stratum(soil=each, pulse=pulse, seed=seed)

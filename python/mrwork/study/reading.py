@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.base.documents import read_table
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import Arguments, suggestion
 from mrwork.base.places import KeyPath, Place, all_mistakes, read_each
 from mrwork.base.summary import list_names
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
@@ -81,7 +81,7 @@ from mrwork.study.schema import (
     MotionTable,
     ReportTable,
     StudyTable,
-    SuiteTable,
+    target_spectrum,
 )
 from mrwork.study.study import (
     Kind,
@@ -257,16 +257,11 @@ def motion_of_samples(table: MotionTable) -> GroundMotion:
         return GroundMotion(name=table.name or "motion", dt=table.dt, acceleration=acceleration)
 
 
-def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Grounds:
+def _suite(table: MotionTable, given: Arguments, seed: int) -> _Grounds:
     _refuse_keys(table, ("duration", "soil"), "is for a single synthetic motion, and this is a suite")
-    with suite_table.place.prefix_errors(SettingError):
+    with given.place.prefix_errors(SettingError):
         drawn = suite(
-            suite_table.soils,
-            suite_table.motions,
-            rng=seed + table.seed,
-            pulses=suite_table.pulses,
-            dt=table.dt or _SYNTHETIC_STEP,
-            name=table.name,
+            **given.of(suite), rng=seed + table.seed, dt=table.dt or _SYNTHETIC_STEP, name=table.name
         )
     return [(motion, None) for motion in drawn]
 
@@ -317,19 +312,11 @@ def _spectrum(table: MotionTable) -> SpectralDensity:
     soil = table.soil
     if soil is None:
         return KanaiTajimi() if table.synthetic == "kanai_tajimi" else CloughPenzien()
-    firm, filtered = KanaiTajimi(), CloughPenzien()
-    of_ground = ("frequency", "damping", "intensity")
-    ground = KanaiTajimi(**{name: getattr(soil, name) or getattr(firm, name) for name in of_ground})
+    ground = KanaiTajimi(**soil.of(KanaiTajimi))
     if table.synthetic == "kanai_tajimi":
-        for name in ("high_pass_frequency", "high_pass_damping"):
-            if getattr(soil, name) is not None:
-                soil.place.within(name).refuse(f"{name} belongs to clough_penzien; leave it out")
+        soil.refuse_others((KanaiTajimi,), "belongs to clough_penzien", "leave it out")
         return ground
-    return CloughPenzien(
-        soil=ground,
-        frequency=soil.high_pass_frequency or filtered.frequency,
-        damping=soil.high_pass_damping or filtered.damping,
-    )
+    return CloughPenzien(soil=ground, **soil.of(CloughPenzien))
 
 
 def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
@@ -506,10 +493,10 @@ def _study_of(
     def target() -> TargetSpectrum:
         if table.target is None:
             raise SettingError("scale_to wants a target, and the study has none; give a [target]")
-        return table.target.build()
+        return target_spectrum(table.target)
 
     def target_period() -> float:
-        return (table.target and table.target.period) or first_period()
+        return (table.target and table.target.given.get("period")) or first_period()
 
     with all_mistakes() as part:
         with part():

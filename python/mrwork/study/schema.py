@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import checked
 from mrwork.base.documents import heading_lines, key_lines, prose_of
 from mrwork.base.keys import (
     LARGEST_SEED,
+    Arguments,
     key,
-    keys_of,
     optional,
     positive,
     refuse_repeated,
@@ -29,11 +29,10 @@ from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
-from mrwork.motions.synthetic import MOST_OF_A_SUITE, USUAL_SOILS, Pulses, Soil
+from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
+from mrwork.motions.synthetic import suite as synthetic_suite
 from mrwork.motions.targets import (
-    Ground,
     ScaledBy,
     TargetSpectrum,
     asce_7_spectrum,
@@ -313,30 +312,6 @@ class BaselineTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SoilTable:
-    """Filters of a synthetic motion; the default is firm soil."""
-
-    frequency: float | None = positive("frequency of the ground", unit="rad/s")
-    damping: float | None = positive("damping ratio of the ground", usual=(0.02, 2.0))
-    intensity: float | None = positive("two-sided spectral density of the bedrock", unit="m2/s3")
-    high_pass_frequency: float | None = positive(
-        "frequency of the second filter of clough_penzien", unit="rad/s"
-    )
-    high_pass_damping: float | None = positive("damping ratio of the second filter")
-    place: Place
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SuiteTable:
-    """Synthetic motions drawn from distributions, equally many of each soil, with and without a near-fault pulse."""
-
-    motions: int = key("number of motions", default=24, least=1, most=MOST_OF_A_SUITE)
-    soils: tuple[Soil, ...] = key("soils of the motions; rock is the fourth", default=USUAL_SOILS)
-    pulses: Pulses = key("whether half of the motions have a near-fault pulse, all or none", default="both")
-    place: Place
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TargetTable:
     """Target spectrum that motions are scaled to by `scale_to`, and that the suite of test motions is checked against.
 
@@ -344,56 +319,26 @@ class TargetTable:
     """
 
     code: Literal["en_1998", "asce_7"] | None = optional("code of the spectrum: EN 1998-1 or ASCE 7-16")
-    a_g: float | None = positive(
-        "ground acceleration of EN 1998-1 on ground A, with the importance factor",
-        unit="m/s2",
-        usual=(0.4, 15.0),
-    )
-    ground: Ground | None = optional("ground type of EN 1998-1, A by default")
-    spectrum_type: int | None = optional(
-        "type of EN 1998-1, 1 or 2, by default 1", least=1, most=2, named="type"
-    )
-    s_ds: float | None = positive("acceleration at short periods of ASCE 7", unit="m/s2", usual=(0.6, 40.0))
-    s_d1: float | None = positive("acceleration at 1 s of ASCE 7", unit="m/s2")
-    t_l: float | None = positive("transition period of ASCE 7", unit="s")
-    periods: tuple[float, ...] | None = optional("periods of a table", unit="s", least=0.0)
-    accelerations: tuple[float, ...] | None = positive("pseudo-accelerations of a table", unit="m/s2")
-    name: str | None = optional("name of a table, target by default")
-    damping: float | None = optional(
-        "damping ratio, 0.05 by default; ASCE 7 has no other", least=0.0, most=_WIDEST, usual=RATIOS
-    )
     period: float | None = positive(
         "period of scale_to and of the range of the check, 0.2 to 2 times as long; by default the first period of "
         "[building], before dampers",
         unit="s",
     )
-    place: Place
-
-    def build(self) -> TargetSpectrum:
-        """The spectrum."""
-        build, required, allowed = _TARGETS[self.code]
-        names = [entry.name for entry in keys_of(TargetTable) if entry.name not in ("code", "period")]
-        given = {name: value for name in names if (value := getattr(self, name)) is not None}
-        what = (
-            f"a target of the code {self.code}" if self.code else "a target without code, which is a table,"
-        )
-        for name in given:
-            if name not in (*required, *allowed):
-                self.place.within("type" if name == "spectrum_type" else name).refuse(
-                    f"{what} has no such key; leave it out{'' if self.code else ', or give the code'}"
-                )
-        if lacking := [name for name in required if name not in given]:
-            self.place.refuse(f"{what} needs {' and '.join(required)}; give {' and '.join(lacking)}")
-        with self.place.prefix_errors(SettingError):
-            return build(**given)
 
 
-# The function of each code, the keys that it needs and those that it may have.
-_TARGETS: dict[str | None, tuple[Callable[..., TargetSpectrum], tuple[str, ...], tuple[str, ...]]] = {
-    "en_1998": (en_1998_spectrum, ("a_g",), ("ground", "spectrum_type", "damping")),
-    "asce_7": (asce_7_spectrum, ("s_ds", "s_d1", "t_l"), ()),
-    None: (table_spectrum, ("periods", "accelerations"), ("name", "damping")),
-}
+_TARGETS: dict[str | None, Callable[..., TargetSpectrum]] = {
+    "en_1998": en_1998_spectrum, "asce_7": asce_7_spectrum, None: table_spectrum,
+}  # fmt: skip
+
+
+def target_spectrum(table: Arguments) -> TargetSpectrum:
+    """The spectrum of a table [target]: that of its code, or a table."""
+    code = table.given.get("code")
+    reason = f"is no key of a target {f'of the code {code}' if code else 'without code, which is a table'}"
+    remedy = "leave it out" if code else "leave it out, or give the code"
+    table.refuse_others((TargetTable, _TARGETS[code]), reason, remedy)
+    spectrum: TargetSpectrum = replace(table, functions=(_TARGETS[code],)).call()()
+    return spectrum
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -412,7 +357,9 @@ class MotionTable:
         "samples instead of a file, every dt, in m/s2 or the unit"
     )
     synthetic: Synthetic | None = optional("filtered noise instead of a file")
-    suite: SuiteTable | None = optional("many synthetic motions instead of a file")
+    suite: Arguments | None = optional(
+        "many synthetic motions instead of a file", functions=(synthetic_suite,)
+    )
     name: str = key("name in tables; of several records or a suite, the beginning of their names", default="")
     group: str | tuple[str, ...] = key(
         "group of the motions, or several, of which tables have the score", default=""
@@ -436,7 +383,9 @@ class MotionTable:
         least=0,
         most=LARGEST_SEED,
     )
-    soil: SoilTable | None = optional("soil of a synthetic motion")
+    soil: Arguments | None = optional(
+        "soil of a synthetic motion, firm by default", functions=(KanaiTajimi, CloughPenzien)
+    )
     factor: float | tuple[float, ...] | None = optional(
         "factor of the amplitude, also after scale_to", most_items=_MOST_SCALED
     )
@@ -539,7 +488,9 @@ class StudyTable:
         "others: one of their pga, sa or factor; by default every level",
         unit="m/s2",
     )
-    target: TargetTable | None = optional("target spectrum of the motions")
+    target: Arguments | None = optional(
+        "target spectrum of the motions", functions=(TargetTable, *_TARGETS.values())
+    )
     references: References = key(
         "what laws are compared with besides i = 0: the best constant command of the dampers, added where the study "
         "does not list it, or none",
