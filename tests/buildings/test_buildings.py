@@ -129,7 +129,14 @@ def test_the_matrices_of_a_building_cannot_be_changed_from_outside(frame: Buildi
     ],
 )
 def test_what_cannot_be_a_building_is_refused(frame: Building, changes: dict[str, Any], word: str) -> None:
-    refusal(replace, frame, **changes, match=word)
+    refusal(lambda: replace(frame, **changes).check(), match=word)
+
+
+def test_a_building_is_checked_once_where_it_is_first_needed(frame: Building) -> None:
+    wrong = replace(frame, stiffness=-np.eye(3))
+    for use in (lambda: wrong.periods, lambda: wrong.modes, wrong.state_matrices, wrong.check):
+        refusal(use, match="unstable")
+    refusal(with_rayleigh_damping, wrong, ratios=(0.02, 0.02), match="unstable")
 
 
 def test_a_building_that_would_not_fit_into_memory_is_refused_at_once(
@@ -148,7 +155,7 @@ def test_a_building_that_nothing_holds_has_a_mode_without_frequency() -> None:
 
 def test_a_shear_frame_that_cannot_be_is_refused() -> None:
     refusal(shear_building, masses=[1.0, 1.0], stiffnesses=[1.0], match="1 stiffnesses for 2 masses")
-    refusal(shear_building, masses=[0.0], stiffnesses=[1.0], match="coordinate 1 is 0 kg")
+    refusal(shear_building, masses=[0.0], stiffnesses=[1.0], match="give a number above 0")
 
 
 def test_damping_that_would_drive_a_mode_is_refused(frame: Building) -> None:

@@ -201,7 +201,10 @@ YIELDS_AT = {"yield_drift": 0.01}
         (lambda: of.system_of(of.with_p_delta(frame())), "P-delta, which is not in its matrices"),
         (lambda: of.with_storeys_that_yield(yielding(), **YIELDS_AT), "yield already"),
         (lambda: of.pushover(of.with_storeys_that_yield(frame(), yield_drift=1e-6)), "yields at 0.001 mm"),
-        (lambda: replace(yielding(), stiffness=0.5 * frame().stiffness), "stiffer than the stiffness matrix"),
+        (
+            lambda: replace(yielding(), stiffness=0.5 * frame().stiffness).check(),
+            "stiffer than the stiffness matrix",
+        ),
     ],
 )
 def test_frames_that_cannot_yield_or_stand_are_refused(call: Callable[[], object], word: str) -> None:

@@ -46,7 +46,7 @@ def check_storeys(count: int) -> None:
 def shear_building(
     *,
     name: str = "building",
-    masses: Sequence[float],
+    masses: Sequence[Positive],
     stiffnesses: Sequence[Positive],
     storey_damping: Sequence[NotNegative] = (),
     heights: Sequence[Positive] = (),
@@ -236,7 +236,7 @@ def with_rayleigh_coefficients(
     SettingError
         If a mode would have negative damping.
     """
-    omega, _ = modes_of(building.mass, building.stiffness)
+    omega, _ = modes_of(building.check().mass, building.stiffness)
     driven = np.flatnonzero(a0 + a1 * omega**2 < 0.0)
     if driven.size:
         raise SettingError(
@@ -267,7 +267,7 @@ def with_rayleigh_damping(
     SettingError
         If the modes are equal, do not exist or have zero frequency, or a mode would have negative damping.
     """
-    omega, _ = modes_of(building.mass, building.stiffness)
+    omega, _ = modes_of(building.check().mass, building.stiffness)
     if len(set(modes)) != 2 or max(modes) > omega.size:
         raise SettingError(
             f"building {building.name}: Rayleigh damping in modes {modes[0]} and {modes[1]}; "
@@ -300,7 +300,7 @@ def with_modal_damping(
 
     `C = M (sum of 2 ratio omega phi phi') M` over the modes phi, normalised so that phi' M phi = 1.
     """
-    omega, modes = modes_of(building.mass, building.stiffness)
+    omega, modes = modes_of(building.check().mass, building.stiffness)
     if len(ratios) not in (1, omega.size):
         raise SettingError(
             f"building {building.name}: {len(ratios)} damping ratios for {omega.size} modes; give one, or one for each"

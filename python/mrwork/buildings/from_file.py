@@ -193,9 +193,9 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     """Read a building; `readers` are the files that refer to this one, to detect cycles."""
     if is_folder(path) or path.suffix.lower() == ".mat":
         place = Place(origin=str(path))
-        return _from_matrices(
-            read_matrices(path, _TITLES), BuildingTable(name=path.stem, source=str(path), place=place)
-        )
+        table = BuildingTable(name=path.stem, source=str(path), place=place)
+        with place.prefix_errors():
+            return _from_matrices(read_matrices(path, _TITLES), table).check()
     if path.suffix.lower() != ".toml":
         raise RecordError(
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
@@ -260,7 +260,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                     known = name
             built = _replace_matrices(known, table, folder)
         with place.prefix_errors():
-            built = _with_statements(built, table)
+            built = _with_statements(built, table).check()
         of_damping = (table.rayleigh, table.modal_damping)
         if table.element or any(each not in of_damping for each in table.additions()):
             refuse_without_masses(built, place.within(form))
@@ -271,7 +271,8 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                 place.within("loads").refuse("p_delta and loads both give the weights; keep one")
             with place.within("p_delta").prefix_errors():
                 built = with_p_delta(built)
-    return built
+    with place.prefix_errors():
+        return built.check()
 
 
 def refuse_without_masses(building: Building, place: Place) -> None:

@@ -117,7 +117,8 @@ class Building(Plotted, Summarised):
 
     Passive elements, if it has any, add the part of their force that M, C and K do not have, as a device does.
 
-    The arrays are stored as read-only copies.
+    The arrays are stored as read-only copies. Whether mass, stiffness and damping are those of a building is checked
+    once, by `check`, where modes, a law or a simulation first need it.
 
     Parameters
     ----------
@@ -152,8 +153,7 @@ class Building(Plotted, Summarised):
     Raises
     ------
     SettingError
-        If it has more than 3000 coordinates, shapes disagree, a number is above 1e50, M or K is not symmetric, M is
-        singular, K unstable, or C makes a mode grow.
+        If it has more than 3000 coordinates, shapes disagree, a number is above 1e50, or M or K is not symmetric.
     """
 
     _made_by: ClassVar[str] = "mr.building(name) or mr.buildings.read_building(path)"
@@ -174,12 +174,26 @@ class Building(Plotted, Summarised):
     heights: Floats = field(default_factory=lambda: np.empty(0))
     loads: Floats = field(default_factory=lambda: np.empty(0))
     drift_limit: NotNegative = 0.0
+    _is_sound: bool = field(default=False, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         check_size(len(self.mass) if self.mass.ndim else 0, f"building {self.name}")
         for name in (*_ARRAYS, "heights", "loads"):
             object.__setattr__(self, name, freeze_samples(getattr(self, name)))
-        _check_building(self)
+        _check_form(self)
+
+    def check(self) -> Building:
+        """The building itself, which keeps that it was checked.
+
+        Raises
+        ------
+        SettingError
+            If M is singular, K unstable, weights exceed the stiffness of a storey, or C makes a mode grow.
+        """
+        if not self._is_sound:
+            _check_motion(self)
+            object.__setattr__(self, "_is_sound", True)
+        return self
 
     def _repr_html_(self) -> str:
         """The summary, and of a chain of floors the drawing."""
@@ -312,7 +326,7 @@ class Building(Plotted, Summarised):
     def frequencies(self) -> Floats:
         """Undamped natural frequencies [Hz], shape (n,), lowest first."""
         # Without the shapes, a fifth of the time of all modes.
-        squares = scipy.linalg.eigh(self.stiffness, self.mass, eigvals_only=True)
+        squares = scipy.linalg.eigh(self.stiffness, self.check().mass, eigvals_only=True)
         return np.asarray(np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi))
 
     @property
@@ -358,7 +372,7 @@ class Building(Plotted, Summarised):
         return self._shapes(None)[1]
 
     def _shapes(self, most: int | None) -> tuple[Floats, Floats]:
-        omega, modes = modes_of(self.mass, self.stiffness, most)
+        omega, modes = modes_of(self.check().mass, self.stiffness, most)
         return omega, settle_shapes(omega, modes, self.damping, self.mass @ self.influence)
 
     @property
@@ -377,7 +391,7 @@ class Building(Plotted, Summarised):
 
         One matrix factorisation or two where there are none. Passive elements do not count, as in all modes.
         """
-        return damping_warnings(self.name, self.mass, self.damping, self.stiffness, self.floors)
+        return damping_warnings(self.name, self.check().mass, self.damping, self.stiffness, self.floors)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -407,7 +421,7 @@ class Building(Plotted, Summarised):
         A, B, E
             Shapes (2 n, 2 n), (2 n, n_devices), (2 n,). B has the sign of a resisting force.
         """
-        n = self.n_coordinates
+        n = self.check().n_coordinates
         rows = self.storeys if rows is None else rows
         if rows.ndim != 2 or rows.shape[1] != n:
             raise SettingError(f"`rows` has shape {rows.shape}, {self.name} takes (n_devices, {n})")
@@ -551,7 +565,8 @@ def check_size(n_coordinates: int, where: str) -> None:
         )
 
 
-def _check_building(building: Building) -> None:
+def _check_form(building: Building) -> None:
+    """Refuse arrays, names and numbers that do not fit together."""
     where = f"building {building.name}"
     _check_shapes(building, where)
     for title in _ARRAYS:
@@ -573,8 +588,23 @@ def _check_building(building: Building) -> None:
             )
     for title in ("mass", "stiffness"):
         _check_symmetric(getattr(building, title), title, where)
+    _check_names(building.floor_names, len(building.floors), "floor", where)
+    _check_names(building.storey_names, len(building.storeys), "storey", where)
+    if building.status not in STATUSES:
+        raise SettingError(f"{where}: the status is {building.status!r}; it is one of {', '.join(STATUSES)}")
+    if not 0 <= building.n_strokes <= len(building.storeys):
+        raise SettingError(
+            f"{where}: {building.n_strokes} of {len(building.storeys)} storey rows are declared as strokes; "
+            "give a number from zero to all"
+        )
+
+
+def _check_motion(building: Building) -> None:
+    """Refuse masses, a stiffness or damping that no building has."""
+    where = f"building {building.name}"
     _check_mass(building.mass, where)
     _check_stiffness(building.stiffness, where)
+    _check_weight(building)
     yields = any(each.in_stiffness for each in building.elements)
     if yields and not is_positive(building._beside_loops, 1e-9 * float(np.trace(building.stiffness))):
         raise SettingError(
@@ -585,15 +615,6 @@ def _check_building(building: Building) -> None:
         raise SettingError(
             f"{where}: {growing}, so that motion grows without end; check the signs of the damping matrix, and give a "
             "device that feeds energy as a control law, not as damping"
-        )
-    _check_names(building.floor_names, len(building.floors), "floor", where)
-    _check_names(building.storey_names, len(building.storeys), "storey", where)
-    if building.status not in STATUSES:
-        raise SettingError(f"{where}: the status is {building.status!r}; it is one of {', '.join(STATUSES)}")
-    if not 0 <= building.n_strokes <= len(building.storeys):
-        raise SettingError(
-            f"{where}: {building.n_strokes} of {len(building.storeys)} storey rows are declared as strokes; "
-            "give a number from zero to all"
         )
 
 
@@ -725,7 +746,11 @@ def _check_loads(building: Building, where: str) -> None:
         raise SettingError(
             f"{where}: P-delta stands on the heights of the storeys; give height or heights in [building]"
         )
-    if loads.any() and not is_positive(building.stiffness - building._geometric):
+
+
+def _check_weight(building: Building) -> None:
+    """Refuse a building that falls under its weight."""
+    if building.loads.any() and not is_positive(building.stiffness - building._geometric):
         softer, springs = building._softer, building.storey_stiffnesses
         storey = int(np.argmax(softer / springs if springs.shape == softer.shape else softer))
         raise SettingError(
@@ -983,7 +1008,7 @@ class Device(Summarised):
 
 def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
     """Rows of elongation of devices in a building, shape (n_devices, n)."""
-    n = building.n_coordinates
+    n = building.check().n_coordinates
     if not devices:
         raise SettingError(f"no device was given for {building.name}; give one or more")
     for device in devices:

@@ -140,7 +140,7 @@ def with_p_delta(building: Building) -> Building:
         building,
         loads=np.where(building.heights > 0.0, above, 0.0),
         source=source_with(building, "P-delta of its weight"),
-    )
+    ).check()
 
 
 LoadPattern = Literal["first mode", "uniform", "triangular"]
@@ -235,7 +235,7 @@ def pushover(
     SettingError
         If the floors are no chain, or storeys yield at drifts too small for the push.
     """
-    drifts, floors = building.drifts, building.floors
+    drifts, floors = building.check().drifts, building.floors
     if not building.unit_drifts.any():
         raise SettingError(f"{building.name} is no chain of floors; a pushover is of one")
     if not 2 <= steps <= _MOST_STEPS:

@@ -629,7 +629,7 @@ def simulate_loop(
             "`nominal` is the building of an observer, and the feedback is of the state; leave it out, or set "
             "`feedback` of the hardware to 'observer'"
         )
-    n_states = 2 * len(building.mass)
+    n_states = 2 * len(building.check().mass)
     gains = law.gain_rows(len(driven), n_states)
     if not len(gains):
         raise SettingError(f"the gains of {law.name} are of no candidate; give those of one or more")

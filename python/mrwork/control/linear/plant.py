@@ -74,7 +74,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     >>> from mrwork.control.linear.plant import plant_of
     >>> plant = plant_of(building, building.storeys[:1])  # doctest: +SKIP
     """
-    mass, damping, stiffness = building.mass, building.damping, building.stiffness
+    mass, damping, stiffness = building.check().mass, building.damping, building.stiffness
     n = mass.shape[0]
     rows = np.atleast_2d(np.asarray(attachment, dtype=np.float64))
     if rows.ndim != 2 or rows.shape[0] == 0 or rows.shape[1] != n:
