@@ -156,12 +156,16 @@ def _note(node: Node, kind: type) -> Any:
     return next(own, None) or next((found for part in node.parts if (found := _note(part, kind))), None)
 
 
-@cache
 def keys_of(table: Table) -> tuple[Key, ...]:
     """The keys of a table: of functions all that one of them has, which is required where it is of each."""
-    if not isinstance(table, tuple):
-        defaults = {each.name: _default_of(each) for each in fields(cast(Any, table))}
-        return _keys(fields_of(table), defaults)
+    if isinstance(table, tuple):
+        return _keys_of_functions(table)
+    defaults = {each.name: _default_of(each) for each in fields(cast(Any, table))}
+    return _keys(fields_of(table), defaults)
+
+
+@cache
+def _keys_of_functions(table: tuple[Callable[..., Any], ...]) -> tuple[Key, ...]:
     of_each = [_keys_of_function(function) for function in table]
     alike: dict[str, list[Key]] = {}
     for each in (each for keys in of_each for each in keys):

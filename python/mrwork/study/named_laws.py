@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import Field, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from mrwork.base.keys import as_document, is_required, keys_of, toml_value
+from mrwork.base.keys import Key, as_document, is_required, keys_of, toml_value
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
@@ -102,7 +102,7 @@ class _Response:
     magnitudes: Magnitudes
 
 
-def missing_settings(law: str, given: Mapping[str, Any]) -> list[Field[Any]]:
+def missing_settings(law: str, given: Mapping[str, Any]) -> list[Key]:
     """Settings that a law needs beside those `given`."""
     kind = SETTINGS[law]
     missing = [entry for entry in keys_of(kind) if is_required(entry) and entry.name not in given]
