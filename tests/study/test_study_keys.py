@@ -159,15 +159,15 @@ def wrong_values(entry: Key) -> Iterator[Any]:
 
 
 def numbers_out_of_range(entry: Key, kind: type, notes: set[Any]) -> Iterator[float]:
-    within, first = entry.within, int(entry.says.from_one)
+    within = entry.within
     if math.isfinite(within.least):
-        yield within.least + first - 1
+        yield within.least - 1
     if math.isfinite(within.above):
         yield within.above if kind is float else int(within.above)
         if kind is float and within.above == 0.0:
             yield 1e-200
     if math.isfinite(within.most):
-        yield within.most + first + 1
+        yield within.most + 1
     if math.isfinite(within.below):
         yield within.below
     if kind is int:

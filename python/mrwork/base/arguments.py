@@ -35,7 +35,7 @@ from mrwork.base.hints import (
     fields_of,
     instead_of,
     nodes_of,
-    shape_of,
+    note_of,
 )
 from mrwork.base.hints import May as May
 from mrwork.base.hints import Shape as Shape
@@ -94,7 +94,7 @@ def checked(target: TargetT) -> TargetT:
             kind = dataclass(frozen=True, slots=True, kw_only=True)(target)
         kind.__init__ = _check_calls(kind.__init__, kind.__name__, kind)
         with suppress(NameError):
-            kind.__doc__ = documented(kind.__doc__, fields_of(kind))
+            kind.__doc__ = documented(kind, fields_of(kind))
         return cast(TargetT, kind)
     # A method is named with its class, a constructor by its class, a function within a function by its own name.
     name = target.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
@@ -117,12 +117,11 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     def read_annotations() -> None:
         declared.update(nodes_of(function, owner))
         declared.update({name: nodes.Items(tuple, (declared[name],)) for name in rest if name in declared})
-        shapes.update({name: shape for name, node in declared.items() if (shape := shape_of(node))})
+        shapes.update({name: shape for name, node in declared.items() if (shape := note_of(node, Shape))})
 
     # An annotation may name what is defined after the function; the first call reads it then.
     with suppress(NameError):
         read_annotations()
-    documentation = documented(function.__doc__, declared)
 
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
@@ -146,7 +145,7 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
             _check_shapes(shapes, name, values)
         return function(*call.args, **call.kwargs)
 
-    checking.__doc__ = documentation
+    checking.__doc__ = documented(function, declared)
     return checking
 
 

@@ -11,8 +11,8 @@ import math
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, is_dataclass, replace
-from functools import cache
-from typing import Any, NoReturn, TypeVar, cast
+from functools import cache, partial
+from typing import Any, TypeVar, cast
 
 from mrwork.base import hints as nodes
 from mrwork.base.arguments import Refusal, accept, in_words
@@ -32,7 +32,6 @@ from mrwork.base.keys import (
     name_in_file,
     own_keys,
     quote_value,
-    range_of,
     refuse_missing,
     suggestion,
 )
@@ -46,17 +45,9 @@ T = TypeVar("T")
 def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     """Read a table into the dataclass `kind`; its field `place`, if it has one, is the place.
 
-    All mistakes of the table, and of the tables in it, are raised together.
+    A tuple of functions in the place of the dataclass makes their `Arguments`. All mistakes of the table, and of the
+    tables in it, are raised together.
     """
-    values = _complete(kind, table, place)
-    if "place" in fields_of(cast(Any, kind)):
-        values["place"] = place
-    with place.prefix_errors(SettingError):
-        return kind(**values)
-
-
-def _complete(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
-    """The values of a table that gives all keys that it needs."""
     values: dict[str, Any] = {}
     with all_mistakes() as part:
         with part():
@@ -67,14 +58,12 @@ def _complete(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, 
             if is_required(entry) and not {name} & (table.keys() | misspelt):
                 with part():
                     refuse_missing(entry, place)
-    return values
-
-
-def _read_inner(kind: Table, table: Mapping[str, Any], place: Place) -> Any:
     if isinstance(kind, tuple):
-        given = _complete(kind, table, place)
-        return Arguments(functions=kind, given=given, place=place)
-    return read_table(kind, table, place)
+        return cast(T, Arguments(functions=kind, given=values, place=place))
+    if "place" in fields_of(cast(Any, kind)):
+        values["place"] = place
+    with place.prefix_errors(SettingError):
+        return kind(**values)
 
 
 def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
@@ -131,7 +120,7 @@ def _without_arrays(node: Node) -> Node:
 
 
 def _node_in_file(node: Node, entry: Key, *, alone: bool = True) -> Node:
-    shifted = (range_of(entry) if isinstance(note, Within) else note for note in node.notes)
+    shifted = (entry.within if isinstance(note, Within) else note for note in node.notes)
     notes = tuple(shifted) if entry.says.from_one else node.notes
     if node.kind is float:
         # A text that stands for something else is no number with its unit.
@@ -146,13 +135,8 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
     members = node.parts if isinstance(node, nodes.Either) else (node,)
     table, several = inner_table(entry)
     if table is not None:
-        if isinstance(value, dict) and any(isinstance(each, nodes.Record) for each in members):
-            return _read_inner(table, value, place)
-        if isinstance(value, list) and several:
-            return tuple(
-                read_each(lambda n: _read_item(table, value[n], place.within(n), entry), range(len(value)))
-            )
-        _refuse_no_table(value, place, name_in_file(entry), several=several)
+        alone = any(isinstance(each, nodes.Record) for each in members)
+        return _read_inner(table, value, place, entry, alone=alone, several=several)
     most = entry.says.most_items
     if isinstance(value, list) and not value:
         leave = "" if is_required(entry) else ", or leave it out"
@@ -172,17 +156,17 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
     return items if isinstance(accepted, tuple) else items[0]
 
 
-def _read_item(table: Table, value: Any, place: Place, entry: Key) -> Any:
-    if not isinstance(value, dict):
-        _refuse_no_table(value, place, name_in_file(entry), several=False)
-    return _read_inner(table, value, place)
-
-
-def _refuse_no_table(value: Any, place: Place, key: str, *, several: bool) -> NoReturn:
-    came = "a table" if isinstance(value, dict) else quote_value(value)
-    place.refuse(
-        f"{_name(place)} is {came}; give {f'tables, as [[{key}]]' if several else f'a table [{key}]'}"
-    )
+def _read_inner(table: Table, value: Any, place: Place, entry: Key, *, alone: bool, several: bool) -> Any:
+    """A table `alone`, or `several` of them."""
+    if isinstance(value, dict) and alone:
+        return read_table(cast(type[Any], table), value, place)
+    if not (isinstance(value, list) and several):
+        key, came = name_in_file(entry), "a table" if isinstance(value, dict) else quote_value(value)
+        place.refuse(
+            f"{_name(place)} is {came}; give {f'tables, as [[{key}]]' if several else f'a table [{key}]'}"
+        )
+    read = partial(_read_inner, table, entry=entry, alone=True, several=False)
+    return tuple(read_each(lambda n: read(value[n], place.within(n)), range(len(value))))
 
 
 def _accept(node: Node, value: Any, place: Place) -> Any:
@@ -257,7 +241,7 @@ def _key_in_words(entry: Key) -> KeyInWords:
     can_be = "" if says.span is None or says.span.free else "can be "
     most = f"at most {says.most_items} of them" if math.isfinite(says.most_items) else ""
     file = " or the name of a text file" if says.matrix else ""
-    form = [f"{in_words(_without_arrays(entry.node), in_file=True)}{file}", range_of(entry).in_words, most]
+    form = [f"{in_words(_without_arrays(entry.node), in_file=True)}{file}", entry.within.in_words, most]
     return KeyInWords(
         name=name_in_file(entry),
         default="required" if is_required(entry) else _default(entry),

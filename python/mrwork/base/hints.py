@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum, auto
 from functools import cache
-from types import NoneType, SimpleNamespace, UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -129,6 +129,8 @@ def instead_of(value: float, notes: Notes) -> str:
     kind = "whole number" if whole else "number"
     return next((within.instead_of(value, kind) for within in ranges if within.excludes(value)), "")
 
+
+NoteT = TypeVar("NoteT")
 
 # Nodes
 
@@ -258,11 +260,11 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
     return Instance(kind, tuple(map(node_of, inner)), notes)
 
 
-def shape_of(node: Node) -> Shape | None:
-    """The shape that an annotation, or a member of a union, declares."""
-    members = node.parts if isinstance(node, Either) else ()
-    own = (each for each in node.notes if isinstance(each, Shape))
-    return next(own, None) or next(filter(None, map(shape_of, members)), None)
+def note_of(node: Node, kind: type[NoteT], inside: type[Node] = Either) -> NoteT | None:
+    """The first note of a kind that an annotation has, or a part of it: by default a member of a union."""
+    parts = node.parts if isinstance(node, inside) else ()
+    own = (each for each in node.notes if isinstance(each, kind))
+    return next(own, None) or next(filter(None, (note_of(part, kind, inside) for part in parts)), None)
 
 
 # Fields
@@ -287,17 +289,10 @@ def notes_of_default(default: Any) -> Notes:
 
 def nodes_of(function: Any, owner: type = object) -> dict[str, Node]:
     """What each parameter of a function declares by its annotation, or of the constructor of the dataclass `owner`."""
-    own = inspect.unwrap(function).__globals__
+    hints = get_type_hints(inspect.unwrap(function), include_extras=True)
     declared = fields_of(owner) if is_dataclass(owner) else {}
     return {
-        name: declared.get(name)
-        or node_of(hint_in(own, parameter.annotation), notes_of_default(parameter.default))
+        name: declared.get(name) or node_of(hints[name], notes_of_default(parameter.default))
         for name, parameter in inspect.signature(function).parameters.items()
-        if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
+        if name in hints and parameter.kind is not parameter.VAR_KEYWORD
     }
-
-
-def hint_in(names: dict[str, Any], annotation: Any) -> Any:
-    """An annotation in a module of these names."""
-    alone = SimpleNamespace(__annotations__={"annotation": annotation})
-    return get_type_hints(alone, names, include_extras=True)["annotation"]

@@ -19,7 +19,7 @@ from functools import cache, partial
 from typing import Any, NoReturn, cast
 
 from mrwork.base import hints as nodes
-from mrwork.base.hints import NOTES, May, Node, Record, Says, Within, fields_of, nodes_of
+from mrwork.base.hints import NOTES, May, Node, Record, Says, Within, fields_of, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import synonyms, without_style
 from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
@@ -146,58 +146,38 @@ class Key:
 
     @property
     def within(self) -> Within:
-        """Permitted range of its numbers."""
-        return _note(self.node, Within) or Within()
-
-
-def _note(node: Node, kind: type) -> Any:
-    """The first note of a kind that a value has, or those in it."""
-    own = (each for each in node.notes if isinstance(each, kind))
-    return next(own, None) or next((found for part in node.parts if (found := _note(part, kind))), None)
+        """Permitted range of its numbers in a document, where counts may start from one."""
+        within = note_of(self.node, Within, Node) or Within()
+        if not self.says.from_one:
+            return within
+        return replace(within, least=within.least + 1, most=within.most + 1)
 
 
 def keys_of(table: Table) -> tuple[Key, ...]:
     """The keys of a table: of functions all that one of them has, which is required where it is of each."""
-    if isinstance(table, tuple):
-        return _keys_of_functions(table)
-    defaults = {each.name: _default_of(each) for each in fields(cast(Any, table))}
-    return _keys(fields_of(table), defaults)
+    functions = table if isinstance(table, tuple) else (table,)
+    alike: dict[str, list[Key]] = {}
+    for each in (each for function in functions for each in _keys_of_one(cast(Any, function))):
+        alike.setdefault(name_in_file(each), []).append(each)
+    return tuple(
+        keys[0] if len(keys) == len(functions) else replace(keys[0], default=_default_among(keys))
+        for keys in alike.values()
+    )
 
 
 @cache
-def _keys_of_functions(table: tuple[Callable[..., Any], ...]) -> tuple[Key, ...]:
-    of_each = [_keys_of_function(function) for function in table]
-    alike: dict[str, list[Key]] = {}
-    for each in (each for keys in of_each for each in keys):
-        alike.setdefault(name_in_file(each), []).append(each)
-    return tuple(
-        each[0] if len(each) == len(table) else replace(each[0], default=_known_default(each))
-        for each in alike.values()
-    )
-
-
-def _keys_of_function(function: Callable[..., Any]) -> tuple[Key, ...]:
-    if isinstance(function, type):
-        return keys_of(function)
+def _keys_of_one(function: Any) -> tuple[Key, ...]:
+    declared = fields_of(function) if isinstance(function, type) else nodes_of(function)
     defaults = {name: each.default for name, each in inspect.signature(function).parameters.items()}
-    required = {name: MISSING for name, default in defaults.items() if default is inspect.Parameter.empty}
-    return _keys(nodes_of(function), defaults | required)
-
-
-def _keys(declared: Mapping[str, Node], defaults: Mapping[str, Any]) -> tuple[Key, ...]:
     return tuple(
-        Key(name=name, node=node, default=defaults[name], says=says)
-        for name, node in declared.items()
-        if (says := next((each for each in node.notes if isinstance(each, Says)), None))
+        Key(name=name, node=declared[name], default=defaults[name], says=says)
+        for name in defaults
+        if name in declared and (says := note_of(declared[name], Says))
     )
 
 
-def _default_of(entry: Any) -> Any:
-    return entry.default if entry.default_factory is MISSING else entry.default_factory()
-
-
-def _known_default(alike: Sequence[Key]) -> Any:
-    return next((each.default for each in alike if each.default is not MISSING), None)
+def _default_among(keys: Sequence[Key]) -> Any:
+    return next((each.default for each in keys if not is_required(each)), None)
 
 
 def name_in_file(entry: Key) -> str:
@@ -230,7 +210,7 @@ def as_document(value: Any, *, from_one: bool = False) -> Any:
 
 def is_required(entry: Key) -> bool:
     """Whether the key must be given."""
-    return entry.default is MISSING
+    return entry.default is inspect.Parameter.empty
 
 
 def describe_key(entry: Key) -> str:
@@ -248,20 +228,20 @@ def before_sections(docstring: str) -> str:
     return _SECTION.split(docstring)[0].rstrip()
 
 
-def documented(docstring: str | None, declared: Mapping[str, Node]) -> str | None:
+def documented(target: Any, declared: Mapping[str, Node]) -> str | None:
     """The docstring of a function or class with what the notes of its parameters say, among or as its Parameters."""
-    keys = _keys(declared, dict.fromkeys(declared))
-    if not docstring or not keys:
-        return docstring
-    said = ((each.name, ", ".join(filter(None, (describe_key(each), each.within.in_words)))) for each in keys)
-    lines = "".join(f"{name}\n    {words[:1].upper()}{words[1:]}.\n" for name, words in said)
-    text = inspect.cleandoc(docstring)
+    if not target.__doc__ or not any(note_of(each, Says) for each in declared.values()):
+        return cast("str | None", target.__doc__)
+    text = inspect.getdoc(target) or ""
     before, head, rest = text.partition(_PARAMETERS)
     if not head:
         before = before_sections(text)
-        rest = text[len(before) :].lstrip("\n")
-        rest = f"\n{rest}" if rest else ""
-        before = f"{before}\n"
+        before, rest = f"{before}\n", text[len(before) :].removeprefix("\n")
+    said = (
+        (each.name, ", ".join(filter(None, (describe_key(each), each.within.in_words))))
+        for each in keys_of((target,))
+    )
+    lines = "".join(f"{name}\n    {words[:1].upper()}{words[1:]}.\n" for name, words in said)
     return f"{before}{_PARAMETERS}{lines}{rest}"
 
 
@@ -331,14 +311,6 @@ def describe_repeat(name: str, values: Sequence[object]) -> str:
     texts = [value for value in values if isinstance(value, str)]
     twice = next((text for text, count in Counter(texts).items() if count > 1), None)
     return "" if twice is None else f"{name} has {twice!r} twice; give each once"
-
-
-def range_of(entry: Key) -> Within:
-    """Permitted range of a key's number in a file, where counts may start from one."""
-    within = entry.within
-    if not entry.says.from_one:
-        return within
-    return replace(within, least=within.least + 1, most=within.most + 1)
 
 
 def tables(table: Table, path: str = "") -> Iterator[tuple[str, Table]]:

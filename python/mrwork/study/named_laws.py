@@ -240,9 +240,7 @@ class Trials:
             scores[list(designed.designed)] = searched(of_runs)
         best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
         unit = problem.devices[0].spec.command_unit or "A"
-        units = {
-            entry.name: in_command_unit(entry.says.unit, unit) for entry in keys_of(SETTINGS[law])
-        }
+        units = {entry.name: in_command_unit(entry.says.unit, unit) for entry in keys_of(SETTINGS[law])}
         spans = (
             f"{name} from {each[0]:.3g} to {each[-1]:.3g} {units[name]}" for name, each in scanned.items()
         )
