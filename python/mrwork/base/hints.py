@@ -289,10 +289,12 @@ def notes_of_default(default: Any) -> Notes:
 
 def nodes_of(function: Any, owner: type = object) -> dict[str, Node]:
     """What each parameter of a function declares by its annotation, or of the constructor of the dataclass `owner`."""
+    parameters = inspect.signature(function).parameters
+    if is_dataclass(owner):
+        return {name: node for name, node in fields_of(owner).items() if name in parameters}
     hints = get_type_hints(inspect.unwrap(function), include_extras=True)
-    declared = fields_of(owner) if is_dataclass(owner) else {}
     return {
-        name: declared.get(name) or node_of(hints[name], notes_of_default(parameter.default))
-        for name, parameter in inspect.signature(function).parameters.items()
+        name: node_of(hints[name], notes_of_default(parameter.default))
+        for name, parameter in parameters.items()
         if name in hints and parameter.kind is not parameter.VAR_KEYWORD
     }
