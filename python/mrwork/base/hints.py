@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum, auto
 from functools import cache
-from types import NoneType, UnionType
+from types import NoneType, SimpleNamespace, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -292,9 +292,13 @@ def nodes_of(function: Any, owner: type = object) -> dict[str, Node]:
     parameters = inspect.signature(function).parameters
     if is_dataclass(owner):
         return {name: node for name, node in fields_of(owner).items() if name in parameters}
-    hints = get_type_hints(inspect.unwrap(function), include_extras=True)
-    return {
-        name: node_of(hints[name], notes_of_default(parameter.default))
-        for name, parameter in parameters.items()
-        if name in hints and parameter.kind is not parameter.VAR_KEYWORD
-    }
+    # Without what the function returns, which may be a name for the type checker only.
+    annotated = SimpleNamespace(
+        __annotations__={
+            name: each.annotation
+            for name, each in parameters.items()
+            if each.annotation is not each.empty and each.kind is not each.VAR_KEYWORD
+        }
+    )
+    hints = get_type_hints(annotated, inspect.unwrap(function).__globals__, include_extras=True)
+    return {name: node_of(hint, notes_of_default(parameters[name].default)) for name, hint in hints.items()}
