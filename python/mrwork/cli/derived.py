@@ -16,8 +16,7 @@ from functools import partial
 from typing import Any
 
 from mrwork.base import hints as nodes
-from mrwork.base.arguments import nodes_of
-from mrwork.base.hints import Node, fields_of
+from mrwork.base.hints import Node, fields_of, nodes_of
 from mrwork.base.parameters import parameter_texts
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, OrWord, Range, finite_number
@@ -101,8 +100,7 @@ def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
         (field,) = (each for each in fields(declaring) if each.name == name)
         made = field.default_factory
         return fields_of(declaring)[name], field.default if made is MISSING else made(), text
-    signature = inspect.signature(declaring)
-    return nodes_of(declaring, signature)[name], signature.parameters[name].default, text
+    return nodes_of(declaring)[name], inspect.signature(declaring).parameters[name].default, text
 
 
 def _as_help(text: str) -> str:
