@@ -216,18 +216,11 @@ RULES = {
 }
 
 
-def ends(errors: np.ndarray, rule: mr.search.StopRules) -> np.ndarray:
-    """Generation at which a rule ends each run, -1 where it does not."""
-    generation, nowhere = np.full(len(errors), -1), np.zeros((len(errors), 1, 1))
-    for last in range(errors.shape[1]):
-        code = rule.ended(
-            trace=errors[:, : last + 1],
-            evaluations=np.zeros(len(errors), np.int64),
-            population=nowhere,
-            best_unit=nowhere[:, 0],
-        )
-        generation[(generation < 0) & (code != 0)] = last
-    return generation
+def end(errors: np.ndarray, rule: mr.search.StopRules) -> int:
+    """Generation at which a rule ends a run, -1 where it does not."""
+    anywhere = {"evaluations": 0, "population": np.zeros((1, 1)), "best_unit": np.zeros(1)}
+    traces = (errors[: last + 1] for last in range(errors.size))
+    return next((trace.size - 1 for trace in traces if rule.reason(trace=trace, **anywhere)), -1)
 
 
 rows = {}
@@ -240,9 +233,8 @@ for kind in (SYNTHETIC, MEASURED):
             "likelihood": expected[:, 1].mean(),
         }
         for name, rule in RULES.items():
-            generations = [ends(errors, rule) for errors in cells]
-            at = np.concatenate(generations)
             errors = np.concatenate(cells)
+            at = np.array([end(run, rule) for run in errors])
             excess = errors[np.arange(at.size), at] / errors[:, -1]
             row |= {
                 f"{name}: ends %": 100.0 * np.mean(at >= 0),

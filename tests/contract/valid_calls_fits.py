@@ -36,9 +36,9 @@ def _prediction() -> mr.Prediction:
 
 @cache
 def _begun() -> tuple[Any, Any, np.ndarray]:
-    state = _SPHERE.start(2, 0, (0, 1))
+    state = _SPHERE.start(2, 0)
     proposal = _SPHERE.ask(state)
-    return state, proposal, proposal.accept_misfits(_sphere(proposal.unit))
+    return state, proposal, _sphere(proposal.unit)
 
 
 @cache
@@ -157,7 +157,7 @@ def search_calls(_: Path) -> Calls:
     yield call(
         search.DifferentialEvolution, population=6, base="best", factor=(0.5, 1.0), crossover_probability=0.5
     )
-    yield call(_SPHERE.start, n_params=2, rng=0, replicates=(0, 1))
+    yield call(_SPHERE.start, n_params=2, rng=0)
     yield call(_SPHERE.tell, state=_begun()[0], proposal=_begun()[1], misfit=_begun()[2])
 
 

@@ -238,7 +238,7 @@ def test_a_search_is_chosen_by_name_and_recorded(name: str) -> None:
         search = resize_search(search, generations=25)
     fit = mr.identify("dahl", cut(synthetic_test("rd1005_1a"), every=4), search=search)
     assert fit.fit_percent > 75.0
-    assert fit.provenance.settings["search"]["kind"] == name
+    assert fit.provenance.settings["search"]["name"] == name
     assert fit.settings.search == search
 
 

@@ -66,7 +66,7 @@ def test_a_fit_has_the_settings_it_was_made_with() -> None:
 @pytest.mark.parametrize("name", ["particle_swarm_constriction", "differential_evolution_random", "genetic"])
 def test_a_search_keeps_its_name_where_its_size_is_another(name: str) -> None:
     search = resize_search(search_named(name), population=12, generations=3)
-    assert FitSettings(search=search).as_record()["search"]["kind"] == name
+    assert FitSettings(search=search).as_record()["search"]["name"] == name
 
 
 def test_settings_take_the_name_of_a_search() -> None:

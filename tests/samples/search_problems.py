@@ -55,35 +55,30 @@ def optimiser_named(name):
     return PEERS[name]
 
 
-def generations_of(optimiser, objective, *, n_params, rng, most, replicates=(0,)):
-    """State before, proposal and state after of each generation of a run, while any replicate runs."""
-    state = optimiser.start(n_params, rng, replicates)
+def generations_of(optimiser, objective, *, n_params, rng, most):
+    """State before, proposal and state after of each generation of a run."""
+    state = optimiser.start(n_params, rng)
     for _ in range(most):
-        if not state.course.running.size:
+        if not state.course.running:
             return
         proposal = optimiser.ask(state)
         before, state = state, optimiser.tell(state, proposal, objective(proposal.unit))
         yield before, proposal, state
 
 
-def states(optimiser, objective, *, n_params, rng, generations, replicates=(0,)):
-    """Every state of a run, from the start, while any replicate runs."""
-    run = list(
-        generations_of(
-            optimiser, objective, n_params=n_params, rng=rng, most=generations, replicates=replicates
-        )
-    )
+def states(optimiser, objective, *, n_params, rng, generations):
+    """Every state of a run, from the start."""
+    run = list(generations_of(optimiser, objective, n_params=n_params, rng=rng, most=generations))
     return [run[0][0]] + [after for _, _, after in run]
 
 
 def arrays_of(state):
-    """Arrays and numbers of a state by field name, such as `course.best_unit`."""
+    """Arrays and other values of a state by field name, such as `course.best_unit`."""
     arrays = {}
     for field in dataclasses.fields(state):
         value = getattr(state, field.name)
         if dataclasses.is_dataclass(value):
             arrays |= {f"{field.name}.{name}": each for name, each in arrays_of(value).items()}
         else:
-            # Unsigned, because a seed may take all 64 bits.
-            arrays[field.name] = value if isinstance(value, np.ndarray) else np.array(value, np.uint64)
+            arrays[field.name] = np.asarray(value)
     return arrays

@@ -9,10 +9,7 @@ from refusals import refusal
 from search_problems import arrays_of, half_failing, optimiser_named
 
 from mrwork import Journal
-from mrwork.search import OPTIMISERS, PEERS, EfficientGA, StopRules
-from mrwork.search.loop import run_replicates
-
-REPLICATES = (0, 3)
+from mrwork.search import OPTIMISERS, PEERS, EfficientGA, StopRules, run_search
 
 
 def shortened(name):
@@ -21,7 +18,7 @@ def shortened(name):
     return replace(optimiser, stop=replace(optimiser.stop, max_generations=7, target=None))
 
 
-def searched(optimiser, journal, *, rng=5, objective=half_failing, replicates=REPLICATES):
+def searched(optimiser, journal, *, rng=5, objective=half_failing):
     """Result of a search, and how many candidates were simulated for it."""
     simulated = []
 
@@ -30,7 +27,7 @@ def searched(optimiser, journal, *, rng=5, objective=half_failing, replicates=RE
         return objective(unit)
 
     try:
-        run = run_replicates(optimiser, counted, rng=rng, n_params=3, replicates=replicates, journal=journal)
+        run = run_search(optimiser, counted, rng=rng, n_params=3, journal=journal)
     finally:
         if journal is not None:
             journal.close()
@@ -56,12 +53,9 @@ def test_every_optimiser_goes_on_from_any_generation(name, tmp_path):
         path.write_bytes(b"".join(lines[:kept]))
         resumed, n_again = searched(optimiser, Journal(path, resume=True))
         assert bits(resumed) == bits(whole)
-        assert [result.stop_reason for result in resumed.results] == [
-            result.stop_reason for result in whole.results
-        ]
+        assert resumed.stop_reason == whole.stop_reason
         done = max(kept - 1, 0)
-        trace = whole.state.course.trace.evaluations.sum(axis=0)
-        assert n_again == n_simulated - (trace[done - 1] if done else 0)
+        assert n_again == n_simulated - (whole.trace.evaluations[done - 1] if done else 0)
 
 
 def test_another_search_is_refused_by_name(tmp_path):
@@ -70,9 +64,8 @@ def test_another_search_is_refused_by_name(tmp_path):
     searched(genetic, Journal(path))
     for optimiser, changed, word in (
         (genetic, {"rng": 6}, "seed is 5 there and 6 here"),
-        (genetic, {"replicates": (0, 4)}, "replicates.2"),
         (replace(genetic, population=61), {}, "settings.population is 60 there"),
-        (shortened("standard_ga"), {}, "optimiser is EfficientGA there"),
+        (shortened("standard_ga"), {}, "optimiser is genetic there"),
     ):
         refusal(searched, optimiser, Journal(path, resume=True), **changed, match=word)
 
@@ -83,7 +76,7 @@ def test_a_limit_of_time_ends_a_resumed_search_where_it_ended_it_before(tmp_path
         stop=StopRules(min_generations=10**6, max_generations=10**6, max_seconds=0.05), population=10
     )
     whole, _ = searched(optimiser, Journal(path))
-    assert whole.results[0].stop_reason == "max_seconds"
+    assert whole.stop_reason == "max_seconds"
     resumed, n_again = searched(optimiser, Journal(path, resume=True))
     assert (bits(resumed), n_again) == (bits(whole), 0)
-    assert resumed.results[0].stop_reason == "max_seconds"
+    assert resumed.stop_reason == "max_seconds"

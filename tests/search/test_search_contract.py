@@ -22,7 +22,6 @@ from search_problems import (
 
 from mrwork.errors import SettingError
 from mrwork.search import OPTIMISERS, PEERS, EliteRule, StopRules, run_search
-from mrwork.search.loop import run_replicates
 
 SHORT = StopRules(max_generations=15, min_generations=1, confidence=None, spread_tolerance=None)
 
@@ -57,31 +56,13 @@ def test_one_seed_repeats_and_two_differ(optimiser):
 # Asking
 
 
-def test_what_is_asked_lies_in_the_cube_and_has_an_owner_and_a_threshold(optimiser):
+def test_what_is_asked_lies_in_the_cube(optimiser):
     optimiser = replace(optimiser, stop=SHORT)
-    for _, proposal, _ in generations_of(
-        optimiser, half_failing, n_params=4, rng=2, most=15, replicates=[4, 9]
-    ):
+    for _, proposal, _ in generations_of(optimiser, half_failing, n_params=4, rng=2, most=15):
         unit = proposal.unit
         assert unit.shape == (np.count_nonzero(proposal.changed), 4)
         assert unit.min() >= 0.0
         assert unit.max() <= 1.0
-        assert proposal.threshold.shape == (len(unit),)
-        assert set(proposal.number) == {4, 9}
-        assert not np.isnan(proposal.threshold).any()
-
-
-def test_a_replicate_that_has_ended_asks_nothing_more(optimiser):
-    optimiser = replace(optimiser, stop=replace(SHORT, target=0.01))
-    for before, proposal, after in generations_of(
-        optimiser, sphere, n_params=3, rng=5, most=15, replicates=range(6)
-    ):
-        running = before.course.ended == 0
-        assert set(proposal.number) == set(np.flatnonzero(running))
-        assert np.array_equal(after.course.generation - before.course.generation, running)
-    reasons = after.course.stop_reasons
-    assert "target" in reasons
-    assert set(reasons) <= {"target", "max_generations"}
 
 
 def test_evaluations_are_those_asked_and_never_exceed_their_cap(optimiser):
@@ -109,9 +90,9 @@ def test_best_never_rises_and_is_the_least_ever_told(optimiser):
         return misfit
 
     course = states(optimiser, watched, n_params=4, rng=3, generations=40)[-1].course
-    assert np.array_equal(course.trace.best[0], np.minimum.accumulate(least))
-    assert half_failing(course.best_unit)[0] == pytest.approx(course.best_misfit[0], rel=1e-12)
-    assert np.array_equal(course.elite_unit[0, 0], course.best_unit[0])
+    assert np.array_equal(course.trace.best, np.minimum.accumulate(least))
+    assert half_failing(course.best_unit[None])[0] == pytest.approx(course.best_misfit, rel=1e-12)
+    assert np.array_equal(course.elite[0], course.best_unit)
 
 
 def test_failures_at_first_do_not_break_it(optimiser):
@@ -123,11 +104,11 @@ def test_failures_at_first_do_not_break_it(optimiser):
 
     with np.errstate(invalid="raise", divide="raise", over="raise"):
         run = states(optimiser, late, n_params=3, rng=0, generations=60)
-    assert run[3].course.best_misfit[0] == math.inf
-    assert not np.isfinite(run[3].course.elite_misfit).any()
+    assert run[3].course.best_misfit == math.inf
+    assert not run[3].course.elite_misfit.size
     assert np.all(np.isfinite(run[-1].population))
     assert not np.isnan(run[-1].course.trace.median).any()
-    assert run[-1].course.best_misfit[0] < 0.02
+    assert run[-1].course.best_misfit < 0.02
 
 
 def test_failures_everywhere_end_as_a_stall_with_nothing_found(optimiser):
@@ -162,9 +143,9 @@ def test_ask_and_tell_are_pure(own):
 @pytest.mark.parametrize("rng", [3, 2**64 - 1])
 def test_a_pickled_state_goes_on(own, rng):
     own = replace(own, stop=SHORT)
-    run = states(own, half_failing, n_params=3, rng=rng, generations=15, replicates=[0, 5])
+    run = states(own, half_failing, n_params=3, rng=rng, generations=15)
     stored = pickle.loads(pickle.dumps(run[6]))
-    rest = run_replicates(own, half_failing, rng=rng, n_params=3, replicates=[0, 5], state=stored)
+    rest = run_search(own, half_failing, rng=rng, n_params=3, state=stored)
     assert bits(rest.state) == bits(run[-1])
 
 
@@ -175,14 +156,9 @@ def test_a_pickled_state_goes_on(own, rng):
 @pytest.mark.parametrize(("objective", "level"), [(sphere, 1e-4), (rosenbrock, 3.0)])
 def test_level_is_reached_in_the_median_within_six_thousand_simulations(optimiser, objective, level):
     rules = StopRules(target=level, max_evaluations=6000, max_generations=10**4, confidence=None)
-    run = run_replicates(
-        replace(optimiser, stop=rules, elite=EliteRule(count=1)),
-        objective,
-        rng=0,
-        n_params=4,
-        replicates=range(7),
-    )
-    assert np.median([result.best_misfit for result in run.results]) <= level
+    search = replace(optimiser, stop=rules, elite=EliteRule(count=1))
+    runs = [run_search(search, objective, rng=rng, n_params=4) for rng in range(7)]
+    assert np.median([run.best_misfit for run in runs]) <= level
 
 
 @pytest.mark.parametrize("name", PEERS)

@@ -14,35 +14,23 @@ from mrwork.search import EliteRule
 from mrwork.search.rules import distinct_best
 from mrwork.search.unit_cube import Streams, latin_hypercube, others, reflect
 
-
-def streams(rng=0, replicates=(0,), generation=0):
-    number = np.array(replicates)
-    return Streams(rng=rng, replicate=number, generation=np.full(number.shape, generation))
-
-
 # Streams
 
 
-def test_a_stream_depends_on_seed_replicate_generation_and_purpose_alone():
-    drawn = streams(3, [0, 1, 9], 4).uniform(5)
-    assert np.array_equal(drawn[2:], streams(3, [9], 4).uniform(5))
+def test_a_stream_depends_on_seed_generation_and_purpose_alone():
+    drawn = Streams(rng=3, generation=4).uniform(2, 5)
+    assert np.array_equal(drawn.ravel(), Streams(rng=3, generation=4).uniform(10))
     everything = [
         drawn,
-        streams(3, [0, 1, 9], 5).uniform(5),
-        streams(4, [0, 1, 9], 4).uniform(5),
-        streams(3, [0, 1, 9], 4).normal(np.array([5, 5, 5])),
+        Streams(rng=3, generation=5).uniform(10),
+        Streams(rng=4, generation=4).uniform(10),
+        Streams(rng=3, generation=4).normal(10),
     ]
-    assert np.unique(np.concatenate([each.ravel() for each in everything])).size == 60
-
-
-def test_normal_numbers_are_counted_for_each_replicate():
-    few = streams(3, [0, 1, 9]).normal(np.array([2, 0, 3]))
-    many = streams(3, [0, 1, 9]).normal(np.array([4, 4, 4])).reshape(3, 4)
-    assert np.array_equal(few, np.concatenate([many[0, :2], many[2, :3]]))
+    assert np.unique(np.concatenate([each.ravel() for each in everything])).size == 40
 
 
 def test_neighbouring_streams_are_uncorrelated():
-    drawn = np.concatenate([streams(0, range(20), generation).uniform(2000) for generation in range(3)])
+    drawn = [Streams(rng=rng, generation=k).uniform(2000) for rng in range(20) for k in range(3)]
     correlation = np.corrcoef(drawn)[~np.eye(60, dtype=bool)]
     # Five standard deviations of 1770 correlations, 1/sqrt(2000) each.
     assert np.abs(correlation).max() < 5 / math.sqrt(2000)
@@ -53,10 +41,9 @@ def test_neighbouring_streams_are_uncorrelated():
 
 @pytest.mark.parametrize("n_params", [1, 6])
 def test_hypercube_has_one_point_in_each_stratum_of_each_gene(n_params):
-    points = latin_hypercube(streams(3, [0, 1]), 50, n_params)
-    strata = np.sort((points * 50).astype(int), axis=1)
-    assert np.array_equal(strata, np.broadcast_to(np.arange(50)[:, None], (2, 50, n_params)))
-    assert not np.array_equal(points[0], points[1])
+    points = latin_hypercube(Streams(rng=3), 50, n_params)
+    strata = np.sort((points * 50).astype(int), axis=0)
+    assert np.array_equal(strata, np.broadcast_to(np.arange(50)[:, None], (50, n_params)))
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=20))
@@ -83,7 +70,7 @@ def test_reflected_mutation_leaves_a_uniform_population_uniform_where_clipping_w
 
 def test_others_are_different_and_every_choice_is_equally_likely():
     size, n_draws = 5, 20_000
-    drawn = others(np.random.default_rng(1).random((n_draws, size, 3)), size)
+    drawn = np.array([others(uniform) for uniform in np.random.default_rng(1).random((n_draws, size, 3))])
     everyone = np.concatenate([np.broadcast_to(np.arange(size)[:, None], (n_draws, size, 1)), drawn], axis=2)
     assert np.all(np.diff(np.sort(everyone, axis=2), axis=2) > 0)
     assert drawn.min() == 0
@@ -97,18 +84,13 @@ def test_others_are_different_and_every_choice_is_equally_likely():
 # Elite
 
 
-def taken_of(population, misfit, count, distance):
-    kept = distinct_best(population[None], misfit[None], EliteRule(count=count, distance=distance))[0]
-    return kept[kept >= 0]
-
-
 @examples(50)
 @given(rng=st.integers(0, 10**6), count=st.integers(1, 12), distance=st.floats(0.0, 1.0))
 def test_distinct_best_leaves_out_only_what_is_worse_and_near(rng, count, distance):
     draw = np.random.default_rng(rng)
     population, misfit = draw.random((30, 2)), draw.random(30)
     misfit[draw.random(30) < 0.3] = np.inf
-    taken = taken_of(population, misfit, count, distance)
+    taken = distinct_best(population, misfit, EliteRule(count=count, distance=distance))
     assert len(set(taken)) == len(taken) <= count
     assert np.all(np.isfinite(misfit[taken]))
     assert np.all(np.diff(misfit[taken]) >= 0.0)
@@ -118,15 +100,3 @@ def test_distinct_best_leaves_out_only_what_is_worse_and_near(rng, count, distan
         better = taken[misfit[taken] <= misfit[row]]
         near = np.abs(population[better] - population[row]).max(axis=1, initial=0.0) < distance
         assert near.any() or len(better) == count
-
-
-def test_distinct_best_of_many_populations_is_that_of_each():
-    draw = np.random.default_rng(0)
-    population, misfit = draw.random((6, 40, 3)), draw.random((6, 40))
-    misfit[draw.random(misfit.shape) < 0.3] = np.inf
-    misfit[4] = np.inf
-    rule = EliteRule(count=7, distance=0.3)
-    together = distinct_best(population, misfit, rule)
-    alone = [distinct_best(population[[row]], misfit[[row]], rule)[0] for row in range(6)]
-    assert np.array_equal(together, alone)
-    assert np.all(together[4] == -1)

@@ -20,10 +20,10 @@ def energy_and_misfit(unit: NDArray[np.float64]) -> NDArray[np.float64]:
 
 search = mr.search.EfficientGA(population=12, stop=mr.search.StopRules(max_generations=15))
 state = search.start(n_params=len(objective.names), rng=0)
-while state.course.running.size:
+while state.course.running:
     proposal = search.ask(state)
     state = search.tell(state, proposal, energy_and_misfit(proposal.unit))
-theta = objective.theta(state.course.best_unit[0])
+theta = objective.theta(state.course.best_unit)
 
 budgeted = mr.search.run_search(
     search, energy_and_misfit, rng=0, n_params=len(objective.names), seconds=10.0, until=0.5

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
-from typing import Annotated, Any, Literal, TypeAlias, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
 
 from mrwork.base.arguments import Count, Level, Seed, checked
-from mrwork.base.hints import Record, Within, fields_of
+from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.residual import NuisanceName
 from mrwork.records.repairs import DETECT, as_words
-from mrwork.search.loop import Optimiser
+from mrwork.search import Optimiser
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.store.codec import built
-
-_MULTISTART = "multistart"
 
 
 @checked
@@ -40,6 +38,7 @@ class Multistart:
         Largest number of iterations of a local minimisation.
     """
 
+    name: ClassVar[str] = "multistart"
     samples: Count = 20
     starts: Count = 8
     least_rounds: Count = 2
@@ -57,14 +56,13 @@ class Multistart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnregisteredSearch:
-    """Record of a search that is not registered, read from a file without its code: its class name and settings."""
+    """Record of a search that is not registered, read from a file without its code."""
 
-    kind: str
+    name: str
     settings: Mapping[str, Any]
 
 
-# Any: each optimiser has its own type of state.
-Search: TypeAlias = Multistart | UnregisteredSearch | Optimiser[Any]
+Search: TypeAlias = Multistart | UnregisteredSearch | Optimiser
 
 
 def has_generations(search: Search) -> bool:
@@ -87,7 +85,7 @@ def resize_search(
     generations
         Largest number of generations; not for multistart.
     """
-    # Any, because the protocol of optimisers does not declare that the settings are a dataclass.
+    # Any: whoever asks for another size has asked `has_generations`.
     settings: Any = search
     if population is not None:
         settings = replace(settings, population=population)
@@ -100,8 +98,8 @@ def refuse_unregistered(search: Search | str | None) -> None:
     """Refuse a search whose code is not known."""
     if isinstance(search, UnregisteredSearch):
         raise SettingError(
-            f"the search {search.kind} of this fit is not registered, so it cannot run again from a file; "
-            f"identify again with an instance of {search.kind} or the name of a registered search as `search`"
+            f"the search {search.name!r} of this fit is not registered, so it cannot run again from a file; "
+            "identify again with its settings or the name of a registered search as `search`"
         )
 
 
@@ -113,7 +111,7 @@ def searches() -> Mapping[str, Search]:
     """
     from mrwork.search.registry import ALL_OPTIMISERS
 
-    return {_MULTISTART: Multistart(), **ALL_OPTIMISERS}
+    return {Multistart.name: Multistart(), **ALL_OPTIMISERS}
 
 
 def search_named(name: str) -> Search:
@@ -123,55 +121,20 @@ def search_named(name: str) -> Search:
 
 
 def _record_of_search(search: Search) -> dict[str, Any]:
-    """Plain values of the settings of a search; `kind` is its registered name, otherwise its class name."""
-    if isinstance(search, UnregisteredSearch):
-        return {"kind": search.kind} | dict(search.settings)
-    return {"kind": _kind_of(search)} | _settings_of(search)
-
-
-def _settings_of(search: Any) -> dict[str, Any]:
-    """The fields of a dataclass; of another class, the settings that every optimiser has."""
-    if is_dataclass(search) and not isinstance(search, type):
-        return asdict(search)
-    return {"population": search.population, "stop": asdict(search.stop), "elite": asdict(search.elite)}
-
-
-def _kind_of(search: Any) -> str:
-    """The registered name of a search: of those of its class, the one with the most equal settings."""
-    # The default search is not looked up, because that would import all optimisers.
-    if type(search) is Multistart:
-        return _MULTISTART
-    own = _settings_of(search)
-
-    equal = {
-        name: sum(own[setting] == value for setting, value in _settings_of(each).items())
-        for name, each in searches().items()
-        if type(search) is type(each)
-    }
-    return max(equal, key=equal.__getitem__, default=type(search).__name__)
+    """Plain values of the settings of a search, and its name."""
+    settings = search.settings if isinstance(search, UnregisteredSearch) else asdict(search)
+    return {"name": search.name, **settings}
 
 
 def _search_of_record(record: Mapping[str, Any]) -> Search:
     """Undo `_record_of_search`; a search that is not registered becomes an `UnregisteredSearch`."""
-    kind = record.get("kind")
-    if not isinstance(kind, str):
-        raise ValueError(f"the kind of search {kind!r} is no name")
-    settings = {name: value for name, value in record.items() if name != "kind"}
+    name = record["name"]
     # The default search is not looked up, because that would import all optimisers.
-    if kind != _MULTISTART and kind not in searches():
-        return UnregisteredSearch(kind=kind, settings=settings)
-    own = Multistart if kind == _MULTISTART else type(searches()[kind])
-    _refuse_unknown(own, settings)
-    return built(own, settings)  # type: ignore[no-any-return] # the type is the one given
-
-
-def _refuse_unknown(kind: type, settings: Mapping[str, Any]) -> None:
-    known = fields_of(kind)
-    for name, value in settings.items():
-        if name not in known:
-            raise ValueError(f"{kind.__name__} has no setting {name!r}")
-        if isinstance(inner := known[name], Record) and isinstance(value, Mapping):
-            _refuse_unknown(inner.kind, value)
+    if name == Multistart.name:
+        return built(Multistart, record)  # type: ignore[no-any-return] # the type is the one given
+    if name not in searches():
+        return UnregisteredSearch(name=name, settings=record)
+    return built(type(searches()[name]), record)  # type: ignore[no-any-return] # the type is the one given
 
 
 # What makes the final fit: our minimisation, all starts in lanes, or that of optimistix through JAX.
@@ -263,7 +226,7 @@ class FitSettings:
         return replace(self, starts=(), engine="lanes")
 
     def as_record(self) -> dict[str, Any]:
-        """Plain values of all fields, for JSON; a search is a record with its name as `kind`."""
+        """Plain values of all fields, for JSON; a search is a record with its name."""
         search = self.search
         assert not isinstance(search, str)
         record = {

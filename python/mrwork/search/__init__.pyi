@@ -1,7 +1,7 @@
+from .course import Optimiser as Optimiser
 from .evolution import DifferentialEvolution as DifferentialEvolution
 from .evolution import EfficientGA as EfficientGA
 from .evolution import StandardGA as StandardGA
-from .loop import Optimiser as Optimiser
 from .loop import SearchResult as SearchResult
 from .loop import misfit_under_constraints as misfit_under_constraints
 from .loop import run_search as run_search

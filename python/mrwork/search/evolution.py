@@ -8,9 +8,8 @@ mutation, elitism. Details that the sources leave open (our definitions):
 - *Fitness* is that of the efficient algorithm, `F = (e_max - e)/(e_max - e_min)`, 0 for failures. Where all have
   fitness 0, all have the same probability of selection.
 - *Crossover* of parents a and b gives the children `a + l (b - a)` and `b + l (a - b)`, one `l ~ U(0, 1)` per pair.
-- *Mutation* affects each gene independently and adds N(0, deviation); genes that leave the box are reflected.
-- *A child equal to its parent* has its parent's misfit and is not simulated again. With 8 parameters about one child
-  in eight is equal to its parent; the efficient algorithm saves simulations in the same way.
+- *Mutation* affects each gene independently and adds N(0, deviation); genes that leave the box are reflected in both.
+- *A child equal to its parent* has its parent's misfit and is not simulated again, as in the efficient algorithm.
 - *Elitism*: the best chromosome is copied unchanged to the first slot.
 
 **Efficient.** Crossover includes selection, mutation depends on fitness, and only chromosomes that
@@ -25,48 +24,31 @@ changed are simulated again. Details that the source leaves open (our definition
   failures neither is fitter, and both remain.
 - *Spread* of the initial population is its standard deviation per gene, about `1/sqrt(12)` of the box. It does not
   shrink, so mutation explores throughout the search and only crossover converges.
-- *Genes that leave the box* are reflected at its faces, see `reflect`.
 - *Elite copies* replace random slots after mutation; their misfit is known and needs no simulation. The best is one
   chromosome; its copies have fitness 0, so they mutate in the next generation and explore its neighbourhood. With the
-  fitness of the best they would never change and would displace the others, one more in each generation: with the
-  static model on a 2 mm, 5 Hz, 1 A test the worst of eight runs then stayed at NRMSE 0.123 after 8000 simulations,
-  compared with 0.105 (best known 0.100).
+  fitness of the best they would never change and would displace the others, one more in each generation.
 
 **Differential evolution** (Storn & Price, J. Glob. Optim. 11, 1997, 341-359). The defaults are those of
 `scipy.optimize.differential_evolution` with deferred updating: best/1/bin, a random mutation factor F for each
 generation ("dither"), binomial crossover with at least one gene from the mutant. Two things differ: genes that leave
-the box are reflected, not drawn again, and a trial that only equals its parent is rejected, so that the simulation of
-a trial may stop when its misfit reaches that of the parent.
+the box are reflected, not drawn again, and a trial that only equals its parent is rejected.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import field
-from typing import Annotated, ClassVar, Literal
+from dataclasses import field, replace
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import AnyNumbers, Seed, Share, Within, checked
-from mrwork.base.summary import Summarised
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.errors import SettingError
-from mrwork.search.course import (
-    Ceiling,
-    Course,
-    Dimension,
-    PopulationState,
-    Proposal,
-    Replicate,
-    propose,
-    relative_fitness,
-    with_better_members,
-    with_generation,
-)
+from mrwork.search.course import Course, Dimension, Proposal, State
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
-from mrwork.search.unit_cube import latin_hypercube, others, reflect
+from mrwork.search.unit_cube import others, reflect
 
 
 @checked
@@ -75,6 +57,8 @@ class StandardGA:
 
     Parameters
     ----------
+    name
+        What records of fits call the search.
     population
         Chromosomes P, at least 4.
     crossover_probability
@@ -83,91 +67,82 @@ class StandardGA:
         Probability p_m that a gene is mutated.
     mutation_deviation
         Standard deviation of the mutation, a share of the box.
-    ceiling
-        Misfit at which a chromosome counts as failed, so that its simulation may stop there.
     stop
         When to end; by default after 200 generations at most.
     elite
         Which points of the run are kept as starts of a local minimisation.
     """
 
+    name: str = "standard_ga"
     population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 60
     crossover_probability: Share = 0.8
     mutation_probability: Share = 0.05
     mutation_deviation: Share = 0.1
-    ceiling: Ceiling = field(default_factory=Ceiling)
     stop: StopRules = field(default_factory=lambda: StopRules(max_generations=200))
     elite: EliteRule = field(default_factory=EliteRule)
 
     @checked
-    def start(
-        self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)
-    ) -> PopulationState:
+    def start(self, n_params: Dimension, rng: Seed) -> State:
         """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begin(n_params, rng, replicates, self.elite)
-        return PopulationState.begin(course, latin_hypercube(course.streams, self.population, n_params))
+        return State.sampled(n_params, rng, self.population)
 
     @checked
-    def ask(self, state: PopulationState) -> Proposal:
+    def ask(self, state: State) -> Proposal:
         """Children of the present generation; those that differ from their parents are simulated."""
-        course, rows = state.course, state.course.running
-        parents, misfit = state.population[rows], state.misfit[rows]
-        if course.is_first:
-            return propose(course, parents, limit=self.ceiling.limit(course))
-        size, n_params = parents.shape[1:]
+        course, parents = state.course, state.population
+        if not course.generation:
+            return Proposal.of(parents)
+        size, n_params = parents.shape
         pairs = -(-size // 2)
         uniform = course.streams.uniform(4 * pairs + size * n_params)
-        among = np.arange(len(rows))[:, None]
-        chosen = _roulette(relative_fitness(misfit), uniform[:, : 2 * pairs])
-        first, second = chosen[:, :pairs], chosen[:, pairs:]
-        crossed = uniform[:, 2 * pairs : 3 * pairs] < self.crossover_probability
-        share = np.where(crossed, uniform[:, 3 * pairs : 4 * pairs], 0.0)[..., None]
-        difference = parents[among, second] - parents[among, first]
-        children = np.concatenate(
-            [parents[among, first] + share * difference, parents[among, second] - share * difference], axis=1
-        )[:, :size]
-        of = np.concatenate([first, second], axis=1)[:, :size]
-        mutated = uniform[:, 4 * pairs :].reshape(children.shape) < self.mutation_probability
-        step = course.streams.normal(np.count_nonzero(mutated, axis=(1, 2)))
-        children[mutated] = reflect(children[mutated] + self.mutation_deviation * step)
-        changed = np.any(children != parents[among, of], axis=2)
-        known = misfit[among, of]
-        known_best = np.isfinite(course.best_misfit[rows])
-        children[known_best, 0] = course.best_unit[rows][known_best]
-        known[known_best, 0] = course.best_misfit[rows][known_best]
-        changed[known_best, 0] = False
-        return propose(course, children, known=known, changed=changed, limit=self.ceiling.limit(course))
+        chosen = _roulette(relative_fitness(state.misfit), uniform[: 2 * pairs])
+        first, second = parents[chosen[:pairs]], parents[chosen[pairs:]]
+        crossed = uniform[2 * pairs : 3 * pairs] < self.crossover_probability
+        share = np.where(crossed, uniform[3 * pairs : 4 * pairs], 0.0)[:, None]
+        children = np.concatenate([first + share * (second - first), second - share * (second - first)])[
+            :size
+        ]
+        mutated = uniform[4 * pairs :].reshape(children.shape) < self.mutation_probability
+        step = self.mutation_deviation * course.streams.normal(int(mutated.sum()))
+        children[mutated] = reflect(children[mutated] + step)
+        of = chosen[:size]
+        changed = np.any(children != parents[of], axis=1)
+        return _keep_best(course, children, state.misfit[of], changed, np.array([0]))
 
     @checked
-    def tell(self, state: PopulationState, proposal: Proposal, misfit: AnyNumbers) -> PopulationState:
+    def tell(self, state: State, proposal: Proposal, misfit: AnyNumbers) -> State:
         """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
-        return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
+        return state.with_generation(proposal, misfit, self)
 
 
 def _roulette(fitness: Floats, uniform: Floats) -> NDArray[np.int64]:
-    """Members selected in proportion to fitness, one for each number in [0, 1), shape (n_replicates, n_drawn)."""
-    slot = np.cumsum(np.where(fitness.any(axis=1, keepdims=True), fitness, 1.0), axis=1)
-    ball = uniform * slot[:, -1:]
-    member = np.count_nonzero(slot[:, None, :] <= ball[:, :, None], axis=2)
+    """Members selected in proportion to fitness, one for each number in [0, 1)."""
+    slot = np.cumsum(fitness if fitness.any() else np.ones_like(fitness))
+    member = np.searchsorted(slot, uniform * slot[-1], side="right")
     # By rounding a ball may equal the end of the last slot.
-    return np.asarray(np.minimum(member, fitness.shape[1] - 1))
+    return np.asarray(np.minimum(member, fitness.size - 1))
 
 
-@array_dataclass(repr=False)
-class GAState(Summarised):
-    """State of the efficient genetic algorithm.
+def _keep_best(
+    course: Course, population: Floats, known: Floats, changed: NDArray[np.bool_], slots: NDArray[np.int64]
+) -> Proposal:
+    """The proposal of a population with copies of the best of the run, where there is one, in these slots."""
+    if np.isfinite(course.best_misfit):
+        population[slots], known[slots], changed[slots] = course.best_unit, course.best_misfit, False
+    return Proposal(population=population, known=known, changed=changed)
 
-    `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) is the last
-    simulated generation, or the initial one with misfit `inf` at generation 0. `mutation_spread` (n_replicates,
-    n_params) is the standard deviation of the initial population.
+
+def relative_fitness(misfit: Floats) -> Floats:
+    """`F = (e_max - e)/(e_max - e_min)` in a population, shape (n_population,).
+
+    The extremes are those of the simulations that succeeded. Failures have fitness 0; where all errors are equal, all
+    have fitness 0.
     """
-
-    _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
-
-    course: Course
-    population: Floats
-    misfit: Floats
-    mutation_spread: Floats
+    succeeded = np.isfinite(misfit)
+    best, worst = np.min(misfit), np.max(misfit[succeeded], initial=-math.inf)
+    if worst <= best:
+        return np.zeros(misfit.size)
+    return np.where(succeeded, worst - misfit, 0.0) / (worst - best)
 
 
 @checked
@@ -176,141 +151,81 @@ class EfficientGA:
 
     Parameters
     ----------
+    name
+        What records of fits call the search.
     population
         Chromosomes P, at least 4.
     elite_share
         Share of the slots that copies of the best replace in each generation; at least one slot.
-    ceiling
-        Misfit at which a chromosome counts as failed, so that its simulation may stop there.
     stop
         When to end.
     elite
         Which points of the run are kept as starts of a local minimisation.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> search = EfficientGA(population=20)
-    >>> state = search.start(2, rng=0)
-    >>> while state.course.running.size:
-    ...     proposal = search.ask(state)
-    ...     state = search.tell(state, proposal, np.sum((proposal.unit - 0.3) ** 2, axis=1))
-    >>> bool(state.course.best_misfit[0] < 1e-2)
-    True
     """
 
+    name: str = "genetic"
     population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 60
     elite_share: Share = 0.01
-    ceiling: Ceiling = field(default_factory=Ceiling)
     stop: StopRules = field(default_factory=StopRules)
     elite: EliteRule = field(default_factory=EliteRule)
 
     @checked
-    def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> GAState:
-        """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begin(n_params, rng, replicates, self.elite)
-        population = latin_hypercube(course.streams, self.population, n_params)
-        return GAState(
-            course=course,
-            population=population,
-            misfit=np.full(population.shape[:2], math.inf),
-            mutation_spread=population.std(axis=1),
-        )
+    def start(self, n_params: Dimension, rng: Seed) -> State:
+        """Initial state with Latin hypercube samples of the unit cube, whose standard deviation is `extra`."""
+        state = State.sampled(n_params, rng, self.population)
+        return replace(state, extra=state.population.std(axis=0))
 
     @checked
-    def ask(self, state: GAState) -> Proposal:
+    def ask(self, state: State) -> Proposal:
         """Chromosomes of the next generation; those that changed are simulated."""
-        course, rows = state.course, state.course.running
-        before, misfit = state.population[rows], state.misfit[rows]
-        if course.is_first:
-            return propose(course, before, limit=self.ceiling.limit(course))
-        population, known, changed = self._offspring(state, before, misfit)
-        return propose(course, population, known=known, changed=changed, limit=self.ceiling.limit(course))
+        course, before, misfit = state.course, state.population, state.misfit
+        if not course.generation:
+            return Proposal.of(before)
+        size, n_params = before.shape
+        uniform = course.streams.uniform(2 + 3 * size)
+        drawn = uniform[2:].reshape(3, size)
+        first = (drawn[0] * size).astype(np.int64)
+        second = (first + 1 + (drawn[1] * (size - 1)).astype(np.int64)) % size
+        population = _crossover(before, misfit, uniform[0], first, second)
+        mutated = _fitness(before, misfit) < uniform[1]
+        step = state.extra * course.streams.normal(int(mutated.sum()), n_params)
+        population[mutated] = reflect(population[mutated] + step)
+        # Compared with the old population, because crossover of equal chromosomes changes nothing.
+        changed = np.any(population != before, axis=1)
+        copies = max(1, round(self.elite_share * size))
+        slots = np.argpartition(drawn[2], copies - 1)[:copies]
+        return _keep_best(course, population, misfit.copy(), changed, slots)
 
     @checked
-    def tell(self, state: GAState, proposal: Proposal, misfit: AnyNumbers) -> GAState:
+    def tell(self, state: State, proposal: Proposal, misfit: AnyNumbers) -> State:
         """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
-        return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
-
-    def _offspring(
-        self, state: GAState, before: Floats, misfit: Floats
-    ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-        """Next populations, known misfits, and which chromosomes changed."""
-        course, rows = state.course, state.course.running
-        size = misfit.shape[1]
-        uniform = course.streams.uniform(2 + 3 * size)
-        cross, mutate, drawn = uniform[:, 0], uniform[:, 1], uniform[:, 2:].reshape(-1, 3, size)
-        population = _crossover(before, misfit, cross, _pairs(drawn[:, :2]))
-        chosen = _fitness(before, misfit) < mutate[:, None]
-        normal = course.streams.normal(np.count_nonzero(chosen, axis=1) * before.shape[2])
-        spread = np.broadcast_to(state.mutation_spread[rows][:, None], before.shape)[chosen]
-        population[chosen] = reflect(population[chosen] + spread * normal.reshape(spread.shape))
-        # Compared with the old population, because crossover of equal chromosomes changes nothing.
-        changed = np.any(population != before, axis=2)
-        copies = max(1, round(self.elite_share * size))
-        slots = np.argpartition(drawn[:, 2], copies - 1, axis=1)[:, :copies]
-        known_best = np.flatnonzero(np.isfinite(course.best_misfit[rows]))[:, None]
-        population[known_best, slots[known_best[:, 0]]] = course.best_unit[rows][known_best]
-        misfit[known_best, slots[known_best[:, 0]]] = course.best_misfit[rows][known_best]
-        changed[known_best, slots[known_best[:, 0]]] = False
-        return population, misfit, changed
-
-
-def _pairs(uniform: Floats) -> NDArray[np.int64]:
-    """Two different chromosomes in each column, shape (n_replicates, 2, n_population), from numbers in [0, 1)."""
-    size = uniform.shape[2]
-    first = (uniform[:, 0] * size).astype(np.int64)
-    second = (first + 1 + (uniform[:, 1] * (size - 1)).astype(np.int64)) % size
-    return np.stack([first, second], axis=1)
+        return state.with_generation(proposal, misfit, self)
 
 
 def _fitness(population: Floats, misfit: Floats) -> Floats:
-    """Fitness, shape (n_replicates, n_population): 1 for the best, 0 for its copies."""
+    """Fitness, shape (n_population,): 1 for the best, 0 for its copies."""
     fitness = relative_fitness(misfit)
-    among = np.arange(len(misfit))
-    leader = np.argmin(misfit, axis=1)
-    fitness[np.all(population == population[among, leader][:, None], axis=2)] = 0.0
-    fitness[among, leader] = np.isfinite(misfit[among, leader])
+    leader = np.argmin(misfit)
+    fitness[np.all(population == population[leader], axis=1)] = 0.0
+    fitness[leader] = np.isfinite(misfit[leader])
     return fitness
 
 
-def _crossover(population: Floats, misfit: Floats, share: Floats, pairs: NDArray[np.int64]) -> Floats:
+def _crossover(
+    population: Floats, misfit: Floats, share: float, first: NDArray[np.int64], second: NDArray[np.int64]
+) -> Floats:
     """In each pair, one pair after the other, the less fit moves by a share r towards the fitter, which stays."""
-    n_replicates, size, n_params = population.shape
-    rank = np.empty(misfit.shape, dtype=np.int64)
-    np.put_along_axis(rank, np.argsort(misfit, axis=1, kind="stable"), np.arange(size)[None], axis=1)
-    first, second = pairs[:, 0], pairs[:, 1]
-    swap = np.take_along_axis(rank, first, axis=1) > np.take_along_axis(rank, second, axis=1)
-    moved, guide = np.where(swap, first, second), np.where(swap, second, first)
-    offset = size * np.arange(n_replicates)[:, None]
+    first_is_fitter = (misfit[first] < misfit[second]) | (
+        (misfit[first] == misfit[second]) & (first < second)
+    )
+    fitter, moved = np.where(first_is_fitter, (first, second), (second, first))
+    crossed = population.copy()
     # No chromosome moves towards a failure.
-    counts = np.isfinite(np.take_along_axis(misfit, guide, axis=1))
-    to, at = (guide + offset)[counts], (moved + offset)[counts]
-    by = np.repeat(share, np.count_nonzero(counts, axis=1))
-    crossed = population.reshape(-1, n_params).copy()
-    while at.size:
-        now = _independent(to, at, len(crossed))
-        here = crossed[at[now]]
+    counts = np.isfinite(misfit[fitter])
+    for to, at in zip(fitter[counts], moved[counts], strict=True):
         # r*fitter + (1-r)*less_fit, in the form that leaves equal chromosomes equal bit for bit.
-        crossed[at[now]] = here + by[now, None] * (crossed[to[now]] - here)
-        to, at, by = to[~now], at[~now], by[~now]
-    return crossed.reshape(population.shape)
-
-
-def _independent(to: NDArray[np.int64], at: NDArray[np.int64], size: int) -> NDArray[np.bool_]:
-    """Remaining pairs that can be crossed at once with the result of crossing one after the other.
-
-    A pair must wait for earlier pairs that move one of its two chromosomes, or that use the one it moves. That takes
-    about ten rounds instead of one per pair.
-    """
-    order = np.arange(at.size)
-    first_to_move = np.full(size, at.size)
-    first_to_guide = np.full(size, at.size)
-    # Of repeated indices the last assignment remains; in reversed order that is the first pair.
-    first_to_move[at[::-1]] = order[::-1]
-    first_to_guide[to[::-1]] = order[::-1]
-    alone = (first_to_move[at] == order) & (first_to_move[to] > order) & (first_to_guide[at] > order)
-    return np.asarray(alone)
+        crossed[at] += share * (crossed[to] - crossed[at])
+    return crossed
 
 
 @checked
@@ -319,6 +234,8 @@ class DifferentialEvolution:
 
     Parameters
     ----------
+    name
+        What records of fits call the search.
     population
         Members, at least 5.
     base
@@ -333,6 +250,7 @@ class DifferentialEvolution:
         Which points of the run are kept as starts of a local minimisation.
     """
 
+    name: str = "differential_evolution"
     population: Annotated[int, Within(least=5, most=LARGEST_POPULATION)] = 60
     base: Literal["best", "random"] = "best"
     factor: Annotated[tuple[float, float], Within(least=0.0, most=2.0)] = (0.5, 1.0)
@@ -346,34 +264,29 @@ class DifferentialEvolution:
             raise SettingError(f"`factor` is from {least:g} to {greatest:g}; give the smaller one first")
 
     @checked
-    def start(
-        self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)
-    ) -> PopulationState:
+    def start(self, n_params: Dimension, rng: Seed) -> State:
         """Initial state with Latin hypercube samples of the unit cube."""
-        course = Course.begin(n_params, rng, replicates, self.elite)
-        return PopulationState.begin(course, latin_hypercube(course.streams, self.population, n_params))
+        return State.sampled(n_params, rng, self.population)
 
     @checked
-    def ask(self, state: PopulationState) -> Proposal:
+    def ask(self, state: State) -> Proposal:
         """One trial for each member."""
-        course, rows = state.course, state.course.running
-        parents, misfit = state.population[rows], state.misfit[rows]
-        if course.is_first:
-            return propose(course, parents)
-        size, n_params = parents.shape[1:]
+        course, parents = state.course, state.population
+        if not course.generation:
+            return Proposal.of(parents)
+        size, n_params = parents.shape
         uniform = course.streams.uniform(1 + size * (4 + n_params))
-        among = np.arange(len(rows))[:, None]
         least, greatest = self.factor
-        factor = (least + (greatest - least) * uniform[:, 0])[:, None, None]
-        partner = others(uniform[:, 1 : 1 + 3 * size].reshape(-1, size, 3), size)
-        base = course.best_unit[rows][:, None] if self.base == "best" else parents[among, partner[..., 2]]
-        mutant = reflect(base + factor * (parents[among, partner[..., 0]] - parents[among, partner[..., 1]]))
-        certain = (uniform[:, 1 + 3 * size : 1 + 4 * size] * n_params).astype(np.int64)
-        crossed = uniform[:, 1 + 4 * size :].reshape(parents.shape) < self.crossover_probability
-        crossed |= np.arange(n_params) == certain[..., None]
-        return propose(course, np.where(crossed, mutant, parents), limit=misfit)
+        factor = least + (greatest - least) * uniform[0]
+        first, second, third = others(uniform[1 : 1 + 3 * size].reshape(size, 3)).T
+        base = course.best_unit if self.base == "best" else parents[third]
+        mutant = reflect(base + factor * (parents[first] - parents[second]))
+        certain = (uniform[1 + 3 * size : 1 + 4 * size] * n_params).astype(np.int64)
+        crossed = uniform[1 + 4 * size :].reshape(parents.shape) < self.crossover_probability
+        crossed |= np.arange(n_params) == certain[:, None]
+        return Proposal.of(np.where(crossed, mutant, parents))
 
     @checked
-    def tell(self, state: PopulationState, proposal: Proposal, misfit: AnyNumbers) -> PopulationState:
+    def tell(self, state: State, proposal: Proposal, misfit: AnyNumbers) -> State:
         """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
-        return with_better_members(state, proposal, misfit, elite=self.elite, stop=self.stop)
+        return state.with_better_members(proposal, misfit, self)

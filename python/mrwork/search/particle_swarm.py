@@ -10,59 +10,42 @@ is the other usual choice in the same equation, constant w = 0.7298 and c1 = c2 
 Trans. Evol. Comput. 6, 2002, 58-73).
 
 A particle that leaves the box is reflected, and its velocity becomes the displacement that resulted (our definition).
-Failures do not attract. The misfit of a particle is used only if it is below that of its personal best, so a
-simulation may stop at that threshold.
+Failures do not attract.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import field, replace
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
 
 from mrwork.base.arguments import AnyNumbers, Seed, Share, Within, checked
-from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.search.course import (
-    Course,
-    Dimension,
-    Proposal,
-    Replicate,
-    propose,
-    with_better_members,
-    with_rows,
-)
+from mrwork.search.course import Dimension, Proposal, State
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
-from mrwork.search.unit_cube import latin_hypercube, reflect
+from mrwork.search.unit_cube import reflect
 
 
-@array_dataclass(repr=False)
-class SwarmState(Summarised):
-    """State of a swarm.
+@array_dataclass()
+class Motion:
+    """Positions of the particles and their last displacements, (n_population, n_params); at first the initial ones.
 
-    `population` (n_replicates, n_population, n_params) are the personal bests of the particles with `misfit`
-    (n_replicates, n_population). `position` and `velocity` (n_replicates, n_population, n_params) are the present
-    positions and last displacements; at generation 0 the initial ones, before the first simulation.
+    The population of a swarm's state is that of the personal bests.
     """
 
-    _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
-
-    course: Course
-    population: Floats
-    misfit: Floats
     position: Floats
     velocity: Floats
 
 
 @checked
 class ParticleSwarm:
-    """Settings of a particle swarm; its methods are pure functions of the state.
+    """Settings of a particle swarm; its methods are pure functions of the state, whose `extra` is a `Motion`.
 
     Parameters
     ----------
+    name
+        What records of fits call the search.
     population
         Particles, at least 2.
     inertia
@@ -77,6 +60,7 @@ class ParticleSwarm:
         Which points of the run are kept as starts of a local minimisation.
     """
 
+    name: str = "particle_swarm"
     population: Annotated[int, Within(least=2, most=LARGEST_POPULATION)] = 60
     inertia: tuple[Share, Share] = (0.9, 0.4)
     own_attraction: Annotated[float, Within(least=0.0, most=4.0)] = 1.49618
@@ -86,54 +70,42 @@ class ParticleSwarm:
     elite: EliteRule = field(default_factory=EliteRule)
 
     @checked
-    def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> SwarmState:
+    def start(self, n_params: Dimension, rng: Seed) -> State:
         """Initial state with Latin hypercube samples of the unit cube and velocities up to the limit."""
-        course = Course.begin(n_params, rng, replicates, self.elite)
-        position = latin_hypercube(course.streams, self.population, n_params)
-        # The hypercube used the first numbers of the stream.
-        drawn = course.streams.uniform(3 * position[0].size)[:, 2 * position[0].size :]
-        return SwarmState(
-            course=course,
-            population=position,
-            misfit=np.full(position.shape[:2], math.inf),
-            position=position,
-            velocity=self.velocity_limit * (2.0 * drawn.reshape(position.shape) - 1.0),
-        )
+        state = State.sampled(n_params, rng, self.population)
+        # The hypercube used the first two thirds of the numbers.
+        drawn = state.course.streams.uniform(3, *state.population.shape)[2]
+        velocity = self.velocity_limit * (2.0 * drawn - 1.0)
+        return replace(state, extra=Motion(position=state.population, velocity=velocity))
 
     @checked
-    def ask(self, state: SwarmState) -> Proposal:
+    def ask(self, state: State) -> Proposal:
         """Next position of every particle."""
-        course, rows = state.course, state.course.running
-        position, velocity = state.position[rows], state.velocity[rows]
-        own, misfit = state.population[rows], state.misfit[rows]
-        if course.is_first:
-            return propose(course, position)
-        uniform = course.streams.uniform(2 * position[0].size).reshape(-1, 2, *position.shape[1:])
+        course, own, motion = state.course, state.population, state.extra
+        if not course.generation:
+            return Proposal.of(motion.position)
+        uniform = course.streams.uniform(2, *own.shape)
         first, last = self.inertia
-        done = np.minimum(course.generation[rows] / self.stop.max_generations, 1.0)[:, None, None]
-        to_own = np.where(np.isfinite(misfit)[..., None], own - position, 0.0)
-        known_best = np.isfinite(course.best_misfit[rows])[:, None, None]
-        to_common = np.where(known_best, course.best_unit[rows][:, None] - position, 0.0)
+        done = min(course.generation / self.stop.max_generations, 1.0)
+        to_own = np.where(np.isfinite(state.misfit)[:, None], own - motion.position, 0.0)
+        to_common = np.where(np.isfinite(course.best_misfit), course.best_unit - motion.position, 0.0)
         velocity = (
-            (first + (last - first) * done) * velocity
-            + self.own_attraction * uniform[:, 0] * to_own
-            + self.common_attraction * uniform[:, 1] * to_common
+            (first + (last - first) * done) * motion.velocity
+            + self.own_attraction * uniform[0] * to_own
+            + self.common_attraction * uniform[1] * to_common
         )
         limited = np.clip(velocity, -self.velocity_limit, self.velocity_limit)
-        return propose(course, reflect(position + limited), limit=misfit)
+        return Proposal.of(reflect(motion.position + limited))
 
     @checked
-    def tell(self, state: SwarmState, proposal: Proposal, misfit: AnyNumbers) -> SwarmState:
+    def tell(self, state: State, proposal: Proposal, misfit: AnyNumbers) -> State:
         """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
-        rows = state.course.running
+        motion, position = state.extra, proposal.population
         # The first generation is simulated at the initial positions and keeps the initial velocities.
-        moved = state.velocity if state.course.is_first else proposal.population - state.position[rows]
-        return replace(
-            with_better_members(state, proposal, misfit, elite=self.elite, stop=self.stop),
-            position=with_rows(state.position, rows, proposal.population),
-            velocity=with_rows(state.velocity, rows, moved),
-        )
+        velocity = position - motion.position if state.course.generation else motion.velocity
+        told = state.with_better_members(proposal, misfit, self)
+        return replace(told, extra=Motion(position=position, velocity=velocity))
 
 
 # Constriction factors of Clerc & Kennedy.
-CONSTRICTION = ParticleSwarm(inertia=(0.7298, 0.7298))
+CONSTRICTION = ParticleSwarm(name="particle_swarm_constriction", inertia=(0.7298, 0.7298))

@@ -2,8 +2,7 @@
 
 These are CMA-ES of `cma`, asked and told, and fronts by NSGA-II of pymoo. `cma` keeps its progress in an object that
 `tell` changes. `tell` can therefore be called only once for a state of such a search; to continue from an earlier
-state, start again and tell the same misfits, which a journal has recorded. Otherwise the contract of `Optimiser`
-applies: each replicate is an independent search with its own seed.
+state, start again and tell the same misfits, which a journal has recorded.
 
 Apart from the loop, because `identify` imports all searches only where one is named.
 """
@@ -12,7 +11,7 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from types import ModuleType
 from typing import Annotated, Any
@@ -24,9 +23,8 @@ from mrwork.base.arguments import Seed, Within, checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
-from mrwork.search.course import Course, Dimension, Proposal, Replicate, propose, with_generation
+from mrwork.search.course import Dimension, Optimiser, Proposal, State
 from mrwork.search.evolution import DifferentialEvolution, EfficientGA, StandardGA
-from mrwork.search.loop import Optimiser
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
 from mrwork.store.codec import digest_of
@@ -46,58 +44,17 @@ def library(name: str) -> ModuleType:
         ) from error
 
 
-class CMASearch:
-    """CMA-ES of one replicate, with its pending candidates, whose misfits have not been told yet."""
-
-    def __init__(self, strategy: Any) -> None:
-        self._strategy = strategy
-        self._generation = 0
-        self._pending: list[Floats] | None = None
-
-    def ask(self, generation: int) -> Floats:
-        """Candidates of this generation, the same in every call, shape (n_population, n_params)."""
-        self._check(generation)
-        if self._pending is None:
-            self._pending = self._strategy.ask()
-        return np.clip(self._pending, 0.0, 1.0)
-
-    def tell(self, generation: int, misfit: Floats) -> None:
-        """Take the misfits of all candidates of this generation, shape (n_population,)."""
-        self._check(generation)
-        self._strategy.tell(self._pending, np.where(np.isfinite(misfit), misfit, _FAILURE).tolist())
-        self._generation, self._pending = generation + 1, None
-
-    def _check(self, generation: int) -> None:
-        if generation != self._generation:
-            raise SettingError(
-                f"this state is of generation {generation}, its library is at generation {self._generation}; "
-                "start again and tell the same misfits"
-            )
-
-
-@array_dataclass()
-class CMAState:
-    """Searches by CMA-ES, one for each replicate.
-
-    `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) is the last
-    generation that was simulated.
-    """
-
-    course: Course
-    population: Floats
-    misfit: Floats
-    searches: tuple[CMASearch, ...]
-
-
 @checked
 class CMAEvolution:
     """CMA-ES of the library `cma` (Hansen & Ostermeier, Evol. Comput. 9, 2001, 159-195).
 
     A population of 10 is the library's default for 8 parameters. `elite` says which points of the run are kept as
     starts of a local minimisation. `deviation` is the initial standard deviation of each gene, a share of the box; the
-    search begins at the point `begin` of the unit cube, the middle by default.
+    search begins at the point `begin` of the unit cube, the middle by default. The `extra` of its states is
+    the object of the library and the candidates that it has been asked for.
     """
 
+    name: str = "cma"
     population: Annotated[int, Within(least=4, most=LARGEST_POPULATION)] = 10
     stop: StopRules = field(default_factory=lambda: StopRules(max_generations=1000))
     elite: EliteRule = field(default_factory=EliteRule)
@@ -109,46 +66,38 @@ class CMAEvolution:
         inside = np.clip(point, deviation, 1.0 - deviation)
         return replace(self, begin=tuple(inside.tolist()), deviation=deviation)
 
-    def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> CMAState:
-        """Start one search for each replicate, each from its own seed; nothing is simulated yet."""
-        course = Course.begin(n_params, rng, replicates, self.elite)
-        strategy = library("cma").CMAEvolutionStrategy
-        first = np.array(self.begin) if self.begin else np.full(n_params, 0.5)
+    def start(self, n_params: Dimension, rng: Seed) -> State:
+        """Initial state; nothing is simulated yet."""
+        state = State.sampled(n_params, rng, self.population)
+        generator = np.random.default_rng(state.course.streams.library_seed())
+        options = {
+            "bounds": [0.0, 1.0],
+            "popsize": self.population,
+            "verbose": -9,
+            # By default the library seeds and uses the global generator of NumPy.
+            "seed": math.nan,
+            "randn": lambda *shape: generator.standard_normal(shape),
+        }
+        first = self.begin or np.full(n_params, 0.5)
+        strategy = library("cma").CMAEvolutionStrategy(first, self.deviation, options)
+        asked = strategy.ask()
+        return replace(state, population=np.clip(asked, 0.0, 1.0), extra=(strategy, asked))
 
-        def begin(seed: int) -> CMASearch:
-            generator = np.random.default_rng(seed)
-            options = {
-                "bounds": [0.0, 1.0],
-                "popsize": self.population,
-                "verbose": -9,
-                # By default the library seeds and uses the global generator of NumPy.
-                "seed": math.nan,
-                "randn": lambda *shape: generator.standard_normal(shape),
-            }
-            return CMASearch(strategy(first, self.deviation, options))
+    def ask(self, state: State) -> Proposal:
+        """Candidates of the next generation."""
+        return Proposal.of(np.clip(state.extra[1], 0.0, 1.0))
 
-        shape = (len(course.replicate), self.population)
-        return CMAState(
-            course=course,
-            population=np.zeros((*shape, n_params)),
-            misfit=np.full(shape, math.inf),
-            searches=tuple(begin(int(seed)) for seed in course.streams.seeds()),
-        )
-
-    def ask(self, state: CMAState) -> Proposal:
-        """Candidates of the running replicates."""
-        course, rows = state.course, state.course.running
-        population = state.population[rows].copy()
-        for index, row in enumerate(rows):
-            population[index] = state.searches[row].ask(int(course.generation[row]))
-        return propose(course, population)
-
-    def tell(self, state: CMAState, proposal: Proposal, misfit: Floats) -> CMAState:
+    def tell(self, state: State, proposal: Proposal, misfit: Floats) -> State:
         """State after the simulations of the proposal, `misfit` (n_ask,); the given state cannot be used again."""
-        simulated = proposal.member_misfits(misfit)
-        for index, row in enumerate(state.course.running):
-            state.searches[row].tell(int(state.course.generation[row]), simulated[index])
-        return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
+        strategy, asked = state.extra
+        if strategy.countiter != state.course.generation:
+            raise SettingError(
+                f"this state is of generation {state.course.generation}, its library is at generation "
+                f"{strategy.countiter}; start again and tell the same misfits"
+            )
+        told = state.with_generation(proposal, misfit, self)
+        strategy.tell(asked, np.where(np.isfinite(told.misfit), told.misfit, _FAILURE).tolist())
+        return replace(told, extra=(strategy, strategy.ask()))
 
 
 SeveralObjectives = Callable[[Floats], Floats]
@@ -266,28 +215,27 @@ def select_nondominated(values: Floats) -> NDArray[np.int64]:
     if not finite.size:
         raise SettingError("no candidate has finite objectives; check the study with mrwork respond")
     kept: list[int] = []
-    for index in finite:
-        others = values[finite]
-        no_worse = (others <= values[index]).all(axis=1)
-        better = no_worse & (others < values[index]).any(axis=1)
-        equal_before = no_worse & ~better & (finite < index)
-        if not better.any() and not equal_before.any():
+    # In this order a row that dominates another, or is the first of equal ones, comes before it.
+    for index in finite[np.lexsort(values[finite].T[::-1])]:
+        if not (values[kept] <= values[index]).all(axis=1).any():
             kept.append(int(index))
-    return np.array(kept, dtype=np.int64)
+    return np.sort(np.array(kept, dtype=np.int64))
 
 
-# Any: each optimiser has its own type of state.
-OPTIMISERS: Mapping[str, Optimiser[Any]] = {
-    "standard_ga": StandardGA(),
-    "genetic": EfficientGA(),
-    "particle_swarm": ParticleSwarm(),
-    "particle_swarm_constriction": CONSTRICTION,
-    "differential_evolution": DifferentialEvolution(),
-    "differential_evolution_random": DifferentialEvolution(base="random"),
+OPTIMISERS: Mapping[str, Optimiser] = {
+    each.name: each
+    for each in (
+        StandardGA(),
+        EfficientGA(),
+        ParticleSwarm(),
+        CONSTRICTION,
+        DifferentialEvolution(),
+        DifferentialEvolution(name="differential_evolution_random", base="random"),
+    )
 }
 """Searches of the package by name, with their default settings."""
 
-PEERS: Mapping[str, CMAEvolution] = {"cma": CMAEvolution()}
+PEERS: Mapping[str, CMAEvolution] = {each.name: each for each in (CMAEvolution(),)}
 """Searches of other libraries by name; each library is imported when its search starts."""
 
-ALL_OPTIMISERS: Mapping[str, Optimiser[Any]] = {**OPTIMISERS, **PEERS}
+ALL_OPTIMISERS: Mapping[str, Optimiser] = {**OPTIMISERS, **PEERS}

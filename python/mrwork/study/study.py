@@ -83,8 +83,7 @@ def realisations_of(
 ) -> Realisations:
     """Draw the realisations of a table: a Latin hypercube of factors and delay, and posterior draws of each device."""
     n = table.realisations
-    streams = Streams(rng=table.seed, replicate=np.zeros(1, np.int64), generation=np.zeros(1, np.int64))
-    unit = latin_hypercube(streams, n, 4)[0]
+    unit = latin_hypercube(Streams(rng=table.seed), n, 4)
     theta = []
     for device, rows in zip(devices, posterior, strict=True):
         if rows is None:

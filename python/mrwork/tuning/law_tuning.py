@@ -19,7 +19,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.errors import Interrupted, InvalidSettingError, SettingError
-from mrwork.search.loop import GenerationEvent, Optimiser, SearchResult, run_search
+from mrwork.search import Optimiser, SearchResult, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, FrontResult, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store.codec import digest_of
@@ -180,8 +180,8 @@ def tune_law(plan: LawPlan, benches: Benches, basis: Basis, *, rng: int, report:
 
     if plan.space.continuous:
 
-        def on_generation(event: GenerationEvent[Any]) -> None:
-            done, best_so_far = len(candidates) + event.evaluations, min(trace[-1].least, event.best_misfit)
+        def on_generation(so_far: SearchResult) -> None:
+            done, best_so_far = len(candidates) + so_far.evaluations, min(trace[-1].least, so_far.best_misfit)
             trace.append(TracePoint(candidates=done, least=best_so_far))
             report(done, most, best_so_far)
 
@@ -230,8 +230,8 @@ def _search(
     firsts: tuple[LawCandidate, ...],
     scores: Scores,
     rng: int,
-    on_generation: Callable[[GenerationEvent[Any]], None],
-) -> SearchResult[Any]:
+    on_generation: Callable[[SearchResult], None],
+) -> SearchResult:
     """Search the free settings; the best first candidates are among its first generation."""
     table, space = plan.table, plan.space
     known: dict[str, float] = {}
@@ -254,7 +254,7 @@ def _search(
     if starts:
         kept = np.array(starts[: table.population // 3])
         population = state.population.copy()
-        population[0, : len(kept)] = kept
+        population[: len(kept)] = kept
         state = replace(state, population=population)
     return run_search(
         optimiser,
@@ -267,12 +267,12 @@ def _search(
     )
 
 
-def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimiser[Any]:
+def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimiser:
     """The search of a table, with its population and budget; one without a population begins at the best candidate."""
-    chosen: Any = ALL_OPTIMISERS[table.search]
+    chosen = ALL_OPTIMISERS[table.search]
     if best is not None and table.search in PEERS:
         chosen = PEERS[table.search].near(best, _SPREAD)
-    return replace(  # type: ignore[no-any-return] # every optimiser is a dataclass with these settings
+    return replace(
         chosen,
         population=table.population,
         stop=StopRules(

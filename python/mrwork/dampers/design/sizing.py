@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
@@ -280,26 +280,24 @@ def smallest(
     budget: int,
     rng: int,
     reporter: SizingReporter,
-) -> SearchResult[Any]:
+) -> SearchResult:
     """Search of the smallest damper: the misfit is its share of the envelope, and above 1 where wishes are missed."""
     if search not in ALL_OPTIMISERS:
         raise UnknownNameError(f"no search is called {search!r}; choose one of {', '.join(ALL_OPTIMISERS)}")
-    # Any, because the protocol does not declare that the settings are a dataclass.
-    optimiser: Any = ALL_OPTIMISERS[search]
+    optimiser = ALL_OPTIMISERS[search]
     stop = StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
     harder = _harder_wishes(wishes)
 
     def objective(units: Floats) -> Floats:
         return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
 
-    result: SearchResult[Any] = run_search(
+    return run_search(
         replace(optimiser, stop=stop),
         objective,
         rng=rng,
         n_params=N_FREE,
-        on_generation=lambda event: reporter.report("smallest", event.evaluations, event.best_misfit),
+        on_generation=lambda found: reporter.report("smallest", found.evaluations, found.best_misfit),
     )
-    return result
 
 
 def _harder_wishes(wishes: DamperWishes) -> DamperWishes:

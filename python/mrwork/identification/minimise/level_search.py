@@ -103,7 +103,7 @@ class LevelFit(Summarised):
 
 
 def points_of_laws(
-    problem: Problem, search: Multistart | Optimiser[Any], *, on_search: OnSearch
+    problem: Problem, search: Multistart | Optimiser, *, on_search: OnSearch
 ) -> StartingPoints:
     """Starting points from the tests at constant commands if these determine the laws, else from all tests."""
     if has_levels(problem.form.spec, problem.objective.tests):
@@ -124,7 +124,7 @@ def excerpts_of_laws(problem: Problem) -> tuple[DamperTest, ...]:
 
 def points_from_levels(
     problem: Problem,
-    search: Multistart | Optimiser[Any],
+    search: Multistart | Optimiser,
     *,
     on_search: OnSearch,
     per_command: int | None = _PER_COMMAND,
@@ -432,7 +432,7 @@ def _fit_level(
     command: float,
     nearest: LevelFit | None,
     relative: Mapping[float, float],
-    search: Multistart | Optimiser[Any],
+    search: Multistart | Optimiser,
     *,
     on_search: OnSearch,
     on_iteration: OnIteration,
@@ -633,9 +633,7 @@ def relative_force(spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Fl
     return np.asarray(line / np.mean(line))
 
 
-def points_from_scaled_forces(
-    problem: Problem, search: Optimiser[Any], *, on_search: OnSearch
-) -> StartingPoints:
+def points_from_scaled_forces(problem: Problem, search: Optimiser, *, on_search: OnSearch) -> StartingPoints:
     """Starting points by a search of plain parameters, with laws in proportion to the measured force.
 
     The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show

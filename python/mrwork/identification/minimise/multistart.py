@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,6 @@ from mrwork.search.unit_cube import Streams, latin_hypercube
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult
-    from mrwork.search.loop import GenerationEvent
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
 LINEAR_SHARE = 0.98
@@ -192,8 +191,7 @@ def search_starts(
     good. `on_iteration`: called with the result so far and the share of the allowed iterations that is used up.
     """
     n_free = len(searched.free)
-    streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
-    sample = latin_hypercube(streams, settings.samples * n_free, n_free)[0]
+    sample = latin_hypercube(Streams(rng=rng), settings.samples * n_free, n_free)
     samples, misfit = scaled_to_force(objective, searched, np.asarray(searched.theta_from_unit(sample)))
     finite = np.flatnonzero(np.isfinite(misfit))
     order = finite[np.argsort(misfit[finite], kind="stable")]
@@ -719,7 +717,7 @@ def trace_of(minima: MultistartResult) -> SearchTrace:
     )
 
 
-def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
+def points_from_optimiser(problem: Problem, search: Optimiser, *, on_search: OnSearch) -> StartingPoints:
     """The elite of an optimiser (its best points that are far apart), for a model without current laws."""
     objective, form = problem.objective, problem.form
     box = search_box(form.spec, form.box, objective.tests)
@@ -743,14 +741,14 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
 
 def search_elite(
     problem: Problem,
-    search: Optimiser[Any],
+    search: Optimiser,
     objective: Objective,
     form: Form,
     theta_of: Callable[[Floats], Floats],
     *,
     n_params: int,
     on_search: OnGeneration,
-) -> SearchResult[Any]:
+) -> SearchResult:
     """Result of an optimiser on unit vectors of size `n_params`, mapped to parameters of the form by `theta_of`.
 
     An interrupt carries the best point so far.
@@ -768,20 +766,20 @@ def search_elite(
 
 
 def optimise(
-    search: Optimiser[Any],
+    search: Optimiser,
     objective: Objective,
     theta_of: Callable[[Floats], Floats],
     *,
     n_params: int,
     rng: int,
     on_search: OnGeneration,
-) -> SearchResult[Any]:
+) -> SearchResult:
     """Minimum of the objective over unit vectors, mapped to parameters by `theta_of`, as the search result."""
     from mrwork.search import run_search
 
-    def on_generation(event: GenerationEvent[Any]) -> None:
-        share = event.generation / search.stop.max_generations
-        on_search(event.generation, event.best_misfit, event.median_misfit, share)
+    def on_generation(so_far: SearchResult) -> None:
+        share = so_far.generations / search.stop.max_generations
+        on_search(so_far.generations, so_far.best_misfit, float(so_far.trace.median[-1]), share)
 
     result = run_search(
         search,
@@ -804,7 +802,7 @@ def make_interrupt(
     return Interrupted(best, "search")
 
 
-def trace_of_generations(search: SearchResult[Any]) -> SearchTrace:
+def trace_of_generations(search: SearchResult) -> SearchTrace:
     """Trace of an optimiser, an entry for each generation."""
     return SearchTrace(
         evaluations=tuple(int(count) for count in search.trace.evaluations),
