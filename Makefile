@@ -26,10 +26,9 @@ test: $(VENV)/.built $(VENV)/.dev
 sentences: $(VENV)/.built $(VENV)/.dev
 	MRWORK_TESTS=all MRWORK_SENTENCES=write $(BIN)/python -m pytest
 
-# What a user may do wrong, in the long form: planted faults, several mistakes of a study, every property twenty times.
+# What a user may do wrong, in the long form: planted faults, every property twenty times.
 faults: $(VENV)/.built $(VENV)/.dev
 	for each in motions rigs studies; do $(BIN)/python -m tools.faults.planted $$each || exit; done
-	$(BIN)/python -m tools.faults.mistakes
 	MRWORK_EXAMPLES=20 $(BIN)/python -m pytest --numprocesses 2 --dist worksteal -m hypothesis tests
 
 lint: $(VENV)/.built $(VENV)/.dev

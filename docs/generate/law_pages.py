@@ -10,7 +10,7 @@ from generate.study_keys import documentation, key_table
 from mrwork.control import ControlLawSpec, control_laws
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
-from mrwork.study.arrangements import CONSTANT_LAWS
+from mrwork.study.schema import CONSTANT_LAWS
 
 _EXPLANATION = Path(__file__).resolve().parents[1] / "explanation"
 

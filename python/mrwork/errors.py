@@ -77,13 +77,15 @@ class MrworkError(Restorable, Exception):
     """Root of all errors that a caller can act on; its text is one clear sentence, in one line whatever it quotes.
 
     `document` is the file whose place the text begins with, and `line` the line in it, 0 where it is not known; the
-    first is empty if the text does not begin with a place. Of an argument that is refused, `key` is the name, and
-    `in_a_file` the text for who has written a file and called no function; both are empty otherwise. `of_columns` is
-    whether the columns of one file are to be told, which others do not share.
+    first is empty if the text does not begin with a place. `path` are the keys that lead to what is refused in a value
+    that declares keys, for whoever knows where that value stands. Of an argument that is refused, `key` is the name,
+    and `in_a_file` the text for who has written a file and called no function; both are empty otherwise. `of_columns`
+    is whether the columns of one file are to be told, which others do not share.
     """
 
     document: str = ""
     line: int = 0
+    path: tuple[str | int, ...] = ()
     of_columns: bool = False
     key: str = ""
     in_a_file: str = ""
@@ -151,11 +153,12 @@ class ArgumentError(MrworkError, TypeError):
 
 
 class InvalidSettingError(SettingError):
-    """One setting of a declared table is out of range or clashes with another; `key` is its name."""
+    """One setting of a declared table is out of range or clashes with another; `key` is its name, or leads to it."""
 
-    def __init__(self, key: str, sentence: str) -> None:
+    def __init__(self, key: str | tuple[str | int, ...], sentence: str) -> None:
         super().__init__(sentence)
-        self.key = key
+        self.path = (key,) if isinstance(key, str) else key
+        self.key = str(self.path[0]) if self.path else ""
 
 
 class UnknownNameError(MrworkError, LookupError):

@@ -15,8 +15,7 @@ from mrwork.cli.door import whole_parser
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.dampers.spec import damper_models
-from mrwork.study.arrangements import CONSTANT_LAWS
-from mrwork.study.schema import StudyTable
+from mrwork.study.schema import CONSTANT_LAWS, StudyTable
 
 
 def options(parser: argparse.ArgumentParser) -> Iterator[str]:

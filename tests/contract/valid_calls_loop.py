@@ -202,7 +202,7 @@ def studies_calls(place: Path) -> Calls:
     given = {
         **{"building": five_storeys(), "motions": [sweep(0.1)], "hardware": mr.Hardware(), "title": "a"},
         **{"dampers": [{"storey": 1, "preset": "kwok2006"}], "references": "none", "folder": ".", "seed": 0},
-        **{"laws": ["best_passive", {"law": "passive_on"}, _viscous], "on_progress": print},
+        **{"laws": ["best_passive", {"law": "passive_on"}, _viscous]},
         **{"baselines": [{"label": "b", "building": baseline}], "tune": {"laws": ["lyapunov"]}},
         **{"uncertainty": {"realisations": 2, "stiffness": 0.1}, "places": {"dampers": 2}},
         **{"report": {"histories": "none"}},
@@ -210,6 +210,7 @@ def studies_calls(place: Path) -> Calls:
     }
     yield call(mr.study_of, **given)
     study = mr.study_of(building=five_storeys(), motions=[sweep(0.1)])
+    yield call(mr.study.designed, study=study)
     yield call(study.to_toml, path=place / "study.toml", replace=True)
     yield call(mr.study.compared, results=found)
     yield from calls_with({"row": 3, "motion": 0}, found.criteria, found.demands, found.step_changes)

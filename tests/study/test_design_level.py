@@ -20,7 +20,7 @@ LEVELS = ("0.1 g", "0.3 g", "0.5 g")
 
 def at_levels(levels: tuple[str | float, ...] = LEVELS, *, key: str = "pga", **others: Any) -> Study:
     uses = [("training", 0), ("training", 1), ("test", 2)] if others.pop("trained", False) else [("test", 0)]
-    return mr.study_of(
+    study = mr.study_of(
         building={
             "n_storeys": 2,
             "masses": ["20 t"],
@@ -36,6 +36,7 @@ def at_levels(levels: tuple[str | float, ...] = LEVELS, *, key: str = "pga", **o
         ],
         **others,
     )
+    return mr.study.designed(study)
 
 
 def test_laws_and_command_at_every_level_are_those_of_a_study_of_the_design_level() -> None:

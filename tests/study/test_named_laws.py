@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,7 @@ PLAIN = 'preset = "kwok2006"'
 def read(folder: Path, more: str = "", *, top: str = "", **changes: object) -> Study:
     path = folder / "study.toml"
     path.write_text(top + FRAME.format(**{"storeys": 2, "damper": PLAIN, "count": 300, **changes}) + more)
-    return mr.read_study(path)
+    return mr.study.designed(mr.read_study(path))
 
 
 def named(law: str, settings: str = "") -> str:
@@ -69,6 +70,24 @@ def test_every_law_named_alone_runs_and_what_it_lacked_is_told(law: str, tmp_pat
     results = mr.run_study(study, threads=1)
     assert results.quantities.finished.all()
     assert np.isfinite(results.score(len(results.rows) - 1))
+
+
+def test_a_law_is_only_named_until_it_is_designed_and_a_journal_keeps_what_it_took(tmp_path: Path) -> None:
+    expected = read(tmp_path, named("clipped_optimal"))
+    study = mr.read_study(tmp_path / "study.toml")
+    assert study.taken_settings == ()
+    assert fingerprint_of(study) != fingerprint_of(expected)
+    with closing(mr.Journal(tmp_path / "journal")) as journal:
+        assert fingerprint_of(mr.study.designed(study, journal=journal)) == fingerprint_of(expected)
+    kept = (tmp_path / "journal").read_text()
+    assert kept.count('"settings of clipped_optimal"') == 1
+    with closing(mr.Journal(tmp_path / "journal", resume=True)) as journal:
+        again = mr.study.designed(
+            study, journal=journal, on_progress=lambda progress: pytest.fail(progress.in_words)
+        )
+    assert fingerprint_of(again) == fingerprint_of(expected)
+    assert again.taken_settings == expected.taken_settings
+    assert mr.study.designed(expected) is expected
 
 
 @pytest.mark.parametrize("law", [spec.name for spec in control_laws() if spec.needs_curve])

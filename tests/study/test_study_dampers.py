@@ -19,7 +19,7 @@ from mrwork.base.documents import read_table
 from mrwork.base.places import Place
 from mrwork.dampers import damper
 from mrwork.dampers.tested_range import FittedDamper
-from mrwork.errors import MrworkWarning, RecordError
+from mrwork.errors import MrworkWarning, RecordError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.study.dampers import ChosenDamper, chosen_damper
 from mrwork.study.reading import parse
@@ -40,8 +40,10 @@ def identified(run: Path) -> FittedDamper:
 
 def chosen(text: str) -> ChosenDamper:
     document, lines = parse(f"storey = 1\n{text}", "study.toml")
-    table = read_table(DamperTable, document, Place(origin="study.toml", lines=lines))
-    return chosen_damper(table, Path("place"), identified)
+    place = Place(origin="study.toml", lines=lines)
+    table = read_table(DamperTable, document, place)
+    with place.prefix_errors(SettingError):
+        return chosen_damper(table, Path("place"), identified)
 
 
 @pytest.mark.parametrize(
@@ -191,9 +193,8 @@ def test_groups_of_one_model_have_parameters_laws_and_largest_commands_of_their_
     assert "takes it for that of damper in storey 2" in " ".join(text for _, text in results.facts)
 
 
-def test_laws_of_single_groups_and_groups_of_several_models_are_refused() -> None:
+def test_laws_and_units_of_single_groups_are_refused() -> None:
     one, other = GROUPS
-    refusal(grouped, *GROUPS, {"storey": 3, "preset": "kwok2006"}, match="are of one model")
     refusal(grouped, one, {**other, "unit": "V"}, match="a command in V")
     refusal(grouped, one, {**other, "law": "clipped_optimal"}, match="a law commands all of them")
     refusal(grouped, *GROUPS, law="clipped_optimal", largest_command=1.6, match="1.5 at most")

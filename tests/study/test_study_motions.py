@@ -15,7 +15,8 @@ from mrwork.base.places import Place
 from mrwork.motions import GroundMotion, en_1998_spectrum, response_spectrum, suite, synthetic_motion
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import MotionOfStudy
-from mrwork.study.reading import Aims, bare_motions, motions_of_study, parse
+from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study
+from mrwork.study.reading import parse
 from mrwork.study.schema import MotionTable
 
 
@@ -27,17 +28,26 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-AIMS = Aims(target=lambda: en_1998_spectrum(2.0, "B"), target_period=lambda: 0.5, first_period=lambda: 0.8)
+AIMS = Aims(
+    building=mr.buildings.shear_building(masses=[1.0], stiffnesses=[(2.0 * np.pi / 0.8) ** 2]),
+    target=en_1998_spectrum(2.0, "B"),
+    target_period=0.5,
+)
 
 
 def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfStudy, ...]:
     """The motions of tables, each with lines of its own."""
-    read = []
+    bare: list[BareMotion] = []
+
+    def read(place: Place, table: object) -> None:
+        if isinstance(table, MotionTable):
+            bare.extend(bare_motions(table, len(bare), folder, seed))
+
     for text in texts:
         document, lines = parse(text, "study.toml")
-        read.append(read_table(MotionTable, document, Place(origin="study.toml", lines=lines)))
-    bare = bare_motions(read, folder, seed)
-    return motions_of_study(bare, sample_time=0.001, aims=AIMS, place=Place(origin="study.toml"))
+        place = Place(origin="study.toml", lines=lines, on_table=read)
+        read_table(MotionTable, document, place)
+    return motions_of_study(bare, sample_time=0.001, aims=AIMS)
 
 
 def motions(text: str, folder: Path = Path(), seed: int = 0) -> tuple[GroundMotion, ...]:

@@ -20,8 +20,9 @@ from mrwork.errors import Interrupted
 from mrwork.study.course import StudyProgress
 from mrwork.study.folder import study_document
 from mrwork.study.loop_runs import simulate_criteria, vary_building
+from mrwork.study.realisations import nominal
 from mrwork.study.results import RealisationBand
-from mrwork.study.study import Arrangement, Row, make_arrangement, nominal
+from mrwork.study.study import Arrangement, Row, make_arrangement
 
 CONTROLLER = """
 [[controller]]

@@ -102,7 +102,6 @@ def test_laws_are_tuned_at_the_best_placement_and_its_study_is_written(tmp_path:
     chosen.write_text(chosen_study(results, study.file))
     again = mr.read_study(chosen)
     assert again.device_names == ("damper in storey 3",)
-    assert again.table is not None
     assert again.table.places is None
     runs = mr.run_study(again)
     (row,) = (number for number, each in enumerate(runs.rows) if each.label == results.laws[0].label)
@@ -140,7 +139,6 @@ def test_an_interrupted_comparison_resumes_to_the_same_bits(
 def test_equal_dampers_that_stand_already_are_the_placement_of_the_study(tmp_path: Path) -> None:
     dampers = DAMPER + DAMPER.replace("storey 1", "storey 3").replace("preset", 'name = "upper"\npreset')
     study = study_with(tmp_path, "[places]\nstoreys = [1, 2, 3, 4]\neach = 1", dampers=dampers)
-    assert study.table is not None
     given, placements = placements_of(study.table, study.building)
     assert given == {"storey 1": 1, "storey 3": 1}
     assert given in placements

@@ -58,12 +58,14 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
             if is_required(entry) and not {name} & (table.keys() | misspelt):
                 with part():
                     refuse_missing(entry, place)
-    if isinstance(kind, tuple):
-        return cast(T, Arguments(functions=kind, given=values, place=place))
-    if "place" in fields_of(cast(Any, kind)):
-        values["place"] = place
     with place.prefix_errors(SettingError):
-        return kind(**values)
+        if isinstance(kind, tuple):
+            made = cast(T, Arguments(functions=kind, given=values, place=place))
+        else:
+            values |= {"place": place} if "place" in fields_of(cast(Any, kind)) else {}
+            made = kind(**values)
+        place.on_table(place, made)
+        return made
 
 
 def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
@@ -83,9 +85,15 @@ def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[st
                     _ask(value, table[name], where, entry)
         for name in [each for each in table if each not in known]:
             with part():
-                near = suggestion(name, [*known], otherwise="it has")
-                place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
+                place.within(name).refuse(_on_unknown(kind, name, table, place))
     return values
+
+
+def _on_unknown(kind: Table, name: str, table: Mapping[str, Any], place: Place) -> str:
+    """What a key that a table does not have is refused with; a class may know better what was meant."""
+    meant_by = getattr(kind, "_meant_by", None)
+    near = suggestion(name, [*map(name_in_file, keys_of(kind))], otherwise="it has")
+    return (meant_by and meant_by(name, table)) or f"{place.table} has no key {name!r}{near}"
 
 
 # Room of a number whose unit is stated.
@@ -157,7 +165,11 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
 
 
 def _read_inner(table: Table, value: Any, place: Place, entry: Key, *, alone: bool, several: bool) -> Any:
-    """A table `alone`, or `several` of them."""
+    """A table `alone`, or `several` of them; also as the value that it makes."""
+    if isinstance(value, Arguments if isinstance(table, tuple) else table):
+        with place.prefix_errors(SettingError):
+            place.on_table(place, value)
+        return value
     if isinstance(value, dict) and alone:
         return read_table(cast(type[Any], table), value, place)
     if not (isinstance(value, list) and several):

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from mrwork.errors import MOST_MISTAKES, InvalidSettingError, MistakesError, MrworkError, SettingError
 
@@ -27,7 +27,7 @@ def all_mistakes() -> Iterator[Callable[[], AbstractContextManager[None]]]:
     Each part is read in a block of the function that is given; a part with a mistake does not keep others from being
     read. A single mistake is raised as it is, several as a `MistakesError`.
     """
-    by_text: dict[str, MrworkError] = {}
+    by_text: dict[tuple[object, str], MrworkError] = {}
 
     @contextmanager
     def part() -> Iterator[None]:
@@ -37,7 +37,7 @@ def all_mistakes() -> Iterator[Callable[[], AbstractContextManager[None]]]:
             yield
         except MrworkError as error:
             several = error.mistakes if isinstance(error, MistakesError) else (error,)
-            by_text.update({str(each): each for each in several})
+            by_text.update({(each.path, str(each)): each for each in several})
 
     with part():
         yield part
@@ -58,6 +58,20 @@ def read_each(read: Callable[[GivenT], ReadT], parts: Iterable[GivenT]) -> list[
     return results
 
 
+@contextmanager
+def keyed(*keys: str | int) -> Iterator[None]:
+    """Say of what the block refuses that these keys lead to it, for whoever knows where the value stands."""
+    try:
+        yield
+    except MistakesError as several:
+        for each in several.mistakes:
+            each.path = (*keys, *each.path)
+        raise
+    except MrworkError as error:
+        error.path = (*keys, *error.path)
+        raise
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
     """Where a table or value stands in a document; begins a message.
@@ -66,14 +80,19 @@ class Place:
     "frame.toml, rayleigh.ratios". `title` is what messages call the document. Where that is a call, `arguments` has the
     names of its arguments by the keys of a file: a place reads "study_of, dampers[0].storey", and sentences name
     `dampers` for [[damper]]. `questions` are sentences on numbers that a document may have, and that are unusual.
+    `on_table` looks up what a table names as soon as it is read. Without an origin what is refused has the path alone,
+    see `keyed`.
     """
 
-    origin: str
+    origin: str = ""
     path: KeyPath = ()
     lines: dict[KeyPath, int] = field(default_factory=dict)
     title: str = "the study"
     arguments: Mapping[str, str] = field(default_factory=dict, repr=False)
     questions: list[str] = field(default_factory=list, repr=False, compare=False)
+    on_table: Callable[[Place, Any], None] = field(
+        default=lambda place, table: None, repr=False, compare=False
+    )
 
     def within(self, *keys: str | int) -> Place:
         """The place of something inside."""
@@ -127,12 +146,15 @@ class Place:
         kind = kind or type(error)
         if error.document == self.origin:
             return self._as(kind, str(error), error.line)
-        own = isinstance(error, InvalidSettingError) or (*self.path, error.key) in self.lines
-        place = self.within(error.key) if own else self
+        place = self.within(*error.path)
+        if error.key and (*place.path, error.key) in self.lines:
+            place = place.within(error.key)
         return place.error(kind, error.in_a_file or str(error))
 
     def error(self, kind: type[MrworkError], sentence: str) -> MrworkError:
         """An error whose message begins with this place."""
+        if not self.origin:
+            return InvalidSettingError(self.path, sentence)
         if self.arguments:
             sentence = _HEADING.sub(self._argument, sentence)
         return self._as(kind, f"{self}: {sentence}", self.line)

@@ -74,16 +74,19 @@ def run_on_study(
     """Run a verb on the motions of a `use` of its study: compute, write the folder, print; return the exit status."""
     # The simulation is slow to load.
     from mrwork.runs.study import read_study
+    from mrwork.study.named_laws import designed
 
     began = time.perf_counter()
     with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
         line(_Reading())
-        report = None if is_quiet(options) else line
-        study = read_study(options.study, seed=options.seed, on_python=note, on_progress=report)
+        study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
     frame = Frame.of(options, kind, default, kept)
     with RunAtWork(frame.destination, note=note) as work:
-        verb, journal = verb_of(study, work), work.journal()
+        journal = work.journal()
+        with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
+            study = designed(study, journal=journal, on_progress=line)
+        verb = verb_of(study, work)
         with keep_stdout(), on_workers(options):
             results, status = frame.compute(lambda line: verb.compute(journal, line), patience=_SOON)
         journal.close()

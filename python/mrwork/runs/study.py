@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import is_dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,13 +19,13 @@ from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import Command, UserLaw
+from mrwork.control.laws.law_problem import LawSettings
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import MrworkWarning, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.run_folder import FIT, FIT_RUN, RunFolder
 from mrwork.store.run_writer import with_manifest
 from mrwork.study import reading
-from mrwork.study.course import StudyProgress
 from mrwork.study.dampers import Identified
 from mrwork.study.schema import References, StudyTable, TuneTable, UncertaintyTable
 from mrwork.study.study import Study
@@ -77,9 +77,8 @@ def read_study(
     *,
     seed: Seed = 0,
     on_python: Callable[[str], None] = lambda sentence: None,
-    on_progress: Callable[[StudyProgress], None] | None = None,
 ) -> Study:
-    """Read a study.
+    """Read a study; its laws that lack settings are designed when it runs, or by `mr.study.designed`.
 
     Parameters
     ----------
@@ -91,8 +90,6 @@ def read_study(
         Seed of noise and synthetic motions.
     on_python
         Called with a sentence that names the file of each law in Python, before any of these files runs.
-    on_progress
-        Called with the progress of the runs from which settings are taken that laws of the study leave out.
 
     Raises
     ------
@@ -101,7 +98,9 @@ def read_study(
     SettingError
         If anything in it is wrong; the message has file and line.
     """
-    return reading.read_study(path, identified, seed=seed, on_python=on_python, on_progress=on_progress)
+    path = Path(path)
+    file, document, place = reading.document_in(path)
+    return reading.study_of_tables(document, place, path.parent, identified, seed, on_python, file)
 
 
 # Names of the arguments by the tables of a study file, where they are others.
@@ -130,7 +129,6 @@ def study_of(
     title: str = "",
     folder: str | Path = "",
     seed: Seed = 0,
-    on_progress: Callable[[StudyProgress], None] | None = None,
 ) -> Study:
     """Make a study, of the same tables as a study file has, see `read_study`.
 
@@ -168,8 +166,6 @@ def study_of(
         Folder that names of files are relative to, by default the working directory.
     seed
         Seed of noise and synthetic motions.
-    on_progress
-        Called with the progress of the runs from which settings are taken that laws leave out.
 
     Returns
     -------
@@ -199,12 +195,11 @@ def study_of(
         raise SettingError(
             f"`hardware` of study_of has the seed {hardware.seed}, and a study has one for all; give it as `seed`"
         )
-    tables = [tune] if isinstance(tune, TuneTable | Mapping) else tune
-    given = {
+    stated = {
         "title": title,
-        "folder": str(folder),
+        "folder": folder,
         "building": {"file": building} if isinstance(building, Building) else building,
-        "damper": dampers,
+        "damper": [_damper_table(each) for each in dampers],
         "controller": [_law_table(each) for each in laws],
         "baseline": baselines,
         "motion": [each if isinstance(each, Mapping) else {"file": each} for each in motions],
@@ -213,23 +208,23 @@ def study_of(
         "hardware": hardware,
         "report": report,
         "uncertainty": uncertainty,
-        "tune": tables,
+        "tune": [tune] if isinstance(tune, TuneTable | Mapping) else tune,
         "places": places,
         "target": target,
     }
     try:
-        document = {name: _plain(value) for name, value in given.items() if value is not None}
+        given = {name: _plain(value) for name, value in stated.items() if value is not None}
     except RecursionError:
         raise SettingError("a table or list of study_of holds itself; give each without itself") from None
     place = Place(origin="study_of", arguments=_ARGUMENTS)
-    return reading.study_of_document(
-        document, place, Path(), fitted_damper, seed, lambda _: None, on_progress
-    )
+    return reading.study_of_tables(given, place, Path(), fitted_damper, seed)
 
 
 def _law_table(law: str | Table | Command | UserLaw) -> Table:
     """The table of a law that is given by its name, by a table, by a function or as a value."""
     table: dict[str, Any] = dict(law) if isinstance(law, Mapping) else {"law": law}
+    if isinstance(settings := table.get("settings"), LawSettings):
+        table["settings"] = given_in(settings)
     if isinstance(law, UserLaw):
         kept = {"memory": law.n_memory} | ({} if law.rms_time is None else {"rms_time": law.rms_time})
         table = {"law": law.command, "label": law.name, "user": kept}
@@ -243,27 +238,31 @@ def _law_table(law: str | Table | Command | UserLaw) -> Table:
 
 
 def _plain(value: Any) -> Any:
-    """A value as a document of TOML has it, with the fits in it as a study takes them."""
+    """A value as the reader of tables takes it: names of files as texts, arrays as lists."""
     if isinstance(value, Mapping):
         return {str(name): _plain(each) for name, each in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(each) for each in value]
     if isinstance(value, os.PathLike):
         return os.fspath(value)
-    if is_dataclass(value) and keys_of(type(value)):
-        return _plain(given_in(value))
-    if isinstance(value, str | float | int | Building | GroundMotion) or callable(value):
-        return value
     if hasattr(value, "__array__"):
         array = np.asarray(value)
         return array if array.ndim and array.dtype.kind in "cb" else array.tolist()
+    return value
+
+
+def _damper_table(table: Table) -> Table:
+    """The table of a damper, with a fit in it as a study takes it."""
+    run = table.get("run")
+    if run is None or isinstance(run, str | os.PathLike):
+        return table
     # Most studies have no fit, and the wing of identification takes half as long again to load.
     from mrwork.identification.fit import Fit
     from mrwork.runs.load import StoredRun
 
-    if isinstance(value, StoredRun):
-        return str(value.place.absolute())
-    return _damper_of(value) if isinstance(value, Fit) else value
+    if isinstance(run, StoredRun):
+        return {**table, "run": run.place.absolute()}
+    return {**table, "run": _damper_of(run)} if isinstance(run, Fit) else table
 
 
 def _damper_of(fit: Fit) -> FittedDamper:

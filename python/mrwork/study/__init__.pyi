@@ -7,6 +7,7 @@ from .fragilities import Fragilities as Fragilities
 from .fragilities import Fragility as Fragility
 from .fragilities import fragilities_of as fragilities_of
 from .fragilities import fragility as fragility
+from .named_laws import designed as designed
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study
 from .schema import TuneTable as TuneTable

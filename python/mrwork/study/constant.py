@@ -18,9 +18,10 @@ from mrwork.control.laws.law_problem import ReferencePeaks
 from mrwork.errors import SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.study.loop_runs import OnBlock, simulate_criteria
+from mrwork.study.realisations import nominal
 from mrwork.study.runs import Runs
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
-from mrwork.study.study import Arrangement, constant_command, nominal
+from mrwork.study.study import Arrangement, constant_command
 
 LEVELS = 21
 """Number of constant commands, equally spaced from zero to the largest, among which the best is chosen."""

@@ -19,8 +19,9 @@ from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.study.realisations import Realisations
 from mrwork.study.runs import Runs, candidate_axes, runs_of
-from mrwork.study.study import Arrangement, Realisations, StudyLaw
+from mrwork.study.study import Arrangement, StudyLaw
 
 OnBlock = Callable[[int, int], None]
 """Called with the runs that are done and all of a call."""

@@ -10,13 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from mrwork.base.keys import Key, as_document, is_required, keys_of, toml_value
+from mrwork.base.arguments import checked
+from mrwork.base.keys import as_document, keys_of, toml_value
 from mrwork.base.numbers import counted, round_to
+from mrwork.base.places import keyed, read_each
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
@@ -25,18 +27,29 @@ from mrwork.closed_loop.evaluation import searched
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.control.laws.control_law import ControlLaw, control_law
-from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
 from mrwork.study.course import Course, Kind, StudyProgress
 from mrwork.study.loop_runs import simulate_criteria
+from mrwork.study.realisations import nominal
 from mrwork.study.row_runs import cost_of
-from mrwork.study.runs import Runs
-from mrwork.study.study import Arrangement, Row, TakenSettings, constant_command, make_arrangement, nominal
+from mrwork.study.runs import Runs, recall_or_compute
+from mrwork.study.study import (
+    WEIGHT,
+    Arrangement,
+    NamedLaw,
+    Row,
+    Study,
+    TakenSettings,
+    constant_command,
+    digest_of_run,
+    make_arrangement,
+)
 
-_WEIGHT = "control_weight"
 # Values of a setting that is scanned, over the range in which a search would look for it.
 _STEPS, _LEVELS = 13, 21
 # Smallest over largest of the motion that a static model of the damper is fitted to.
@@ -102,44 +115,105 @@ class _Response:
     magnitudes: Magnitudes
 
 
-def missing_settings(law: str, given: Mapping[str, Any]) -> list[Key]:
-    """Settings that a law needs beside those `given`."""
-    kind = SETTINGS[law]
-    missing = [entry for entry in keys_of(kind) if is_required(entry) and entry.name not in given]
-    if kind.is_regulator and not {_WEIGHT, "gain"} & given.keys():
-        missing += [entry for entry in keys_of(kind) if entry.name == _WEIGHT]
-    return missing
+@checked
+def designed(
+    study: Study,
+    *,
+    journal: Journal | None = None,
+    on_progress: Callable[[StudyProgress], None] | None = None,
+) -> Study:
+    """Return the study with the gains of all its laws, as `run_study` and `tune` make it first.
+
+    Laws whose settings are complete are designed where a study is made. Settings that a law lacks are taken from the
+    response of the dampers, which is simulated.
+
+    Parameters
+    ----------
+    journal
+        Records the settings that are taken, and recalls those of a run that was interrupted.
+    on_progress
+        Called with the progress of the runs from which settings are taken.
+
+    Raises
+    ------
+    SettingError
+        If a law cannot be designed.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> study = mr.study.designed(mr.read_study("study.toml"))  # doctest: +SKIP
+    >>> study.taken_settings  # doctest: +SKIP
+    """
+    lacking = [each.named for each in study.arrangements if each.named is not None]
+    if not lacking or study.problem is None:
+        return study
+    trials = _Trials(
+        bare=study.building,
+        problem=study.problem,
+        hardware=study.hardware,
+        n_scanned=sum(bool(each.missing) for each in lacking),
+        journal=journal,
+        on_progress=on_progress,
+    )
+
+    def arranged(each: Arrangement) -> Arrangement:
+        if each.named is None:
+            return each
+        law, taken = trials.design(each.named)
+        return replace(each, law=law, taken=taken, named=None)
+
+    with study.place.prefix_errors(SettingError):
+        made = replace(study, arrangements=tuple(read_each(arranged, study.arrangements)))
+        made.check_readings()
+    return made
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trials:
+class _Trials:
     """The building, dampers and motions on which the settings of laws are taken, the training motions of a study.
 
-    Nothing is simulated before a law asks; `lacking` are the laws without some of their settings.
+    Nothing is simulated before a law asks.
     """
 
     bare: Building
     problem: DesignProblem
     hardware: Hardware
-    lacking: Sequence[str]
+    n_scanned: int
+    journal: Journal | None
     on_progress: Callable[[StudyProgress], None] | None
 
     @cached_property
     def _course(self) -> Course:
         """Progress of all scans, of as many steps each."""
-        n_candidates = 2 + _STEPS * len(self.lacking)
-        costs: Mapping[Kind, float] = {"core": self._cost(2) + self._cost(_STEPS) * len(self.lacking)}
+        n_candidates = 2 + _STEPS * self.n_scanned
+        costs: Mapping[Kind, float] = {"core": self._cost(2) + self._cost(_STEPS) * self.n_scanned}
         return Course(self.on_progress, costs, n_candidates * len(self.problem.motions))
 
     def _cost(self, n_candidates: int) -> float:
         return cost_of(self._arranged(self.problem), self.problem.motions, self.hardware, n_candidates)
 
-    def expect_motion(self, problem: DesignProblem) -> tuple[DesignProblem, str]:
-        """The problem with the expected motion of its dampers, and a sentence where it was taken from the response."""
-        if is_curve(problem.devices[0].spec) or (
-            problem.amplitude is not None and problem.velocity is not None
-        ):
-            return problem, ""
+    def design(self, named: NamedLaw) -> tuple[ControlLaw, TakenSettings]:
+        """A law with the settings that it lacks, and how they came."""
+        law, problem = named.table.law, named.problem
+        with keyed("controller", named.number):
+            problem, beside = self._expect_motion(problem) if named.lacks_motion else (problem, "")
+            inputs = digest_of(
+                law,
+                toml_value(as_document(named.given)),
+                digest_of_run(self._arranged(problem), *problem.motions),
+            )
+            taken = recall_or_compute(
+                self.journal,
+                f"settings of {law}",
+                inputs,
+                TakenSettings,
+                partial(self._take, named, problem, beside),
+            )
+            return named.design(problem, taken.settings), taken
+
+    def _expect_motion(self, problem: DesignProblem) -> tuple[DesignProblem, str]:
+        """The problem with the expected motion of its dampers, taken from the response, and a sentence on that."""
         shaken = self._shaken
         says = (
             f"amplitude = {toml_value(shaken.amplitude)} and velocity = {toml_value(shaken.velocity)} of the "
@@ -158,23 +232,11 @@ class Trials:
         )
         return replace(whole, amplitude=whole.amplitude or amplitude, velocity=whole.velocity or velocity)
 
-    def take(
-        self,
-        law: str,
-        given: Mapping[str, Any],
-        problem: DesignProblem,
-        shape: Callable[[ControlLaw], ControlLaw],
-        *,
-        beside: str = "",
-    ) -> TakenSettings | None:
-        """The settings that a law lacks, beside those `given` in SI; `None` if it lacks none.
-
-        `shape` gives a law its dead zone and slope, `beside` says what else was taken for it.
-        """
-        kind = SETTINGS[law]
-        missing = missing_settings(law, given)
+    def _take(self, named: NamedLaw, problem: DesignProblem, beside: str) -> TakenSettings:
+        """The settings that a law lacks; `beside` says what else was taken for it."""
+        kind, given, missing = SETTINGS[named.table.law], named.given, named.missing
         if not missing:
-            return None if not beside else TakenSettings(settings={}, origin=(beside,), remedy="")
+            return TakenSettings(settings={}, origin=(beside,), remedy="")
         taken, says = self._weights(kind, given, [entry.name for entry in missing])
         magnitudes = self._response.magnitudes
         magnitudes = replace(magnitudes, cost=kind.cost({**given, **taken}, magnitudes))
@@ -195,7 +257,7 @@ class Trials:
                 steps = np.linspace(lower, upper, _LEVELS) if linear else np.geomspace(lower, upper, _STEPS)
                 scanned[entry.name] = np.array([round_to(each) for each in steps])
         if scanned:
-            chosen, sentence = self._scan(law, {**given, **taken}, scanned, problem, shape)
+            chosen, sentence = self._scan(named, {**given, **taken}, scanned, problem)
             taken |= chosen
             says.append(sentence)
         return TakenSettings(
@@ -208,31 +270,30 @@ class Trials:
         self, kind: type[LawSettings], given: Mapping[str, Any], missing: Sequence[str]
     ) -> tuple[dict[str, Any], list[str]]:
         """The weights of a regulator without R, and words on them."""
-        if _WEIGHT not in missing:
+        if WEIGHT not in missing:
             return {}, []
         if "designed" in given:
-            return {_WEIGHT: 1.0}, ["control_weight, R as designed"]
+            return {WEIGHT: 1.0}, ["control_weight, R as designed"]
         if kind.weight_names() & given.keys():
             return {}, []
         return dict(kind.weighed_by_default), ["equal weights of all drifts"]
 
     def _scan(
         self,
-        law: str,
+        named: NamedLaw,
         held: Mapping[str, Any],
         scanned: Mapping[str, Floats],
         problem: DesignProblem,
-        shape: Callable[[ControlLaw], ControlLaw],
     ) -> tuple[dict[str, float], str]:
         """The values of the lowest score, all scanned settings from the one end to the other together."""
-        count = len(next(iter(scanned.values())))
+        law, count = named.table.law, len(next(iter(scanned.values())))
         many = [{name: float(each[step]) for name, each in scanned.items()} for step in range(count)]
         designed = design_candidates(law, problem, [settings_of(law, {**held, **each}) for each in many])
         response, scores = self._response, np.full(count, math.inf)
         self._course.begin(f"settings of {law}", "core", self._cost(count), 0)
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
-            runs = self._run(problem, shape(designed.law))
+            runs = self._run(problem, named.shaped(designed.law))
             of_runs = runs.scores(response.off).mean(axis=(1, 2))
             if control_law(law).commands_force:
                 within = (runs.peak_force <= response.on.peak_force)[:, :, 0].all(axis=1)

@@ -8,8 +8,9 @@ from dataclasses import replace
 from typing import Any, Final
 
 from mrwork.base.numbers import counted
+from mrwork.base.places import keyed
 from mrwork.buildings import Building
-from mrwork.errors import SettingError
+from mrwork.errors import InvalidSettingError
 from mrwork.study.schema import DamperTable, StudyTable
 
 MOST_PLACEMENTS: Final = 60
@@ -22,25 +23,26 @@ def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Place
     """The placement that the [[damper]] of a study give, and those of its [places]."""
     places, dampers = table.places, table.damper
     assert places is not None
-    place = places.place
-    first = dampers[0]
-    for each in dampers:
-        if replace(each, storey=first.storey, name=first.name, place=first.place) != first:
-            each.place.refuse(
-                "[places] compares places of equal dampers, and this one differs from the first; keep one"
+    for number, each in enumerate(dampers):
+        if replace(each, storey=dampers[0].storey, name=dampers[0].name) != dampers[0]:
+            raise InvalidSettingError(
+                ("damper", number),
+                "[places] compares places of equal dampers, and this one differs from the first; keep one",
             )
         if each.row is not None:
-            each.place.within("row").refuse(
-                "row is of one place, and [places] compares several; give an angle"
+            raise InvalidSettingError(
+                ("damper", number, "row"),
+                "row is of one place, and [places] compares several; give an angle",
             )
     own = Counter(bare.storey_name(each.storey) for each in dampers)
-    with place.within("storeys").prefix_errors(SettingError):
+    with keyed("places", "storeys"):
         names = list(dict.fromkeys(bare.storey_name(each) for each in places.storeys or ()))
     names = names or list(bare.storey_names[: len(bare.drifts)])
     number = places.dampers or len(dampers)
     if len(dampers) not in (1, number):
-        place.within("dampers").refuse(
-            f"dampers is {number}, and the study has {len(dampers)} [[damper]]; give one, or one for each place"
+        raise InvalidSettingError(
+            ("places", "dampers"),
+            f"dampers is {number}, and the study has {len(dampers)} [[damper]]; give one, or one for each place",
         )
     most = min(places.each or number, number)
     ways = [1, *[0] * number]
@@ -52,9 +54,10 @@ def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Place
             if ways[number]
             else "a larger each"
         )
-        place.refuse(
+        raise InvalidSettingError(
+            "places",
             f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have "
-            f"{ways[number]:,} placements, and 1 to {MOST_PLACEMENTS} are compared; give {remedy}"
+            f"{ways[number]:,} placements, and 1 to {MOST_PLACEMENTS} are compared; give {remedy}",
         )
     given = {name: own[name] if len(dampers) > 1 else number for name in bare.storey_names if own[name]}
     return given, list(_spread(names, number, most))

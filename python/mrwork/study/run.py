@@ -13,6 +13,7 @@ from mrwork.study.course import Course, StudyProgress
 from mrwork.study.damper_size import judged_by_demand
 from mrwork.study.histories import RunHistory
 from mrwork.study.loop_runs import scales_of
+from mrwork.study.named_laws import designed
 from mrwork.study.results import StudyResults
 from mrwork.study.row_runs import RowRuns, costs_of_study
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, study_criteria, study_quantities
@@ -67,6 +68,7 @@ def run_study(
     >>> results.criteria(0, 0)["peak_drift"]  # doctest: +SKIP
     0.0236
     """
+    study = designed(study, journal=journal, on_progress=on_progress)
     if journal is not None:
         journal.agree("study", fingerprint_of(study))
     rows, motions = list(study.arrangements), range(len(study.motions))

@@ -1,4 +1,4 @@
-"""Declarations of the tables of a study file and their keys, and the labels of its constant commands.
+"""The values that a study is stated by: each table of a study file is one, which declares its keys and checks itself.
 
 Numbers are in SI units. A number with a unit may also be given as a text with another unit, as "1 ms" or "0.1 g".
 """
@@ -6,8 +6,8 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import checked
@@ -16,12 +16,15 @@ from mrwork.base.keys import (
     LARGEST_SEED,
     Arguments,
     key,
+    keys_of,
     optional,
     positive,
     refuse_repeated,
     tables,
+    toml_value,
 )
-from mrwork.base.places import Place
+from mrwork.base.places import KeyPath, Place
+from mrwork.base.summary import list_names
 from mrwork.base.units import RATIOS, DriverUnit
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.closed_loop.hardware import Hardware
@@ -29,6 +32,7 @@ from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
+from mrwork.errors import InvalidSettingError
 from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
 from mrwork.motions.synthetic import suite as synthetic_suite
@@ -50,6 +54,46 @@ _WIDEST = 0.999
 _PERIODS, _STEPS, _PEAKS, _COMMANDS = (0.01, 12.0), (1e-5, 0.11), (0.5, 30.0), (0.02, 60.0)
 
 Combination = Literal["mean", "largest"]
+
+
+class Stated:
+    """A value that refuses its first mistake; sentences, each behind the keys that lead to what is wrong."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        for keys, sentence in self._mistakes():
+            raise InvalidSettingError(keys, sentence)
+
+    def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        raise NotImplementedError
+
+
+PASSIVE_OFF, PASSIVE_ON, OPTIMAL_PASSIVE = "Passive-off", "Passive-on", "Optimal passive"
+"""Labels of the constant commands."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstantLaw:
+    """A constant command, which has no settings: a share of the largest, or the best one where `share` is `None`."""
+
+    title: str
+    description: str
+    kind: Literal["passive_off", "passive", "best_passive"]
+    share: float | None
+
+
+CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
+    "passive_off": ConstantLaw(title=PASSIVE_OFF, description="no command", kind="passive_off", share=0.0),
+    "passive_on": ConstantLaw(title=PASSIVE_ON, description="the largest command", kind="passive", share=1.0),
+    "best_passive": ConstantLaw(
+        title=OPTIMAL_PASSIVE,
+        description="the constant command of the lowest score over all motions",
+        kind="best_passive",
+        share=None,
+    ),
+}
+"""Constant commands that a study accepts as laws, besides the laws of the registry, by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +119,6 @@ class UncertaintyTable:
     )
     delay: float = key("largest additional delay of the command", unit="s", default=0.0, least=0.0)
     seed: int = key("seed of the realisations", default=0, least=0, most=LARGEST_SEED)
-    place: Place | None = None
 
 
 @checked
@@ -139,7 +182,7 @@ class TuneTable:
     seed: int = key(
         "seed of the search, added to that of the command line", default=0, least=0, most=LARGEST_SEED
     )
-    place: Place | None = None
+    place: Place | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         refuse_repeated(self)
@@ -152,7 +195,13 @@ Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 # Motions that one record is scaled to: each is simulated with every arrangement.
 _MOST_SCALED = 1000
 
-"""Label of the row, unless the study file has another."""
+# Angle of a damper that no drift stretches.
+_UPRIGHT = 1.57
+# Of words with which a law would be given to some of the dampers.
+_OF_ALL = (
+    "{} in a [[{}]] would give one group of dampers a law of its own, and a law commands all of them; leave it out, "
+    "several [[controller]] are compared with each other"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +216,7 @@ class BraceTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DamperTable:
+class DamperTable(Stated):
     """A damper across a storey: a published set, a run of `mrwork identify`, or given parameters.
 
     `count` equal dampers, twice as many if `differential`, are one group with one command. Parameters are those of a
@@ -242,7 +291,28 @@ class DamperTable:
     velocity: tuple[float, ...] | None = positive(
         "smallest and largest expected velocity, for the same laws", unit="m/s"
     )
-    place: Place
+
+    def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        if self.preset is not None and self.run is not None:
+            yield (), "[[damper]] has a preset and a run; give one of them"
+        if self.preset is None and self.run is None and self.model is None:
+            yield (), "[[damper]] names no damper; give a preset, a run, or a model with parameters"
+        if self.run is None and self.like is not None:
+            yield "like", "like is fitted to the force of a run; leave it out, or give a run"
+        if self.run is not None and self.model is not None:
+            yield "model", "the model is that of the run; leave model out"
+        if self.angle is not None and self.row is not None:
+            yield "row", "angle and row both say how the damper stands; keep one"
+        if self.angle is not None and self.angle >= _UPRIGHT:
+            angle = f"{self.angle:g} rad, {math.degrees(self.angle):.4g} deg"
+            yield "angle", f'angle is {angle}; give one below 90 deg, as "38 deg"'
+        for name, given in (("amplitude", self.amplitude), ("velocity", self.velocity)):
+            if given is not None and (len(given) != 2 or given[0] > given[1]):
+                yield name, f"{name} takes the smallest and the largest value, as [0.001, 0.01]"
+
+    @staticmethod
+    def _meant_by(name: str, _: Mapping[str, Any]) -> str:
+        return _OF_ALL.format(name, "damper") if name in ("law", "controller") else ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -261,11 +331,10 @@ class LawFileTable:
     rms_time: float | None = positive(
         "time constant of the running root mean squares of the readings, LoopSample.rms", unit="s"
     )
-    place: Place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ControllerTable:
+class ControllerTable(Stated):
     """A control law; `mrwork respond --laws` lists them with their settings.
 
     The building without dampers and i = 0 are always simulated, and so is `best_passive`, the constant command with the
@@ -299,7 +368,36 @@ class ControllerTable:
         unit="A/s or V/s",
         default=math.inf,
     )
-    place: Place
+
+    def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        if self.user is None and not self.law:
+            yield (), "[[controller]] has no law; give the name of a law, or user for one in Python"
+        for name in ("law", "settings", "gain"):
+            if self.user is not None and getattr(self, name):
+                yield name, f"a law in Python has no {name}; leave it out, or user"
+            if self.law in CONSTANT_LAWS and name != "law" and getattr(self, name):
+                yield name, f"{self.law} has no {name}; leave it out"
+
+    @property
+    def shaping(self) -> tuple[str, ...]:
+        """Keys that shape the command of the law."""
+        given = {"dead_zone": self.dead_zone > 0.0, "command_slope": math.isfinite(self.command_slope)}
+        return tuple(name for name, is_given in given.items() if is_given)
+
+    @staticmethod
+    def _meant_by(name: str, table: Mapping[str, Any]) -> str:
+        if name in ("damper", "dampers", "storey", "storeys", "group"):
+            return _OF_ALL.format(name, "controller")
+        # Laws take long to load, and every study has its names.
+        from mrwork.control.laws.law_settings import SETTINGS
+
+        kind = SETTINGS.get(str(table.get("law")))
+        if kind is None or name not in [entry.name for entry in keys_of(kind)]:
+            return ""
+        return (
+            f"{name} is a setting of the law; it stands in [controller.settings], or below the law as settings = "
+            f"{{ {name} = {toml_value(table[name])} }}"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -308,7 +406,6 @@ class BaselineTable:
 
     label: str = key("label in tables")
     building: BuildingTable = key("keys of [building] to be replaced or added")
-    place: Place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -342,7 +439,7 @@ def target_spectrum(table: Arguments) -> TargetSpectrum:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionTable:
+class MotionTable(Stated):
     """Ground motions from files, synthetic, or a suite of synthetic ones; each factor, peak or Sa gives a motion.
 
     Training and test motions must be different records: files and accelerations are compared.
@@ -420,7 +517,41 @@ class MotionTable:
     resample: float | None = positive("step that the motion is resampled to", unit="s")
     rest: float = key("time at rest appended to the motion", unit="s", default=0.0, least=0.0)
     use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
-    place: Place
+
+    def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        ways = (self.file, self.acceleration, self.synthetic, self.suite)
+        if sum(each is not None for each in ways) != 1:
+            yield (), "[[motion]] needs either a file, samples, a synthetic motion or a suite"
+        given = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
+        if len(given) > 1 and given != ["factor", "scale_to"]:
+            says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
+            yield given[1], f"{says}; keep one of {list_names(given)}"
+        for reason, names in self._unread():
+            # A seed of 0 is as if none were given.
+            for name in (each for each in names if getattr(self, each) not in (None, 0)):
+                yield name, f"{name} {reason}; leave it out"
+        if self.acceleration is not None and self.dt is None:
+            yield (), "[[motion]] has no dt of its samples; give it [s]"
+
+    @property
+    def is_synthetic(self) -> bool:
+        """Whether it is generated, alone or as a suite."""
+        return self.synthetic is not None or self.suite is not None
+
+    def _unread(self) -> Iterator[tuple[str, tuple[str, ...]]]:
+        """Keys that a motion of this kind does not have, each with the reason."""
+        if self.sa is None:
+            yield "is of sa, which this motion does not have", ("sa_period", "sa_damping")
+        if not self.is_synthetic:
+            yield "is of synthetic motions, and this one is given", ("duration", "soil", "seed")
+        if self.suite is not None:
+            yield "is for a single synthetic motion, and this is a suite", ("duration", "soil")
+        if self.is_synthetic:
+            yield "is for files, and this motion is synthetic", ("unit", "column", "channel")
+        elif isinstance(self.file, GroundMotion):
+            yield "is for files, and this motion is a GroundMotion", ("unit", "dt", "column", "channel")
+        elif self.file is None:
+            yield "is for files, and this motion is given by its samples", ("column", "channel")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -438,7 +569,6 @@ class PlacesTable:
     )
     storeys: tuple[int | str, ...] | None = optional("storeys that they may stand in, by default all")
     each: int | None = optional("most of them in a storey, by default all", least=1)
-    place: Place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -459,7 +589,6 @@ class ReportTable:
         "criterion with its limit, of which the page has the fragility where records have several levels, as "
         '{ peak_drift_ratio = "1 %" }; by default drift_limit of [building], else collapse, 10 %'
     )
-    place: Place | None = None
 
     def select_drawn(self, labels: Sequence[str]) -> list[int]:
         """Indices of the arrangements that are drawn, of all their labels."""
@@ -509,7 +638,3 @@ def schema_text() -> str:
         "\n".join([*heading_lines(heading or "at the top", prose_of(kind)), *key_lines(kind)])
         for heading, kind in tables(StudyTable)
     )
-
-
-PASSIVE_OFF, PASSIVE_ON, OPTIMAL_PASSIVE = "Passive-off", "Passive-on", "Optimal passive"
-"""Labels of the constant commands."""

@@ -1,104 +1,42 @@
-"""A study ready to run: buildings with devices and laws, motions, hardware; and the fingerprint of its inputs.
-
-What is not known exactly has realisations: damper parameters, stiffness and damping of the building, delay, noise.
-"""
+"""A study ready to run: buildings with devices and laws, motions, hardware; and the fingerprint of its inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import checked
+from mrwork.base.keys import Key, is_required, keys_of
+from mrwork.base.places import Place, keyed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.units import STANDARD_GRAVITY
-from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.laws.control_law import ControlLaw, LoopModel
+from mrwork.control.laws.control_law import ControlLaw, LoopModel, control_law
+from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem
+from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
 from mrwork.control.weights.weight_certificate import DesignedWeights
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.motions.ground_motion import copies_in_words
 from mrwork.motions.spectrum import Intensity
 from mrwork.motions.targets import SuiteCheck
-from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of, package_version
-from mrwork.study.dampers import OtherSet
-from mrwork.study.schema import ReportTable, StudyTable, TuneTable, UncertaintyTable, Use
+from mrwork.study.dampers import Identified, OtherSet
+from mrwork.study.realisations import Realisations
+from mrwork.study.schema import ControllerTable, ReportTable, StudyTable, TuneTable, Use
 from mrwork.study.study_file import write_study_file
 
-
-@array_dataclass(repr=False)
-class Realisations(Summarised):
-    """Realisations of the uncertain quantities of a study, each array of shape (n,).
-
-    Factors of stiffness and damping of the building, additional delay [s], seed that is added to that of the sensor
-    noise. `theta` are the parameters of each device, shape (n, n_params), or (1, n_params) where they are known.
-    """
-
-    stiffness: Floats
-    damping: Floats
-    delay: Floats
-    seed: NDArray[np.int64]
-    theta: tuple[Floats, ...]
-
-    def __len__(self) -> int:
-        """Number of realisations."""
-        return len(self.stiffness)
-
-    def first(self, count: int) -> Realisations:
-        """The first of them."""
-        of_all = ("stiffness", "damping", "delay", "seed")
-        first: dict[str, Any] = {name: getattr(self, name)[:count] for name in of_all}
-        return replace(self, **first, theta=tuple(rows[:count] for rows in self.theta))
-
-    @property
-    def digest(self) -> str:
-        """Digest of all numbers."""
-        return digest_of(self.stiffness, self.damping, self.delay, self.seed, *self.theta)
-
-
-def nominal(devices: Sequence[Device]) -> Realisations:
-    """The one realisation of a study as it is given."""
-    one = np.ones(1)
-    return Realisations(
-        stiffness=one,
-        damping=one,
-        delay=np.zeros(1),
-        seed=np.zeros(1, dtype=np.int64),
-        theta=tuple(device.draws[:1] for device in devices),
-    )
-
-
-def realisations_of(
-    table: UncertaintyTable, devices: Sequence[Device], posterior: Sequence[Floats | None]
-) -> Realisations:
-    """Draw the realisations of a table: a Latin hypercube of factors and delay, and posterior draws of each device."""
-    n = table.realisations
-    unit = latin_hypercube(Streams(rng=table.seed), n, 4)
-    theta = []
-    for device, rows in zip(devices, posterior, strict=True):
-        if rows is None:
-            theta.append(device.draws[:1])
-            continue
-        # The same row for all devices of one run, equally spread over the draws in a random order.
-        order = np.argsort(unit[:, 3], kind="stable")
-        theta.append(rows[np.linspace(0, len(rows) - 1, n).round().astype(np.int64)[np.argsort(order)]])
-    return Realisations(
-        stiffness=1.0 + table.stiffness * (2.0 * unit[:, 0] - 1.0),
-        damping=1.0 + table.damping * (2.0 * unit[:, 1] - 1.0),
-        delay=table.delay * unit[:, 2],
-        seed=np.arange(n, dtype=np.int64),
-        theta=tuple(theta),
-    )
+WEIGHT = "control_weight"
+"""R of a regulator."""
 
 
 Kind = Literal[
@@ -175,9 +113,54 @@ class TakenSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NamedLaw:
+    """A law of the registry by its name, with the settings that its table gives in SI, and what it is designed for.
+
+    `number` is that of its table in the study.
+    """
+
+    table: ControllerTable
+    number: int
+    given: Mapping[str, Any]
+    problem: DesignProblem
+
+    @property
+    def missing(self) -> list[Key]:
+        """Settings that the law needs beside those that are given."""
+        kind = SETTINGS[self.table.law]
+        missing = [entry for entry in keys_of(kind) if is_required(entry) and entry.name not in self.given]
+        if kind.is_regulator and not {WEIGHT, "gain"} & self.given.keys():
+            missing += [entry for entry in keys_of(kind) if entry.name == WEIGHT]
+        return missing
+
+    @property
+    def lacks_motion(self) -> bool:
+        """Whether the static model of its damper wants the expected motion of that, which is not given."""
+        problem = self.problem
+        known = problem.amplitude is not None and problem.velocity is not None
+        return control_law(self.table.law).needs_curve and not known and not is_curve(problem.devices[0].spec)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it can be designed as it is given."""
+        return not self.missing and not self.lacks_motion
+
+    def shaped(self, law: ControlLaw) -> ControlLaw:
+        """A law with dead zone and slope of the table."""
+        return replace(law, dead_zone=self.table.dead_zone, command_slope=self.table.command_slope)
+
+    def design(self, problem: DesignProblem, taken: Mapping[str, Any]) -> ControlLaw:
+        """The gains of the law, with settings that were taken beside those given."""
+        with keyed(*(["settings"] if self.table.settings is not None else [])):
+            settings = settings_of(self.table.law, {**self.given, **taken})
+            return self.shaped(design_law(self.table.law, problem, settings))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Arrangement:
     """A building with devices under one law; without a law, it gets the best constant command.
 
+    A law that is `named` is still to be designed, see `mr.study.designed`.
     `taken` are settings that the study file leaves out; `added` says that it has no such row, so that a journal of the
     same file without it can be continued.
 
@@ -192,6 +175,7 @@ class Arrangement:
     floors: tuple[int, ...]
     storeys: tuple[int, ...]
     strokes: tuple[int, ...]
+    named: NamedLaw | None = None
     taken: TakenSettings | None = None
     added: bool = False
 
@@ -241,29 +225,29 @@ class StudyFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Study(Summarised):
-    """A study that is ready to run, of a file or of a call.
+    """A study, of a file or of a call.
 
-    The first arrangements are the building without dampers and the dampers at i = 0.
+    The first arrangements are the building without dampers and the dampers at i = 0. Laws that lack settings are only
+    named in theirs, see `mr.study.designed`.
 
     `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
     training motions of the study file, or all motions where none is for training, of these the ones of the
     `design_levels`, which are named where there is one level, or records have several. `histories` are the indices of
-    the motions whose histories are kept, `device_storeys` those of the storeys of the devices. The page shows time
-    histories of the motion `detailed`; what else it shows is in `report`, and `limit` is the criterion with its limit
-    of which it has the fragility. `problem` is the building with its dampers for which laws are designed, `tunes` the
-    laws to be tuned, `realisations` those of what is not known exactly. `other_sets` are the dampers with other
-    sets of laws that predict nearly as well; `placed` reads the study anew, with its dampers in other storeys. `suite`
-    has the spectra of the test motions beside the target, if there is one and each record has one level. `questions`
-    are on unusual numbers of the study. `table` is what was read, `None` for a part of it; names of files in it are
-    relative to `folder`. `file` is the file that was read, if it was one.
+    the motions whose histories are kept. The page shows time histories of the motion `detailed`, and `limit` is the
+    criterion with its limit of which it has the fragility. `problem` is the building with its dampers for which laws
+    are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. `other_sets` are the
+    dampers with other sets of laws that predict nearly as well, `identified` reads those of run folders. `suite` has
+    the spectra of the test motions beside the target, if there is one and each record has one level. `described` are
+    headings and sentences on building, dampers and loop, `questions` are on unusual numbers. `table` is what the study
+    was stated by; names of files in it are relative to `folder`, and it `is_whole` where motions and rows are those of
+    the table. `file` is the file that was read, if it was one, and `place` adds its lines to what is refused later.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
 
-    title: str
-    file: StudyFile | None
-    table: StudyTable | None
+    table: StudyTable
     folder: Path
+    identified: Identified = field(repr=False, compare=False)
     building: Building
     arrangements: tuple[Arrangement, ...]
     motions: tuple[MotionOfStudy, ...]
@@ -272,19 +256,44 @@ class Study(Summarised):
     limit: Mapping[str, float]
     hardware: Hardware
     devices: tuple[Device, ...]
-    device_storeys: tuple[int, ...]
-    command_unit: str
-    facts: tuple[tuple[str, str], ...]
+    described: tuple[tuple[str, str], ...]
     detailed: int
     histories: tuple[int, ...]
-    report: ReportTable
     problem: DesignProblem | None = None
     tunes: tuple[TuneTable, ...] = ()
     realisations: Realisations | None = None
     other_sets: tuple[OtherSet, ...] = ()
     suite: SuiteCheck | None = None
-    placed: Callable[[Mapping[str, int]], Study] | None = field(default=None, repr=False, compare=False)
     questions: tuple[str, ...] = ()
+    is_whole: bool = True
+    file: StudyFile | None = None
+    place: Place = field(default=Place(), repr=False, compare=False)
+
+    @property
+    def title(self) -> str:
+        """Heading of the page."""
+        return self.table.title or self.building.name
+
+    @property
+    def report(self) -> ReportTable:
+        """What the page shows."""
+        return self.table.report
+
+    @property
+    def command_unit(self) -> str:
+        """Unit of the commands, A without dampers."""
+        return (self.devices[0].spec.command_unit if self.devices else None) or "A"
+
+    @property
+    def device_storeys(self) -> tuple[int, ...]:
+        """Indices of the storeys of the devices."""
+        names = [self.building.storey_name(each.storey) for each in self.table.damper]
+        return tuple(map(self.building.storey_names.index, names))
+
+    @property
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Headings and sentences on the parts of the study and the designs of its laws."""
+        return (*self.described, *((heading, " ".join(notes)) for heading, notes in self.design_notes))
 
     @property
     def rows(self) -> tuple[Row, ...]:
@@ -335,6 +344,23 @@ class Study(Summarised):
         """The ground motions that are simulated, in order."""
         return tuple(motion.ground for motion in self.motions)
 
+    @property
+    def is_named(self) -> bool:
+        """Whether a law is only named, and still to be designed."""
+        return any(each.named is not None for each in self.arrangements)
+
+    def check_readings(self) -> None:
+        """Refuse settings of the hardware that no law reads."""
+        tuned = [control_law(name) for name in dict.fromkeys(law for each in self.tunes for law in each.laws)]
+        with keyed("hardware"):
+            refuse_unread(
+                self.hardware,
+                accelerations=any(each.reads_acceleration for each in self.arrangements)
+                or any(spec.reads_acceleration for spec in tuned),
+                forecasts=any(each.forecasts_ground for each in self.arrangements)
+                or any(spec.needs_model for spec in tuned),
+            )
+
     @checked
     def of_use(self, use: Use) -> Study:
         """The study with the motions of one use; the best constant command is chosen on the same motions as before.
@@ -360,7 +386,7 @@ class Study(Summarised):
         stored = {detailed if number == self.detailed else number for number in self.histories}
         return replace(
             self,
-            table=self.table if len(kept) == len(self.motions) else None,
+            is_whole=self.is_whole and len(kept) == len(self.motions),
             motions=tuple(self.motions[number] for number in kept),
             detailed=kept.index(detailed),
             histories=tuple(kept.index(number) for number in sorted(stored) if number in kept),
@@ -396,7 +422,7 @@ class Study(Summarised):
         >>> study = mr.study_of(building=mr.building("uts"), motions=[mr.synthetic_motion(rng=0, duration=5.0)])
         >>> study.to_toml("study.toml")  # doctest: +SKIP
         """
-        if self.table is None:
+        if not self.is_whole:
             raise SettingError(
                 f"study {self.title!r} has not the motions or laws of its file; write the study that it was made from"
             )

@@ -17,6 +17,7 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
 from mrwork.study.course import StudyProgress
 from mrwork.study.histories import RunHistory
+from mrwork.study.reading import placed_study
 from mrwork.study.results import RealisationBand, StudyResults, ratio_band, score_band
 from mrwork.study.run import run_study
 from mrwork.study.runs import Runs
@@ -274,8 +275,8 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
 
     One that has them already stays as it is.
     """
-    if tuned.places and study.placed is not None:
-        study = study.placed(tuned.places[0].storeys)
+    if tuned.places and study.table.places is not None:
+        study = placed_study(study, tuned.places[0].storeys)
     kinds, labels = {row.kind for row in study.rows}, {row.label for row in study.rows}
     rows: list[Arrangement] = []
     for each in (*tuned.references, *tuned.laws):
@@ -284,7 +285,7 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
         # Settings that make no law have no row, which the tuning warns of.
         with suppress(SettingError):
             rows.append(_arrange(study, each))
-    return replace(study, table=None, placed=None, arrangements=(*study.arrangements, *rows))
+    return replace(study, is_whole=False, arrangements=(*study.arrangements, *rows))
 
 
 def _arrange(study: Study, law: TunedLaw) -> Arrangement:
@@ -330,4 +331,4 @@ def with_tuned_law(
     if name in (row.label for row in study.rows):
         raise SettingError(f"the study has a row called {name!r} already; give another `label`")
     arrangement = arrange_law(study, found.law, candidate, name)
-    return replace(study, table=None, arrangements=(*study.arrangements, arrangement))
+    return replace(study, is_whole=False, arrangements=(*study.arrangements, arrangement))

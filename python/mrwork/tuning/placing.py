@@ -18,6 +18,7 @@ from mrwork.study.constant import scan_levels
 from mrwork.study.dampers import ChosenDamper, equip_building
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.placements import Placed, placed_tables, placements_of
+from mrwork.study.realisations import nominal
 from mrwork.study.runs import Runs, recall_or_compute
 from mrwork.study.study import (
     Arrangement,
@@ -26,7 +27,6 @@ from mrwork.study.study import (
     constant_command,
     digest_of_run,
     make_arrangement,
-    nominal,
 )
 from mrwork.tuning.results import Placement
 
@@ -41,7 +41,6 @@ def compare_places(
 
     `on_compared` is called with the placements that are done, all of them, and the least score.
     """
-    assert study.table is not None
     given, placements = placements_of(study.table, study.building)
     first, device = study.table.damper[0], study.devices[0]
     one = ChosenDamper(

@@ -23,6 +23,7 @@ from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
+from mrwork.study.realisations import Realisations, nominal
 from mrwork.study.runs import (
     Axes,
     Runs,
@@ -31,7 +32,7 @@ from mrwork.study.runs import (
     recall_or_simulate,
     study_criteria,
 )
-from mrwork.study.study import Arrangement, Realisations, Row, Study, nominal
+from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.results import DesignNotes
 from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective
 

@@ -20,6 +20,8 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.search.registry import ALL_OPTIMISERS, library
 from mrwork.store.journal import Journal
 from mrwork.study.arrangements import check_law, refuse_within
+from mrwork.study.named_laws import designed
+from mrwork.study.reading import placed_study
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
@@ -90,7 +92,8 @@ def tune(
     1.316
     """
     check_controllable(study)
-    placing = None if study.table is None else study.table.places
+    study = designed(study, journal=journal)
+    placing = study.table.places
     tables = _tables(study, tables, laws, risk, budget)
     objectives = [_check_table(table, study) for table in tables]
     clock = Clock()
@@ -135,8 +138,7 @@ def tune(
         if placing is not None:
             report = partial(report_on, "placements", 1)
             places.extend(compare_places(study, journal=journal, threads=threads, on_compared=report))
-            assert study.placed is not None
-            study = study.placed(places[0].storeys)
+            study = placed_study(study, places[0].storeys)
         robust = any(table.robust for table in tables)
         benches = benches_of(study, journal=journal, threads=threads, clock=clock, robust=robust)
         basis = basis_of(
@@ -205,7 +207,7 @@ def _tables(
         made = TuneTable(laws=tuple(laws), risk=risk)
         return (made if budget is None else replace(made, budget=budget),)
     tables_of_laws = tuple(tables) or study.tunes
-    if not tables_of_laws and (study.table is None or study.table.places is None):
+    if not tables_of_laws and study.table.places is None:
         raise SettingError(
             f"study {study.title!r} has nothing to tune; give it a [[tune]], as "
             'laws = ["clipped_optimal"], or [places]'
@@ -274,7 +276,7 @@ def _check_labels(plans: Sequence[LawPlan], others: Sequence[str]) -> None:
 
 
 def _fingerprint(study: Study, tables: Sequence[TuneTable], rng: int) -> dict[str, object]:
-    places = None if study.table is None else study.table.places
+    places = study.table.places
     return {
         **fingerprint_of(study),
         "tune": [

@@ -1,0 +1,311 @@
+"""The ground motions of a study: read, given or synthetic, then cut, corrected, stretched and scaled in that order.
+
+Controllers are tuned on training motions and judged on test motions; no record may be both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from mrwork.base.keys import Arguments
+from mrwork.base.places import keyed, read_each
+from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
+from mrwork.buildings import Building
+from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.motions import GroundMotion
+from mrwork.motions.examination import refuse_absurd
+from mrwork.motions.ground_motion import (
+    baseline_corrected,
+    check_samples,
+    copies_among,
+    examined,
+    is_copy,
+    likeness,
+    resampled,
+    scaled,
+    time_scaled,
+    trimmed,
+)
+from mrwork.motions.networks import Stated
+from mrwork.motions.read import motion_files, motion_of_file
+from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
+from mrwork.motions.spectrum import Intensity, scaled_from, spectral_intensity
+from mrwork.motions.synthetic import suite, synthetic_motion
+from mrwork.motions.targets import TargetSpectrum, scaled_to_target
+from mrwork.study.schema import MotionTable
+from mrwork.study.study import MotionOfStudy
+
+_SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
+# A mode without stiffness has an infinite period up to rounding [s].
+_LONGEST_PERIOD = 1e3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aims:
+    """What motions are scaled to: the building without dampers, and the target with its period [s], if there is one."""
+
+    building: Building
+    target: TargetSpectrum | None = None
+    target_period: float | None = None
+
+    @property
+    def first_period(self) -> float:
+        """First period of the building [s]."""
+        period = float(self.building.periods[0])
+        if not period < _LONGEST_PERIOD:
+            raise SettingError(
+                "the first mode of [building] has no stiffness, hence no period; give sa_period of the motion, or "
+                "period of [target] [s]"
+            )
+        return period
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BareMotion:
+    """A motion before it is scaled: its table and the number of that, its file, and what is doubtful of the record."""
+
+    ground: GroundMotion
+    table: MotionTable
+    number: int
+    file: Path | None
+    warnings: tuple[str, ...]
+
+
+def bare_motions(table: MotionTable, number: int, folder: Path, seed: int) -> list[BareMotion]:
+    """The motions of a table, of this number, before they are scaled; names of files are relative to `folder`."""
+    return [
+        BareMotion(
+            ground=_process(ground, table),
+            table=table,
+            number=number,
+            file=file,
+            warnings=_warnings(ground, table),
+        )
+        for ground, file in _grounds(table, folder, seed)
+    ]
+
+
+def motions_of_study(
+    read: Sequence[BareMotion], *, sample_time: float, aims: Aims
+) -> tuple[MotionOfStudy, ...]:
+    """The motions of a study, one for each factor or intensity of each record."""
+    _refuse_both_uses(read)
+    copies = copies_among([each.ground for each in read])
+    names = {copy: read[first].ground.name for copy, first in copies.items()}
+    of_each = read_each(
+        lambda number: _scaled_motions(read[number], sample_time, aims, names.get(number, "")),
+        range(len(read)),
+    )
+    motions = tuple(motion for of_one in of_each for motion in of_one)
+    if not motions:
+        raise SettingError("the study has no motion; give a [[motion]]")
+    if all(motion.use == "training" for motion in motions):
+        raise InvalidSettingError(
+            "motion",
+            "every motion is for training, and none is left to judge the controllers on; give a [[motion]] "
+            'use = "test"',
+        )
+    refuse_same([motion.name for motion in motions], "motion", "motions", "name")
+    return motions
+
+
+def refuse_same(names: Sequence[str], table: str, what: str, key: str) -> None:
+    """Refuse two that have one name."""
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twice is not None:
+        raise InvalidSettingError(table, f"two {what} are called {twice!r}; give one of them another {key}")
+
+
+def _scaled_motions(bare: BareMotion, sample_time: float, aims: Aims, copy_of: str) -> list[MotionOfStudy]:
+    with keyed("motion", bare.number):
+        _refuse_still(bare, sample_time)
+        scaled = list(_scale(bare.ground, bare.table, aims))
+        for ground, *_ in scaled:
+            refuse_absurd(ground.acceleration, source=f"motion {ground.name!r}")
+        return [
+            MotionOfStudy(
+                ground=ground,
+                use=bare.table.use,
+                synthetic=bare.table.is_synthetic,
+                record=bare.ground.name,
+                intensity=intensity,
+                factor=factor,
+                copy_of=copy_of,
+                warnings=bare.warnings,
+            )
+            for ground, intensity, factor in scaled
+        ]
+
+
+def _warnings(ground: GroundMotion, table: MotionTable) -> tuple[str, ...]:
+    """What is doubtful of a record; of its size only where the motion keeps it, also with its largest factor."""
+    if table.is_synthetic:
+        return ()
+    factor = max(map(abs, _several(table.factor)), default=0.0) or 1.0
+    is_scaled = any(each is not None for each in (table.pga, table.sa, table.scale_to))
+    return examined(replace(ground, acceleration=factor * ground.acceleration), scaled=is_scaled)
+
+
+_Grounds = list[tuple[GroundMotion, Path | None]]
+
+
+def _grounds(table: MotionTable, folder: Path, seed: int) -> _Grounds:
+    """The ground motions that a table names, gives or draws, with their files."""
+    if isinstance(table.file, str):
+        with keyed("file"):
+            return _read_record(table, folder / table.file)
+    if isinstance(table.file, GroundMotion):
+        with keyed("file"):
+            refuse_absurd(table.file.acceleration, source=table.file.name)
+        return [(replace(table.file, name=table.name or table.file.name), None)]
+    if table.suite is not None:
+        return _suite(table, table.suite, seed)
+    return _synthetic(table, seed) if table.synthetic is not None else [(_of_samples(table), None)]
+
+
+def _read_record(table: MotionTable, file: Path) -> _Grounds:
+    files, grounds = motion_files(file), list[tuple[GroundMotion, Path | None]]()
+    stated = Stated(unit=table.unit, dt=table.dt, column=table.column, channel=table.channel)
+    for path in files:
+        motion = motion_of_file(path, stated)
+        if table.name:
+            name = table.name if len(files) == 1 else f"{table.name}, {motion.name}"
+            motion = replace(motion, name=name)
+        grounds.append((motion, path.resolve()))
+    return grounds
+
+
+def _of_samples(table: MotionTable) -> GroundMotion:
+    assert table.dt is not None
+    size = factor_to_si(table.unit or "m/s2", "acceleration", context="unit")
+    acceleration = size * np.array(table.acceleration)
+    refuse_absurd(acceleration, source="acceleration")
+    return GroundMotion(name=table.name or "motion", dt=table.dt, acceleration=acceleration)
+
+
+def _suite(table: MotionTable, given: Arguments, seed: int) -> _Grounds:
+    with keyed("suite"):
+        drawn = suite(
+            **given.of(suite), rng=seed + table.seed, dt=table.dt or _SYNTHETIC_STEP, name=table.name
+        )
+    return [(motion, None) for motion in drawn]
+
+
+def _synthetic(table: MotionTable, seed: int) -> _Grounds:
+    motion = synthetic_motion(
+        _spectrum(table),
+        rng=seed + table.seed,
+        duration=table.duration or _SYNTHETIC_DURATION,
+        dt=table.dt or _SYNTHETIC_STEP,
+        name=table.name or (table.synthetic or "").replace("_", "-").title(),
+    )
+    return [(motion, None)]
+
+
+def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
+    """Refuse a training motion that is a test motion, or a copy of one under another name."""
+    tests, training = ([each for each in bare if each.table.use == use] for use in ("test", "training"))
+    for test, other in product(tests, training):
+        names = f"training motion {other.ground.name!r} and test motion {test.ground.name!r}"
+        remedy = "controllers must be judged on motions that they were not tuned on; leave one out"
+        channels = [(each.file, each.table.column, each.table.channel) for each in (test, other)]
+        with keyed("motion", test.number):
+            if test.file is not None and channels[0] == channels[1]:
+                raise SettingError(f"{names} are of one file, {test.file.name}; {remedy}")
+            if is_copy(test.ground, other.ground):
+                raise SettingError(
+                    f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
+                    f"{likeness(test.ground, other.ground):.3f}; {remedy}"
+                )
+
+
+def _refuse_still(bare: BareMotion, sample_time: float) -> None:
+    """Refuse a motion without a response: scores divide by that at i = 0."""
+    name, duration = bare.ground.name, bare.ground.duration
+    if duration < sample_time:
+        raise SettingError(
+            f"motion {name!r} lasts {duration:.3g} s, less than a sample of the law, {sample_time:g} s; give a longer "
+            "one, or a shorter sample_time of the [hardware]"
+        )
+    if not bare.ground.acceleration.any():
+        raise SettingError(
+            f"motion {name!r} is zero throughout, so nothing moves and no score exists; leave it out"
+        )
+
+
+def _spectrum(table: MotionTable) -> SpectralDensity:
+    soil = table.soil
+    if soil is None:
+        return KanaiTajimi() if table.synthetic == "kanai_tajimi" else CloughPenzien()
+    ground = KanaiTajimi(**soil.of(KanaiTajimi))
+    if table.synthetic == "kanai_tajimi":
+        soil.refuse_others((KanaiTajimi,), "belongs to clough_penzien", "leave it out")
+        return ground
+    return CloughPenzien(soil=ground, **soil.of(CloughPenzien))
+
+
+def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
+    if table.group:
+        groups = (table.group,) if isinstance(table.group, str) else table.group
+        motion = replace(motion, groups=(*groups, *motion.groups))
+    if table.start > 0.0 or table.end is not None:
+        motion = trimmed(motion, start=table.start, end=math.inf if table.end is None else table.end)
+    if table.baseline is not None:
+        motion = baseline_corrected(motion, order=table.baseline)
+    if table.time_scale != 1.0:
+        motion = time_scaled(motion, table.time_scale)
+    if table.resample is not None:
+        motion = resampled(motion, table.resample)
+    if table.rest > 0.0:
+        check_samples(motion.duration + table.rest, motion.dt)
+        still = np.zeros(round(table.rest / motion.dt))
+        motion = replace(
+            motion,
+            acceleration=np.concatenate([motion.acceleration, still]),
+            changes=(*motion.changes, f"{table.rest:g} s at rest added"),
+        )
+    return motion
+
+
+def _scale(
+    motion: GroundMotion, table: MotionTable, aims: Aims
+) -> Iterator[tuple[GroundMotion, Intensity, float | None]]:
+    """The motion at each of its factors or intensities, with what it then has of its measure, and with the factor."""
+    period, damping = None, 0.05 if table.sa_damping is None else table.sa_damping
+    if table.sa is not None:
+        period = table.sa_period or aims.first_period
+    elif table.scale_to is not None:
+        if aims.target is None:
+            raise SettingError("scale_to wants a target, and the study has none; give a [target]")
+        damping = aims.target.damping
+        period = None if table.scale_to == "pga" else aims.target_period or aims.first_period
+        motion = scaled_to_target(motion, aims.target, by=table.scale_to, period=period)
+    found = Intensity(measure="pga", value=motion.peak)
+    if period is not None:
+        found = spectral_intensity(motion, period, damping)
+    factors, values = _several(table.factor), _several(table.pga) or _several(table.sa)
+    if not factors and not values:
+        yield motion, found, None
+    for factor in factors:
+        name = motion.name if len(factors) == 1 else f"{motion.name} x {factor:g}"
+        yield (
+            replace(scaled(motion, factor), name=name),
+            replace(found, value=abs(factor) * found.value),
+            factor,
+        )
+    for value in values:
+        level = f"{'' if table.sa is None else 'Sa '}{value / STANDARD_GRAVITY:.3g} g"
+        name = motion.name if len(values) == 1 else f"{motion.name}, {level}"
+        ground = replace(scaled_from(motion, found, value), name=name, groups=(*motion.groups, level))
+        yield ground, replace(found, value=value), None
+
+
+def _several(given: float | tuple[float, ...] | None) -> tuple[float, ...]:
+    return () if given is None else given if isinstance(given, tuple) else (given,)

@@ -1,0 +1,128 @@
+"""Realisations of what is not known exactly: damper parameters, stiffness and damping of the building, delay, noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.places import keyed
+from mrwork.base.summary import Summarised
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.matrices import Device
+from mrwork.dampers.tested_range import FittedDamper
+from mrwork.errors import InvalidSettingError
+from mrwork.search.unit_cube import Streams, latin_hypercube
+from mrwork.store.codec import digest_of
+from mrwork.study.dampers import Identified, chosen_damper, fitted_of
+from mrwork.study.schema import DamperTable, StudyTable, UncertaintyTable
+
+
+@array_dataclass(repr=False)
+class Realisations(Summarised):
+    """Realisations of the uncertain quantities of a study, each array of shape (n,).
+
+    Factors of stiffness and damping of the building, additional delay [s], seed that is added to that of the sensor
+    noise. `theta` are the parameters of each device, shape (n, n_params), or (1, n_params) where they are known.
+    """
+
+    stiffness: Floats
+    damping: Floats
+    delay: Floats
+    seed: NDArray[np.int64]
+    theta: tuple[Floats, ...]
+
+    def __len__(self) -> int:
+        """Number of realisations."""
+        return len(self.stiffness)
+
+    def first(self, count: int) -> Realisations:
+        """The first of them."""
+        of_all = ("stiffness", "damping", "delay", "seed")
+        first: dict[str, Any] = {name: getattr(self, name)[:count] for name in of_all}
+        return replace(self, **first, theta=tuple(rows[:count] for rows in self.theta))
+
+    @property
+    def digest(self) -> str:
+        """Digest of all numbers."""
+        return digest_of(self.stiffness, self.damping, self.delay, self.seed, *self.theta)
+
+
+def nominal(devices: Sequence[Device]) -> Realisations:
+    """The one realisation of a study as it is given."""
+    one = np.ones(1)
+    return Realisations(
+        stiffness=one,
+        damping=one,
+        delay=np.zeros(1),
+        seed=np.zeros(1, dtype=np.int64),
+        theta=tuple(device.draws[:1] for device in devices),
+    )
+
+
+def realisations_of(
+    table: StudyTable, devices: Sequence[Device], folder: Path, identified: Identified
+) -> Realisations | None:
+    """The realisations of what a study does not know exactly, if it states any; fits are those of run folders."""
+    given = table.uncertainty
+    if given is None:
+        return None
+    drawn: list[Floats | None] = []
+    for number, each in enumerate(table.damper):
+        rows = None
+        if given.damper and each.run is not None:
+            fit = fitted_of(each, folder, identified)
+            rows = fit.draws()
+            if rows is None:
+                run, remedy = "a fit", "give the folder of its run with the draws that mrwork sample adds"
+                if isinstance(each.run, str):
+                    run, remedy = each.run, f"run mrwork sample {each.run} first"
+                raise InvalidSettingError(
+                    ("damper", number, "run"),
+                    f"{run} has no posterior draws, and [uncertainty] asks for them; {remedy}, or set damper = false "
+                    "there",
+                )
+            # One draw for each realisation, equally spread over the chains.
+            places = np.linspace(0, len(rows) - 1, given.realisations).round().astype(np.int64)
+            rows = np.stack([_with_parameters(each, fit, row, folder) for row in rows[places]])
+        drawn.append(rows)
+    if not any((given.stiffness, given.damping, given.delay, *(rows is not None for rows in drawn))):
+        raise InvalidSettingError(
+            "uncertainty",
+            "nothing in [uncertainty] is uncertain; give it a stiffness, a damping or a delay, or a [[damper]] with a "
+            "run that has posterior draws",
+        )
+    with keyed("uncertainty"):
+        return _drawn(given, devices, drawn)
+
+
+def _with_parameters(table: DamperTable, fit: FittedDamper, theta: Floats, folder: Path) -> Floats:
+    drawn = replace(fit, theta=tuple(theta.tolist()))
+    return chosen_damper(table, folder, lambda run: drawn).theta
+
+
+def _drawn(
+    table: UncertaintyTable, devices: Sequence[Device], posterior: Sequence[Floats | None]
+) -> Realisations:
+    """Draw the realisations of a table: a Latin hypercube of factors and delay, and posterior draws of each device."""
+    n = table.realisations
+    unit = latin_hypercube(Streams(rng=table.seed), n, 4)
+    theta = []
+    for device, rows in zip(devices, posterior, strict=True):
+        if rows is None:
+            theta.append(device.draws[:1])
+            continue
+        # The same row for all devices of one run, equally spread over the draws in a random order.
+        order = np.argsort(unit[:, 3], kind="stable")
+        theta.append(rows[np.linspace(0, len(rows) - 1, n).round().astype(np.int64)[np.argsort(order)]])
+    return Realisations(
+        stiffness=1.0 + table.stiffness * (2.0 * unit[:, 0] - 1.0),
+        damping=1.0 + table.damping * (2.0 * unit[:, 1] - 1.0),
+        delay=table.delay * unit[:, 2],
+        seed=np.arange(n, dtype=np.int64),
+        theta=tuple(theta),
+    )
