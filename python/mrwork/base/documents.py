@@ -60,12 +60,12 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
                     refuse_missing(entry, place)
     with place.prefix_errors(SettingError):
         if isinstance(kind, tuple):
-            made = cast(T, Arguments(functions=kind, given=values, place=place))
+            made = cast(T, Arguments(functions=kind, given=values, place=place.kept))
         else:
-            values |= {"place": place} if "place" in fields_of(cast(Any, kind)) else {}
+            values |= {"place": place.kept} if "place" in fields_of(cast(Any, kind)) else {}
             made = kind(**values)
-        place.on_table(place, made)
-        return made
+    place.look_up(made)
+    return made
 
 
 def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
@@ -167,8 +167,7 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
 def _read_inner(table: Table, value: Any, place: Place, entry: Key, *, alone: bool, several: bool) -> Any:
     """A table `alone`, or `several` of them; also as the value that it makes."""
     if isinstance(value, Arguments if isinstance(table, tuple) else table):
-        with place.prefix_errors(SettingError):
-            place.on_table(place, value)
+        place.look_up(value)
         return value
     if isinstance(value, dict) and alone:
         return read_table(cast(type[Any], table), value, place)

@@ -90,9 +90,7 @@ class Place:
     title: str = "the study"
     arguments: Mapping[str, str] = field(default_factory=dict, repr=False)
     questions: list[str] = field(default_factory=list, repr=False, compare=False)
-    on_table: Callable[[Place, Any], None] = field(
-        default=lambda place, table: None, repr=False, compare=False
-    )
+    on_table: Callable[[Place, Any], None] | None = field(default=None, repr=False, compare=False)
 
     def within(self, *keys: str | int) -> Place:
         """The place of something inside."""
@@ -102,6 +100,17 @@ class Place:
         line = self.line
         where = (f"line {line}" if line else "") if self.lines else self._keys()
         return f"{self.origin}, {where}" if where else self.origin
+
+    def look_up(self, table: Any) -> None:
+        """Look up what a table at this place names; a refusal begins with the place."""
+        if self.on_table is not None:
+            with self.prefix_errors(SettingError):
+                self.on_table(self.kept, table)
+
+    @property
+    def kept(self) -> Place:
+        """The place as a value keeps it, when all tables are read."""
+        return replace(self, on_table=None)
 
     @property
     def line(self) -> int:

@@ -158,7 +158,7 @@ def study_of_tables(
     with place.prefix_errors(SettingError):
         made = _study_of(table, named)
         questions = (*place.questions, *_questions(table, made.limit, place))
-    return replace(made, file=file, place=place, questions=tuple(dict.fromkeys(questions)))
+    return replace(made, file=file, place=place.kept, questions=tuple(dict.fromkeys(questions)))
 
 
 def placed_study(study: Study, placed: Placed) -> Study:
