@@ -150,7 +150,7 @@ def test_the_period_of_the_target_is_that_of_the_suite() -> None:
     ("target", "word"),
     [
         (None, "give `target`"),
-        ({"code": "en_1998"}, "needs a_g"),
+        ({"code": "en_1998"}, "has no a_g"),
         ({"code": "en_1998", "a_g": 1, "s_ds": 1}, "target.s_ds"),
         ({"code": "asce_7", "s_ds": 10, "s_d1": 6, "t_l": 0.1}, "plateau ends at .* 0.6 s"),
         ({"a_g": 1}, "or give the code"),

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from mrwork.base.documents import given_values, heading_lines, key_lines
-from mrwork.base.keys import as_document, keys_of, suggestion
+from mrwork.base.keys import as_document, is_required, keys_of, refuse_missing, suggestion
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
@@ -272,7 +272,12 @@ def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mappi
     if table.gain is not None:
         _check_takes_gain(table, kind)
         settings["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
-    return given_values(kind, _with_matrices(kind, settings, where, folder), where)
+    given = given_values(kind, _with_matrices(kind, settings, where, folder), where)
+    for entry in keys_of(kind):
+        if is_required(entry) and entry.says.span is None and entry.name not in given:
+            # Nothing in the response of the dampers tells it.
+            refuse_missing(entry, where)
+    return given
 
 
 def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
