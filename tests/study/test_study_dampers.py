@@ -342,3 +342,62 @@ def test_another_model_takes_its_place_and_says_how_close_it_is(fit: Fit, tmp_pa
     own.to_toml(tmp_path / "study.toml")
     again = mr.read_study(tmp_path / "study.toml")
     assert again.devices[0].spec == fit.spec
+
+
+BESIDE = (
+    {"storey": 1, "preset": "kwok2006", "count": 40},
+    {"storey": 2, "name": "held", "preset": "kwok2006", "count": 20, "command": "500 mA"},
+    {"storey": 2, "name": "dashpot", "model": "maxwell", "passive": True,
+     "parameters": {"k": 1e6, "tau": 4e-3, "c": 10.0, "f0": 0.0}},
+)  # fmt: skip
+
+
+def test_dampers_that_hold_a_command_or_follow_none_stand_beside_others(tmp_path: Path) -> None:
+    laws = ["clipped_optimal", "passive_on", "predictive_rollout"]
+    study = mr.study_of(building=FRAME, dampers=BESIDE, laws=laws, motions=MOTIONS)
+    assert [each.is_commanded for each in study.devices] == [True, False, False]
+    assert [each.command for each in study.devices] == [None, 0.5, None]
+    results = mr.run_study(study, threads=1)
+    numbers = results.quantities
+    labels = [row.label for row in results.rows]
+    at_zero, on = labels.index("Passive-off"), labels.index("Passive-on")
+    # What is held is held in every row with dampers, and counts in no criterion of the command.
+    assert (numbers.peak_current[1:, :, 0, 1] == 0.5).all()
+    assert (numbers.peak_current[at_zero, :, 0, 0] == 0.0).all()
+    assert (numbers.peak_current[on, :, 0, 0] == study.devices[0].largest_command).all()
+    assert np.isnan(numbers.rms_current[1:, :, 0, 1:]).all()
+    assert (results.labelled.rms_current[at_zero] == 0.0).all()
+    # Its file is the same study, with the same runs.
+    path = tmp_path / "study.toml"
+    study.to_toml(path)
+    again = mr.read_study(path)
+    assert [each.command for each in again.devices] == [None, 0.5, None]
+    np.testing.assert_array_equal(mr.run_study(again, threads=1).quantities.peak_drift, numbers.peak_drift)
+
+
+def test_a_damper_that_holds_a_command_is_the_constant_command_of_it_alone() -> None:
+    (alone,) = ({**BESIDE[0]},)
+    held = mr.run_study(
+        mr.study_of(building=FRAME, dampers=[{**alone, "command": 0.5}], motions=MOTIONS), threads=1
+    )
+    constant = {"law": "passive", "settings": {"command": 0.5}}
+    sent = mr.run_study(
+        mr.study_of(building=FRAME, dampers=[alone], laws=[constant], motions=MOTIONS), threads=1
+    )
+    # The step of the loop resolves the damper at the commands that it can get.
+    np.testing.assert_allclose(held.quantities.peak_drift[1], sent.quantities.peak_drift[-1], rtol=1e-5)
+    assert [row.kind for row in held.rows] == ["uncontrolled", "passive_off"]
+
+
+@pytest.mark.parametrize(
+    ("dampers", "laws", "word"),
+    [
+        (BESIDE[1:2] + BESIDE[:1], [], "commands first"),
+        ([{**BESIDE[0], "command": 2.5}], [], "1.88 at most"),
+        ([{**BESIDE[0], "command": "0.5 V"}], [], "command"),
+        ([{**BESIDE[2], "command": 0.5}], [], "takes no command"),
+        (BESIDE[1:2], ["clipped_optimal"], "passive or hold a command"),
+    ],
+)  # fmt: skip
+def test_what_cannot_hold_a_command_is_refused(dampers: object, laws: object, word: str) -> None:
+    refusal(mr.study_of, building=FRAME, dampers=dampers, laws=laws, motions=MOTIONS, match=word)

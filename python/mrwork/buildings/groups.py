@@ -10,8 +10,8 @@ from mrwork.errors import SettingError
 
 
 def largest_command(devices: Sequence[Device]) -> float:
-    """The largest command that any of the devices gets [A or V]; each gets no more than its own."""
-    return max(device.largest_command for device in devices)
+    """The largest command that a law sends to any of the devices [A or V]; each gets no more than its own."""
+    return max(device.largest_command for device in commanded(devices))
 
 
 def groups_of(devices: Sequence[Device]) -> list[list[int]]:

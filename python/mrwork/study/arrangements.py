@@ -114,7 +114,7 @@ def arrangements(
     settings: Sequence[Mapping[str, Any] | None],
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law with its settings."""
-    building, devices = problem.building, tuple(problem.devices)
+    building, devices = problem.building, problem.all_devices
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
     arrangements_of_study = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
     if devices:
@@ -148,7 +148,7 @@ def arrangements(
             former = arrangements_of_study[1]
             arrangements_of_study[1] = replace(former, row=replace(former.row, label=arrangement.row.label))
     known = [each.row for each in arrangements_of_study]
-    controllable = any(device.spec.follows_command for device in devices)
+    controllable = any(device.is_commanded for device in devices)
     if table.references != "none" and controllable and all(each.kind != "best_passive" for each in known):
         taken = any(each.label == OPTIMAL_PASSIVE for each in known)
         label = f"{OPTIMAL_PASSIVE} (added)" if taken else OPTIMAL_PASSIVE
@@ -201,7 +201,7 @@ def _arrange_controller(
         law = replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
     label = controller.label if kind == "passive_off" else controller.label or title
     row = Row(label=label, kind=kind, description=description)
-    made = make_arrangement(bare, row, problem.building, tuple(limited.devices), law)
+    made = make_arrangement(bare, row, problem.building, limited.all_devices, law)
     if named is None:
         return made
     return replace(made, law=named.design(limited, {})) if named.is_complete else replace(made, named=named)
@@ -232,11 +232,11 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
     else:
         # An active law replaces the dampers by actuators.
         commands = beyond = not control_law(controller.law).commands_force
-    if commands and not any(device.spec.follows_command for device in problem.devices):
+    if commands and not any(device.is_commanded for device in problem.devices):
         raise InvalidSettingError(
             key,
-            f"{name} commands the dampers, and they are passive: none of their parameters depends on the command; "
-            "leave this law out, or give a damper with laws",
+            f"{name} commands the dampers, and they are passive or hold a command; leave this law out, or give a "
+            "damper that follows a command",
         )
     if controller.user is not None:
         name = f"{controller.user.function} in Python"

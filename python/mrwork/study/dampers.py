@@ -66,7 +66,9 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         raise InvalidSettingError(
             "unit", f"the command of this damper ({source}) is in {unit}; leave unit out"
         )
-    largest = _largest_given(table, unit) or (0.0 if known is None else known.largest_command)
+    largest = _command_given(table, "largest_command", unit) or (
+        0.0 if known is None else known.largest_command
+    )
     if not largest and spec.follows_command:
         raise SettingError(
             f"[[damper]] has no largest_command; give the largest command of the driver [{unit}]"
@@ -111,16 +113,16 @@ def _known(table: DamperTable, folder: Path, identified: Identified) -> ChosenDa
     )
 
 
-def _largest_given(table: DamperTable, unit: CommandUnit) -> float | None:
-    """The largest command of the table in the unit of the damper; `None` if it has none."""
-    given, key = table.largest_command, "largest_command"
+def _command_given(table: DamperTable, key: str, unit: CommandUnit) -> float | None:
+    """A command of the table in the unit of the damper; `None` if it has none."""
+    given: float | str | None = getattr(table, key)
     if isinstance(given, str):
         number = number_in(given, unit)
         if isinstance(number, str):
-            raise InvalidSettingError(key, f"largest_command {number}")
+            raise InvalidSettingError(key, f"{key} {number}")
         given = number
-    if given is not None and not 0.0 < given < inf:
-        raise InvalidSettingError(key, f"largest_command is {given:g}; give a positive number [{unit}]")
+    if given is not None and not (0.0 < given < inf or (key == "command" and given == 0.0)):
+        raise InvalidSettingError(key, f"{key} is {given:g}; give a positive number [{unit}]")
     return given
 
 
@@ -138,9 +140,9 @@ def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) ->
         raise InvalidSettingError(
             "passive",
             f"passive is true, and {', '.join(spec.following)} of this {spec.name} depend on the command; leave "
-            "passive out, the damper at a constant command is the law passive_off, passive_on or best_passive",
+            "passive out, and give command = 0 or another one to hold, or a law such as best_passive",
         )
-    for name in ("largest_command", "lag"):
+    for name in ("largest_command", "lag", "command"):
         if getattr(table, name) is not None:
             raise InvalidSettingError(name, f"a passive damper takes no command; leave {name} out")
 
@@ -303,6 +305,7 @@ def equip_building(
                     differential=table.differential,
                     largest_command=one.largest_command,
                     tested=one.tested,
+                    command=_command_given(table, "command", one.spec.command_unit or "A"),
                     rated_force=table.rated_force,
                     rated_stroke=table.rated_stroke,
                 )

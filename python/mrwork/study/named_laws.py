@@ -329,7 +329,7 @@ class _Trials:
 
     def _arranged(self, problem: DesignProblem) -> Arrangement:
         row = Row(label="", kind="controller")
-        return make_arrangement(self.bare, row, problem.building, tuple(problem.devices), None)
+        return make_arrangement(self.bare, row, problem.building, problem.all_devices, None)
 
     def _run(self, problem: DesignProblem, law: ControlLaw) -> Runs:
         return simulate_criteria(
@@ -337,7 +337,7 @@ class _Trials:
             law,
             problem.motions,
             self.hardware,
-            nominal(tuple(problem.devices)),
+            nominal(problem.all_devices),
             bare=self.bare,
             on_block=self._course.advance,
         )

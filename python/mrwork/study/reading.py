@@ -18,10 +18,12 @@ import numpy as np
 
 from mrwork.base.documents import read_table
 from mrwork.base.keys import Arguments, keys_of, suggestion
+from mrwork.base.numbers import of_unit
 from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
+from mrwork.buildings.groups import commanded
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.hardware import Hardware
@@ -211,9 +213,11 @@ def _study_of(table: StudyTable, named: _Named) -> Study:
         row = Row(label=PASSIVE_OFF, kind="passive_off")
         return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)
 
+    driven = commanded(devices)
     problem = DesignProblem(
         building=building,
-        devices=devices,
+        devices=driven,
+        beside=devices[len(driven) :],
         sample_time=hardware.sample_time,
         delay=hardware.delay,
         motions=chosen_on,
@@ -345,6 +349,8 @@ def _facts(
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""
         fixed = "" if damper.spec.follows_command else ", passive: all its parameters are constant"
+        if device.command is not None:
+            fixed = f", held at {of_unit(device.command, device.spec.command_unit or '')}"
         facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
     facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
     tested = [damper.tested.in_words if damper.tested else "not known" for damper in chosen]

@@ -16,6 +16,7 @@ from mrwork.base.places import Place, keyed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
+from mrwork.buildings.groups import commanded
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.user_law import UserLaw
@@ -181,8 +182,9 @@ class Arrangement:
 
     def __post_init__(self) -> None:
         if self.law is not None and self.devices:
-            law = self.law.placeholder(self.devices) if isinstance(self.law, UserLaw) else self.law
-            law.gain_rows(len(self.devices), 2 * self.building.n_coordinates)
+            driven = commanded(self.devices)
+            law = self.law.placeholder(driven) if isinstance(self.law, UserLaw) else self.law
+            law.gain_rows(len(driven), 2 * self.building.n_coordinates)
 
     @property
     def has_actuators(self) -> bool:
@@ -499,7 +501,7 @@ def uses_in_words(uses: Sequence[Use]) -> str:
 
 def constant_command(devices: Sequence[Device], *commands: float) -> ControlLaw:
     """The law with a constant command, one candidate for each of several; a device gets no more than its largest."""
-    largest = [device.largest_command for device in devices]
+    largest = [device.largest_command for device in commanded(devices)]
     return ControlLaw(name="passive", gains={"command": np.minimum(np.array(commands)[:, None], largest)})
 
 
@@ -538,7 +540,9 @@ def fingerprint_of(study: Study) -> dict[str, object]:
 def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
     """Digest of all inputs of the runs of an arrangement, except the hardware."""
     building, law = arrangement.building, arrangement.law
-    devices = [(*_identity_of(device), device.largest_command) for device in arrangement.devices]
+    devices = [
+        (*_identity_of(device), device.largest_command, device.command) for device in arrangement.devices
+    ]
     own = law if isinstance(law, ControlLaw) else None
     model = None if own is None else own.model
     numbers = {} if own is None else {**own.gains, **own.tables}

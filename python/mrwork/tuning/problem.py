@@ -111,7 +111,7 @@ class Bench(Summarised):
     ) -> Runs:
         """Criteria of the candidates of a law, see `simulate_loop`."""
         return simulate_criteria(
-            replace(self.study.at_zero, devices=tuple(problem.devices), law=None),
+            replace(self.study.at_zero, devices=problem.all_devices, law=None),
             law,
             self.motions,
             self.study.hardware,
@@ -190,7 +190,7 @@ def arrange_law(study: Study, law: str, candidate: LawCandidate, label: str) -> 
     return replace(
         study.at_zero,
         row=Row(label=label, kind="controller"),
-        devices=tuple(limited.devices),
+        devices=limited.all_devices,
         law=replace(designed, dead_zone=candidate.dead_zone, command_slope=candidate.command_slope),
     )
 
@@ -206,10 +206,10 @@ def check_controllable(study: Study) -> None:
     """Refuse a study of which no law can be tuned."""
     if study.problem is None or not study.devices:
         raise SettingError(f"study {study.title!r} has no dampers to be controlled; give it one")
-    if not any(device.spec.follows_command for device in study.devices):
+    if not any(device.is_commanded for device in study.devices):
         raise SettingError(
-            f"study {study.title!r}: no parameter of the dampers depends on the command, so no law can be tuned; "
-            "give a damper with laws"
+            f"study {study.title!r}: the dampers are passive or hold a command, so no law can be tuned; give a damper "
+            "that follows a command"
         )
 
 
