@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 import mrwork as mr
 from common import Script
 
-# One model per family: laws of the parameters that follow the current, ranges narrower than the model admits, the power
-# of the mean over the tests (2 is the root mean square), and a simpler family whose fit is one more start.
+# One model per family: laws of the parameters that follow the current, ranges narrower than the model admits, and a
+# simpler family whose fit is one more start.
 FAMILIES = {
     "static_hysteretic": {
         "model": "static_hysteretic",
@@ -34,7 +34,6 @@ FAMILIES = {
         "model": "elasto_visco_plastic",
         "laws": {"f_y": "quadratic", "c": "cubic", "rho": "quadratic", "v_r": "cubic", "k": "linear"},
         "bounds": {"r": (1e-6, 1e-6)},
-        "power": 4.0,
     },
     "modified_bouc_wen": {
         "model": "normalised_modified_bouc_wen",
@@ -47,7 +46,6 @@ FAMILIES = {
         | dict.fromkeys(("c1", "c2"), "quadratic")
         | dict.fromkeys(("k1", "sigma", "n"), "linear"),
         "bounds": {"v_s": (0.002, 0.2), "k0": (1e-3, 1e-3)},
-        "power": 4.0,
         "after": ("modified_bouc_wen", {"c2.0": 500.0, "v_s": 0.03}),
     },
 }
@@ -91,7 +89,6 @@ def fitted(name: str, tests: list[mr.DamperTest]) -> mr.Fit:
         bounds=family.get("bounds", {}),
         observe="none",
         starts=starts,
-        power=family.get("power", 2.0),
         rng=script.seed,
         threads=script.threads,
     )

@@ -65,7 +65,7 @@ def identification_calls(_: Path) -> Calls:
     values = {
         **{"model": "bingham", "tests": (test, _other_test()), "search": _QUICK, "bounds": _FREE, "rng": 1},
         **{"nuisances": ("level",), "observe": ("gain=1.1",), "starts": ({"c0": 1000.0},), "threads": 1},
-        **{"ties": {"f0": "0.01*c0"}, "power": 2.0, "force_exponent": 1.0, "engine": "lanes"},
+        **{"ties": {"f0": "0.01*c0"}, "force_exponent": 1.0, "engine": "lanes"},
     }
     yield from calls_with(values, identification.FitSettings)
     quick = small_test(n_time=50)

@@ -62,9 +62,9 @@ def test_a_record_without_the_command_of_the_model_is_not_simulated(test: mr.Dam
 
 def test_the_objective_is_the_one_of_the_identification(test: mr.DamperTest, theta: np.ndarray) -> None:
     other = cut(mr.synthetic_test("spencer1997_fast"), every=4)
-    settings = FitSettings(power=4.0, force_exponent=0.5)
+    settings = FitSettings(force_exponent=0.5)
     by_hand = Objective.of(mr.damper("bingham"), (test, other), settings)
-    objective = mr.objective("bingham", (test, other), power=4.0, force_exponent=0.5)
+    objective = mr.objective("bingham", (test, other), force_exponent=0.5)
     assert objective.names == mr.damper("bingham").names
     assert np.array_equal(objective(theta), by_hand(theta))
     assert np.array_equal(objective.residuals(theta), by_hand.residuals(theta))
@@ -77,7 +77,6 @@ VARIANTS: dict[str, dict[str, object]] = {
     "plain": {},
     "unit": {"coordinates": "unit"},
     "held": {"bounds": {"v_s": (0.005, 0.005), "f_c": (300.0, 900.0)}},
-    "power": {"power": 4.0},
     "nuisance": {"nuisances": ("offset",)},
     "huber": {"loss": "huber", "loss_scale": 60.0},
     "soft_l1": {"loss": "soft_l1", "loss_scale": 60.0, "coordinates": "unit"},

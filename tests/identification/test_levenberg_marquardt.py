@@ -88,7 +88,7 @@ def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> N
     assert other.converged
     assert other.misfit == pytest.approx(lanes.misfit, rel=1e-6)
     assert beside.misfit[0] == pytest.approx(lanes.misfit, rel=1e-6)
-    errors = Covariance.of(Slopes.at(objective.plain, form, lanes.theta)).standard_errors
+    errors = Covariance.of(Slopes.at(objective, form, lanes.theta)).standard_errors
     known = np.isfinite(errors)
     assert np.count_nonzero(known) >= len(form.box.free) - 1
     for theta in (other.theta, beside.theta[0]):
@@ -131,12 +131,12 @@ def test_all_engines_say_that_a_parameter_is_at_its_bound() -> None:
     assert other.misfit == pytest.approx(lanes.misfit, rel=1e-6)
 
 
-def test_observation_ties_and_power_are_those_of_every_engine() -> None:
+def test_observation_ties_and_exponent_are_those_of_every_engine() -> None:
     spec, observation = damper("static_hysteretic"), Observation(average_seconds=0.03)
     first, second = record(spec, spec.nominal), record(spec, 1.1 * spec.nominal, n_time=700)
     averaged = replace(first, force=observation.observe(first.force, first.dt), observation=observation)
     ratio = spec.nominal[spec.names.index("k")] / spec.nominal[spec.names.index("c")]
-    settings = FitSettings(ties={"k": f"{ratio}*c"}, bounds=SHARP, power=4.0, force_exponent=0.5)
+    settings = FitSettings(ties={"k": f"{ratio}*c"}, bounds=SHARP, force_exponent=0.5)
     problem = Problem.of(spec, (averaged, second), settings)
     assert_one_minimum(problem.objective, problem.form, near(problem.form, spec.nominal))
 

@@ -24,7 +24,6 @@ OTHER = FitSettings(
     bounds={"alpha": (10.0, 500.0)},
     starts=({"alpha": 100.0},),
     ties={"f0": "0.1*alpha"},
-    power=4.0,
     force_exponent=0.5,
     engine="optimistix",
     nuisances=("level",),
@@ -37,6 +36,10 @@ def test_each_setting_survives_its_record() -> None:
     for each in fields(FitSettings):
         assert getattr(OTHER, each.name) != getattr(FitSettings(), each.name), each.name
     assert FitSettings.of_record(json.loads(json.dumps(OTHER.as_record()))) == OTHER
+
+
+def test_a_setting_that_has_ended_is_left_out_of_an_older_record() -> None:
+    assert FitSettings.of_record(OTHER.as_record() | {"power": 4.0}) == OTHER
 
 
 @pytest.mark.parametrize("name", searches())

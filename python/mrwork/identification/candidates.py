@@ -300,7 +300,6 @@ def objective(
     ties: Mapping[str, str] | None = None,
     nuisances: Sequence[NuisanceName] = (),
     observe: str | Sequence[str] = DETECT,
-    power: float = 2.0,
     force_exponent: float = 1.0,
     weights: Sequence[Samples | float | None] = (),
     masks: Sequence[Mask | None] = (),
@@ -315,7 +314,7 @@ def objective(
 
     Parameters
     ----------
-    model, tests, ties, nuisances, observe, power, force_exponent
+    model, tests, ties, nuisances, observe, force_exponent
         As in `mr.identify`.
     bounds
         Parameter name to (lower, upper); equal bounds hold the parameter. Others have the range in which an
@@ -353,7 +352,6 @@ def objective(
     settings = FitSettings(
         bounds=bounds_without_offsets(tuple(nuisances), spec) | dict(bounds or {}),
         ties=dict(ties or {}),
-        power=power,
         force_exponent=force_exponent,
         nuisances=tuple(nuisances),
         observe=as_words(observe),

@@ -160,7 +160,7 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
     # Their coefficients have the same names and ranges, because they are the values at the same commands.
     other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)
-    own, misfits = float(objective.plain(theta[None])[0]), float(other.plain(minimum.theta)[0])
+    own, misfits = float(objective(theta[None])[0]), float(other(minimum.theta)[0])
     if not misfits < _FAR_BETTER * own:
         return ()
     named = ", ".join(f"{name}={law}" for name, law in through.items())

@@ -74,7 +74,7 @@ def force_lag_warnings(
     unknown = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / max(frequency))
     if len(groups) > 1:
         if on_time.gain > _WORTH_A_FIT:
-            before = Slopes.at(excerpts.plain, slopes.form, slopes.theta)
+            before = Slopes.at(excerpts, slopes.form, slopes.theta)
             lag, delay = _fit_late(before, "lag"), _fit_late(before, "delay")
             best, other = (lag, delay) if lag.misfit <= delay.misfit else (delay, lag)
             seconds, late = _predict_groups(best.slopes, best.columns, groups)

@@ -47,7 +47,7 @@ class _Call(FitSettings):
         A model or its name. A driver's lag that tests of varying commands do not show, with a rate that the bounds do
         not fix, is left out of the fit, and a warning says so.
     tests
-        One test or several. With `power` 2 all have the same weight, independent of length and force.
+        One test or several. All have the same weight, independent of length and force.
     threads
         Threads of the simulation, 0 for all.
     on_progress
@@ -87,7 +87,7 @@ def identify(call: _Call) -> Fit:
     Raises
     ------
     SettingError
-        Where a bound, a tie or a power is impossible, a start cannot be used, or the search was read from a file and is
+        Where a bound or a tie is impossible, a start cannot be used, or the search was read from a file and is
         not registered.
     UnknownNameError
         Where a start or a tie names a parameter that the model does not have, or there is no such search.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, TypeVar
 
@@ -18,7 +18,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError
 from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
-from mrwork.identification.settings import EQUAL_SHARES, ROOT_MEAN_SQUARE, FitSettings
+from mrwork.identification.settings import EQUAL_SHARES, FitSettings
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
 from mrwork.records.damper_test import AS_IT_IS
@@ -94,11 +94,10 @@ def ties_of(spec: DamperSpec, settings: FitSettings) -> Ties | None:
 class Objective(Summarised):
     """Free-run misfit of a model against one or several tests.
 
-    The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests have the
-    same weight, independent of length and force; a higher power gives more weight to the worst, a `force_exponent`
-    below 1 to tests of large force, see `shares_of`. The observation model of the test and the nuisance parameters are
-    applied to the simulated force before the comparison. Of the `settings` it has the power, the exponent and the
-    nuisance parameters. Costly steps are recorded in the `journal`, if any.
+    The misfit is the root mean square over tests of the NRMSE: all have the same weight, independent of length and
+    force. A `force_exponent` below 1 gives more weight to tests of large force, see `shares_of`. The observation model
+    of the test and the nuisance parameters are applied to the simulated force before the comparison. Of the `settings`
+    it has the exponent and the nuisance parameters. Costly steps are recorded in the `journal`, if any.
     """
 
     _made_by: ClassVar[str] = "mr.identification.Objective.of(spec, tests)"
@@ -161,18 +160,6 @@ class Objective(Summarised):
         return tuple(each.history for each in self.compared)
 
     @property
-    def is_plain(self) -> bool:
-        """Whether the misfit is the root mean square of the NRMSE."""
-        return self.settings.power == ROOT_MEAN_SQUARE
-
-    @property
-    def plain(self) -> Objective:
-        """The objective with the root mean square of the NRMSE."""
-        if self.is_plain:
-            return self
-        return replace(self, settings=replace(self.settings, power=ROOT_MEAN_SQUARE))
-
-    @property
     def is_direct(self) -> bool:
         """Whether the simulated force is compared directly, from a sample on.
 
@@ -228,12 +215,12 @@ class Objective(Summarised):
         squared = np.zeros((n_tests, len(theta)))
         remaining = np.arange(len(theta))
         substeps = np.ones(len(theta), dtype=np.int64)
-        # Amount that the remaining tests may still add to the sum of powers of the NRMSE.
-        allowance = n_tests * thresholds**self.settings.power
+        # Amount that the remaining tests may still add to the sum of squares of the NRMSE.
+        allowance = n_tests * thresholds**2
         order = sorted(range(n_tests), key=lambda index: -self.tally.added_per_step.get(index, np.inf))
         at_once = -(-n_tests // _STAGES)
         for some in (order[first : first + at_once] for first in range(0, n_tests, at_once)):
-            allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.settings.power)
+            allowed = np.maximum(allowance[remaining], 0.0)
             runs = self._with_limits(some, theta[remaining], allowed)
             finite = np.ones(remaining.size, dtype=np.bool_)
             for index, run in zip(some, runs, strict=True):
@@ -252,7 +239,7 @@ class Objective(Summarised):
                 squared[index, remaining] = reached
                 finite &= np.isfinite(run.squared_error)
                 with np.errstate(invalid="ignore"):
-                    allowance[remaining] -= reached ** (self.settings.power / 2.0)
+                    allowance[remaining] -= reached
             remaining = remaining[finite]
         misfit = np.full(len(theta), np.inf)
         misfit[remaining] = self._mean(squared[:, remaining])
@@ -278,11 +265,6 @@ class Objective(Summarised):
         return self._mean(len(self.tests) * np.array(squares))
 
     @checked
-    def squared_nrmse(self, parts: Iterable[AnyNumbers]) -> Floats:
-        """Squared NRMSE of each test, shape (n_tests, n_batch), from its weighted residuals."""
-        return len(self.tests) * np.array([_squares(part) for part in parts])
-
-    @checked
     def nrmse_of_tests(self, theta: _Rows) -> Floats:
         """NRMSE of each test, shape (n_tests, n_batch), whatever its share; infinite where a simulation failed."""
         self.tally.simulations += len(theta)
@@ -295,12 +277,12 @@ class Objective(Summarised):
         return np.array(self._on_every_test(nrmse))
 
     def _mean(self, squared: Floats) -> Floats:
-        """Power mean of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
+        """Root mean square of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
         total = np.zeros(squared.shape[1])
         # One test after the other: NumPy sums a single column in another order than several.
-        for each in squared ** (self.settings.power / 2.0):
+        for each in squared:
             total += each
-        return np.asarray((total / len(squared)) ** (1.0 / self.settings.power))
+        return np.asarray(np.sqrt(total / len(squared)))
 
     @checked
     def misfits(self, theta: _Rows) -> tuple[Misfits, ...]:
@@ -332,23 +314,13 @@ class Objective(Summarised):
     def residuals(self, theta: _Rows) -> Floats:
         """Residuals of each row of `theta`, shape (n_batch, n_residuals); the sum of squares is the squared misfit.
 
-        Residuals of a simulation that failed are 1, far above those of any fit. For a power other than 2, the residuals
-        of a test are multiplied by (NRMSE/misfit)^(power/2 - 1).
+        Residuals of a simulation that failed are 1, far above those of any fit.
         """
         self.tally.simulations += len(theta)
         parts = self._on_every_test(
             lambda index, threads: self._part(index, theta, failure=1.0, threads=threads)
         )
-        if not self.is_plain:
-            for part, factor in zip(parts, self.power_factors(self.squared_nrmse(parts)), strict=True):
-                part *= factor[:, None]
         return np.concatenate(parts, axis=1)
-
-    @checked
-    def power_factors(self, squared: Annotated[AnyNumbers, Shape(("n_tests", "n_batch"))]) -> Floats:
-        """(NRMSE/misfit)^(power/2 - 1), shape (n_tests, n_batch), from squared NRMSE of the same shape."""
-        ratio = np.sqrt(squared) / np.maximum(self._mean(squared), np.finfo(float).tiny)
-        return np.asarray(ratio ** (self.settings.power / 2.0 - 1.0))
 
     def _part(self, index: int, theta: Floats, *, failure: float, threads: int) -> Floats:
         """Weighted residuals of a test, shape (n_batch, n_counted); rows that failed have the value `failure`."""
@@ -378,7 +350,7 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
     """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
 
     Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; derivatives are zero
-    where a simulation failed. They include the observation model, the nuisance parameters and the power of the misfit.
+    where a simulation failed. They include the observation model and the nuisance parameters.
     """
     n_rows = max(1, _BLOCK_SIZE // (objective.n_time * max(len(columns), 1)))
     starts = range(0, len(theta) or 1, n_rows)
@@ -406,30 +378,4 @@ def _block(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple
         residuals[failed, slices[index]] = 1.0
 
     on_every_test(len(objective.tests), objective.threads, fill)
-    if not objective.is_plain:
-        _apply_power(objective, residuals, jacobian, slices)
     return residuals, jacobian
-
-
-def _apply_power(objective: Objective, residuals: Floats, jacobian: Floats, slices: Sequence[slice]) -> None:
-    """Multiply the residuals of each test by its factor s, and their derivatives by the product rule, in place.
-
-    With e = NRMSE, M = misfit, q = power/2 - 1: ds/s = q (de/e - dM/M), dM/M = sum(e^power de/e)/sum(e^power).
-    """
-    tiny = np.finfo(float).tiny
-    squared = objective.squared_nrmse(residuals[:, part] for part in slices)
-    factors = objective.power_factors(squared)
-    # de/e of each test, (n_tests, n_batch, n_columns)
-    change = len(objective.tests) * np.array(
-        [np.einsum("bt,bpt->bp", residuals[:, part], jacobian[..., part]) for part in slices]
-    )
-    change /= np.maximum(squared, tiny)[..., None]
-    share = squared ** (objective.settings.power / 2.0)
-    share /= np.maximum(share.sum(axis=0), tiny)
-    change -= np.einsum("nb,nbp->bp", share, change)
-    for part, factor, each in zip(slices, factors, change, strict=True):
-        jacobian[..., part] += (
-            (objective.settings.power / 2.0 - 1.0) * each[..., None] * residuals[:, None, part]
-        )
-        jacobian[..., part] *= factor[:, None, None]
-        residuals[:, part] *= factor[:, None]

@@ -27,7 +27,6 @@ from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.residual import bounds_without_offsets, offset_warning
 from mrwork.identification.settings import (
-    ROOT_MEAN_SQUARE,
     FitSettings,
     Multistart,
     Search,
@@ -75,12 +74,8 @@ class Problem:
 
     @classmethod
     def of_fit(cls, fit: Fit, tests: tuple[DamperTest, ...], *, threads: int = 0) -> Problem:
-        """The problem that a fit solved, on its own tests or others of the same damper.
-
-        The power of the objective is always 2, because likelihoods are based on least squares.
-        """
-        settings = replace(_complete_settings(fit.settings, fit.spec), power=ROOT_MEAN_SQUARE)
-        return cls._prepare(fit.spec, tests, settings, threads=threads)
+        """The problem that a fit solved, on its own tests or others of the same damper."""
+        return cls._prepare(fit.spec, tests, _complete_settings(fit.settings, fit.spec), threads=threads)
 
     @classmethod
     def _prepare(

@@ -143,13 +143,8 @@ Engine = Literal["lanes", "optimistix"]
 # Values of parameters by name.
 Start = Mapping[str, float]
 
-# Power of the root mean square, that of least squares.
-ROOT_MEAN_SQUARE = 2.0
 # Exponent with which every test has the same weight: errors that grow in proportion to the force.
 EQUAL_SHARES = 1.0
-
-# With a higher power the better tests are lost in rounding errors, and local minimisations no longer converge.
-LARGEST_POWER = 16.0
 
 
 @checked
@@ -174,9 +169,6 @@ class FitSettings:
         Tie a parameter to an expression of others, as k to 2*c: numbers, parameters, parentheses and + - * / **; for
         one model whose parameters are constant. In Python a mapping such as {"k": "2*c"}. Tied parameters are not
         searched; each stays inside its bounds, and its standard error follows from those of the others.
-    power
-        Minimise (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power gives more
-        weight to the worst test.
     force_exponent
         Assume that errors grow between tests with the standard deviation of the force to this power: 1 gives all tests
         the same weight, 0 compares errors in newtons.
@@ -197,7 +189,7 @@ class FitSettings:
     Raises
     ------
     SettingError
-        Where the power, the exponent of the force, the engine, a nuisance parameter or an observation is impossible.
+        Where the exponent of the force, the engine, a nuisance parameter or an observation is impossible.
     UnknownNameError
         Where no search has the name.
     """
@@ -206,7 +198,6 @@ class FitSettings:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     starts: Sequence[Start] = ()
     ties: Mapping[str, str] = field(default_factory=dict)
-    power: Annotated[float, Within(least=ROOT_MEAN_SQUARE, most=LARGEST_POWER)] = ROOT_MEAN_SQUARE
     force_exponent: Annotated[float, Within(least=0.0, most=EQUAL_SHARES)] = EQUAL_SHARES
     engine: Engine = "lanes"
     nuisances: Sequence[NuisanceName] = ()

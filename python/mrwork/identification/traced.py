@@ -72,7 +72,6 @@ class Residuals:
     kernel: Kernel
     tests: tuple[ComparedForm, ...]
     nuisances: Sequence[NuisanceName]
-    power: float
     loss: Loss | None
     ties: Ties | None
 
@@ -94,7 +93,6 @@ class Residuals:
             ),
             tests=tuple(map(ComparedForm.of, objective.compared)),
             nuisances=objective.settings.nuisances,
-            power=objective.settings.power,
             loss=first.loss,
             ties=first.ties,
         )
@@ -115,7 +113,7 @@ class Residuals:
         return found
 
     def parts(self, theta: Array, tests: Sequence[ComparedArrays]) -> tuple[list[Array], Array]:
-        """Weighted residuals of each test, as `Objective.residuals` has them for power 2, and whether any failed."""
+        """Weighted residuals of each test, as `Objective.residuals` has them, and whether any failed."""
         parts, failures = [], []
         for test, (residual, failed) in zip(tests, self.newtons(theta, tests), strict=True):
             weighted = residual if test.weights is None else residual * test.weights
@@ -128,13 +126,6 @@ class Residuals:
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
         """Residuals whose sum of squares is the squared misfit, (n_residuals,); 1 in tests that failed."""
         parts, _ = self.parts(theta, tests)
-        if self.power != _ROOT_MEAN_SQUARE:
-            squared = [len(parts) * jnp.sum(part**2) for part in parts]
-            misfit = _mean(squared, self.power)
-            parts = [
-                _power(_root(own) / jnp.maximum(misfit, _TINY), self.power / 2.0 - 1.0) * part
-                for own, part in zip(squared, parts, strict=True)
-            ]
         return jnp.concatenate(parts)
 
 
@@ -145,10 +136,10 @@ class Misfit:
     residuals: Residuals
 
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
-        """The power mean of the NRMSE; infinite where a simulation failed."""
+        """The root mean square of the NRMSE; infinite where a simulation failed."""
         parts, failed = self.residuals.parts(theta, tests)
         squared = [len(parts) * jnp.sum(part**2) for part in parts]
-        return jnp.where(failed, jnp.inf, jnp.where(failed, 1.0, _mean(squared, self.residuals.power)))
+        return jnp.where(failed, jnp.inf, jnp.where(failed, 1.0, _root(jnp.mean(jnp.stack(squared)))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,26 +153,10 @@ class Force:
         return self.kernel(theta, record)
 
 
-_ROOT_MEAN_SQUARE = 2.0
-_TINY = np.finfo(float).tiny
-
-
-def _mean(squared: Sequence[Array], power: float) -> Array:
-    """Power mean of NRMSE from their squares, with a derivative of zero where it is zero."""
-    if power == _ROOT_MEAN_SQUARE:
-        return _root(jnp.mean(jnp.stack(squared)))
-    return _power(jnp.mean(jnp.stack([_power(_root(each), power) for each in squared])), 1.0 / power)
-
-
 def _root(value: Array) -> Array:
-    return _power(value, 0.5)
-
-
-def _power(value: Array, exponent: float) -> Array:
-    """A power with a derivative of zero at zero."""
+    """The square root, with a derivative of zero at zero."""
     positive = value > 0.0
-    known = jnp.where(positive, value, 1.0)
-    return jnp.where(positive, jnp.sqrt(known) if exponent == 0.5 else known**exponent, 0.0)
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, value, 1.0)), 0.0)
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
@@ -311,7 +286,7 @@ def misfit(
     ----------
     model
         A model or its name; or an objective, `mr.objective(...)`, with its bounds, ties, nuisance parameters, weights,
-        masks, power and loss, and then no `tests`.
+        masks and loss, and then no `tests`.
     tests
         The tests.
     coordinates

@@ -80,7 +80,7 @@ def log_likelihood(
     Parameters
     ----------
     model, tests, substeps, threads
-        As in `mr.jax.misfit`. Power and exponent of an objective have no part in a likelihood.
+        As in `mr.jax.misfit`. The exponent of the force of an objective has no part in a likelihood.
     noise
         Name of a noise model; its parameters are in units of the standard deviation of the measured force of each test.
     coordinates

@@ -274,7 +274,6 @@ def scaled_to_force(objective: Objective, box: Box, theta: Floats) -> tuple[Floa
     force determine. Samples are thus compared by the shape of their loops, not by their force. If a parameter with
     newtons is fixed, the samples are unchanged.
     """
-    objective = objective.plain
     is_force = np.array([parameter.scales_with_force for parameter in objective.spec.parameters])
     misfit = objective(theta)
     if not set(np.flatnonzero(is_force)) <= set(box.free) or not is_force.any():

@@ -67,8 +67,7 @@ def polish(problem: Problem, points: StartingPoints, *, on_start: OnStart, on_st
         starts = screen_starts(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
     in_a_batch = points.minima and problem.settings.engine == "lanes"
     ended = (_in_a_batch if in_a_batch else _one_by_one)(problem, starts, on_step)
-    # Of least squares for every power of the objective.
-    covariance = Covariance.of(Slopes.at(problem.objective.plain, form, ended.theta))
+    covariance = Covariance.of(Slopes.at(problem.objective, form, ended.theta))
     return Polished(
         theta=ended.theta,
         covariance=covariance,
@@ -196,8 +195,8 @@ class FinalFit:
 
     @property
     def misfit(self) -> float:
-        """Root mean square of the NRMSE of all tests, whatever the power of the objective."""
-        return float(self.problem.objective.plain(self.polished.theta[None])[0])
+        """Root mean square of the NRMSE of all tests."""
+        return float(self.problem.objective(self.polished.theta[None])[0])
 
 
 def polish_with_wanted_lag(

@@ -426,9 +426,9 @@ def prepare_search(
     """Check the settings and prepare the folds."""
     if plain.command_unit is not None:
         raise SettingError(f"{plain.name} has current laws already; give the plain model to choose laws for")
-    if settings.starts or settings.power != 2.0 or settings.engine != "lanes":
+    if settings.starts or settings.engine != "lanes":
         raise SettingError(
-            "the choice of laws takes no starts, the power 2 and the engine `lanes`; leave these settings out"
+            "the choice of laws takes no starts and the engine `lanes`; leave these settings out"
         )
     unknown = [name for name in settings.bounds if name not in plain.names]
     if unknown:

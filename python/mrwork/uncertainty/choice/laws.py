@@ -320,7 +320,7 @@ def choose_laws(
         Tests that are left out together: those of one motion where there are three motions or more, else each test.
     settings
         Settings of the identifications, see `identify`. A parameter with bounds remains constant, unless it has a
-        law in `laws`; starts and a power other than 2 are refused. Of several models, each takes the laws and bounds
+        law in `laws`; starts are refused. Of several models, each takes the laws and bounds
         of the parameters that it has.
     threads
         Threads of the simulation, 0 for all.

@@ -30,7 +30,6 @@ from mrwork.identification.covariance import effective_samples, residuals_by_tes
 from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
-from mrwork.identification.settings import ROOT_MEAN_SQUARE
 from mrwork.identification.verdicts import ParameterScale, Scale, judge_interval
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -332,16 +331,10 @@ def profile(
     UnknownNameError
         Where the model has no such parameter.
     SettingError
-        Where a parameter is fixed or named twice, or the fit was not a least-squares fit.
+        Where a parameter is fixed or named twice.
     Interrupted
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
-    power = fit.settings.power
-    if power != ROOT_MEAN_SQUARE:
-        raise SettingError(
-            f"the fit made a mean with power {power:g} small, a likelihood ratio is of least squares; "
-            "identify again without a power"
-        )
     began = time.perf_counter()
     problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box

@@ -29,7 +29,7 @@ def residual_slope(target: Target, position: Floats) -> tuple[Floats, Floats]:
     space, objective = target.space, target.objective
     values = np.asarray(space.values(position)[0])
     theta = np.ascontiguousarray(values[: space.n_params])
-    residuals, slopes = linearise_residuals(objective.plain, theta[None], target.form.box.free)
+    residuals, slopes = linearise_residuals(objective, theta[None], target.form.box.free)
     # The objective weights tests equally, a likelihood by their samples.
     n_tests = len(objective.tests)
     own = np.concatenate(

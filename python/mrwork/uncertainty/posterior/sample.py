@@ -159,7 +159,7 @@ class SamplingProblem:
             thinning=thin,
             seconds=seconds,
             provenance=provenance_with(
-                self.fingerprint() | {"nrmse": float(self.target.objective.plain(self.start[None])[0])},
+                self.fingerprint() | {"nrmse": float(self.target.objective(self.start[None])[0])},
                 self.target.objective.tests,
                 packages=_PACKAGES,
                 rng=self.rng,
@@ -191,7 +191,7 @@ class SamplingProblem:
         theta = np.asarray(self.target.form.to_model(self.start))
         objective = self.target.objective
         scale = Scale.of(self.spec, own, objective.tests, theta)
-        derivative = Slopes.at(objective.plain, self.target.form, self.start).by_model()
+        derivative = Slopes.at(objective, self.target.form, self.start).by_model()
         judged = [
             summary
             if summary.name in objective.settings.ties
