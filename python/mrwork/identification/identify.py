@@ -15,7 +15,7 @@ from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.parameters import takes_fields
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec, damper, damper_models, plain_parameters
+from mrwork.dampers.spec import DamperSpec, damper, plain_parameters
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
@@ -134,8 +134,8 @@ def identify_with(
 ) -> Fit:
     """`identify` with its settings as one value.
 
-    Without `warns` its warnings are with the fit only, and no cheaper model is fitted beside one that is costly.
-    Without `examines` nothing is looked for that speaks against a fit which has converged.
+    Without `warns` its warnings are with the fit only. Without `examines` nothing is looked for that speaks against a
+    fit which has converged.
     """
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(
@@ -149,7 +149,7 @@ def identify_with(
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=5)
     reporter = _begin(problem, began, on_progress, journal)
-    ending = _Ending(problem=problem, reporter=reporter, compares=warns, examines=examines)
+    ending = _Ending(problem=problem, reporter=reporter, examines=examines)
 
     def on_search(fitted: str, generation: int, misfit: float, median: float, share: float) -> None:
         count = problem.objective.tally.simulations
@@ -214,12 +214,11 @@ def _begin(
 class _Ending:
     """The end of an identification: the final fit, or the fit so far after an interrupt.
 
-    With `examines` doubts about the fit are looked for; with `compares` a costly fit is compared with stateless models.
+    With `examines` doubts about the fit are looked for.
     """
 
     problem: Problem
     reporter: Reporter
-    compares: bool = False
     examines: bool = True
 
     def at(self, interrupt: KeyboardInterrupt, theta: Floats, trace: SearchTrace) -> Fit:
@@ -283,8 +282,7 @@ class _Ending:
             cost = BuildingCost.of(fit.spec, fit.theta, problem.objective.tests)
             if cost.is_high:
                 reason = reason or cost.in_words
-                cheap = interruptible(lambda: self._without_states(fit.spec)) if self.compares else ()
-                doubts = (*doubts, cost_warning(fit, cost, cheap))
+                doubts = (*doubts, cost_warning(fit, cost))
             single = interruptible(lambda: _single_commands(problem, fit))
         except KeyboardInterrupt as interrupt:
             return replace(self, problem=problem).at(interrupt, best, points.trace)
@@ -296,26 +294,6 @@ class _Ending:
             single_commands=single,
             seconds=reporter.seconds,
         )
-
-    def _without_states(self, spec: DamperSpec) -> tuple[Fit, ...]:
-        """Fits of the models without states to the same tests; none where parameters follow the command."""
-        if spec.command_unit is not None:
-            return ()
-        settings, objective = self.problem.settings, self.problem.objective
-        fits = []
-        for model in damper_models():
-            if model.n_states:
-                continue
-            bounds = {name: ends for name, ends in settings.bounds.items() if name in model.names}
-            own = replace(settings, bounds=bounds, starts=(), ties={}, search=None, engine="lanes")
-            # Skip models that cannot be fitted.
-            with suppress(MrworkError):
-                fits.append(
-                    identify_with(
-                        model, objective.tests, own, threads=objective.threads, warns=False, examines=False
-                    )
-                )
-        return tuple(fits)
 
 
 def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:

@@ -18,7 +18,6 @@ from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance
 from mrwork.identification.fit import (
-    NEGLIGIBLE,
     ErrorNorms,
     Fit,
     FitQuality,
@@ -262,24 +261,11 @@ class BuildingCost:
         return f"about {self.steps:.0f} integration steps a sample of 1 ms in a building"
 
 
-def cost_warning(fit: Fit, cost: BuildingCost, cheap: Sequence[Fit]) -> str:
-    """A sentence on a fit with a high cost; it names the best of the fits of `cheap` models to the same tests."""
+def cost_warning(fit: Fit, cost: BuildingCost) -> str:
+    """A sentence on a fit with a high cost."""
     at_bound = [each.name for each in fit.estimates if each.at_bound]
     causes = f", with {list_names(at_bound)} on a bound" if at_bound else ""
-    least = f"where a model without states takes {_FEWEST}"
-    return f"the fit takes {cost.in_words}{causes}, {least}; {_remedy(fit, cheap)}"
-
-
-def _remedy(fit: Fit, cheap: Sequence[Fit]) -> str:
-    if not cheap:
-        return "compare it with models without states before a study uses it"
-    most = max(each.fit_percent for each in cheap)
-    as_good = [each for each in cheap if each.fit_percent >= most - NEGLIGIBLE]
-    best = min(as_good, key=lambda each: len(each.estimates))
-    both = f"{best.fit_percent:.2f} % against {fit.fit_percent:.2f} %"
-    if best.fit_percent < fit.fit_percent - NEGLIGIBLE:
-        return f"of the models without states {best.model} comes nearest ({both})"
-    as_well = "better" if best.fit_percent > fit.fit_percent + NEGLIGIBLE else "as well"
     return (
-        f"{best.model}, which has no states, fits {as_well} ({both}): use it in studies of the tested range"
+        f"the fit takes {cost.in_words}{causes}, where a model without states takes {_FEWEST}; compare it with models "
+        "without states before a study uses it"
     )

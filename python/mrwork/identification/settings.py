@@ -220,13 +220,10 @@ class FitSettings:
         """Plain values of all fields, for JSON; a search is a record with its name."""
         search = self.search
         assert not isinstance(search, str)
-        record = {
+        others = {
             each.name: _plain(getattr(self, each.name)) for each in fields(self) if each.name != "search"
         }
-        # Records and journals of fits without ties are as they were before there were any.
-        if not self.ties:
-            del record["ties"]
-        return {"search": None if search is None else _plain(_record_of_search(search))} | record
+        return {"search": None if search is None else _plain(_record_of_search(search))} | others
 
     @classmethod
     @checked

@@ -6,7 +6,7 @@ The observation model states how the recorded force follows from the force of th
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from math import ceil
 from typing import Annotated, Any, ClassVar, Final, Literal
@@ -54,11 +54,6 @@ class Observation:
     gain: float = 1.0
     offset: float = 0.0
     lag_seconds: float = 0.0
-
-    def __repr__(self) -> str:
-        """As before there was a lag where there is none: journals and their digests state it."""
-        stated = (each.name for each in fields(self) if each.name != "lag_seconds" or self.lag_seconds)
-        return f"Observation({', '.join(f'{name}={getattr(self, name)!r}' for name in stated)})"
 
     def __post_init__(self) -> None:
         """Check the settings."""
