@@ -147,7 +147,7 @@ def identify_with(
     )
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
-        warn(sentence, MrworkWarning, stacklevel=5)
+        warn(sentence, MrworkWarning, stacklevel=6)
     reporter = _begin(problem, began, on_progress, journal)
     ending = _Ending(problem=problem, reporter=reporter, examines=examines)
 
