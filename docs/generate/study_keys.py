@@ -5,8 +5,9 @@ from __future__ import annotations
 import inspect
 
 from generate.markdown import code, directive, document, prose, table, unit
+from mrwork.base.docstrings import before_sections
 from mrwork.base.documents import KeyInWords, keys_in_words, prose_of
-from mrwork.base.keys import Table, before_sections, tables
+from mrwork.base.keys import Table, tables
 from mrwork.study.schema import StudyTable
 
 HEADINGS = ("key", "type", "unit", "default", "meaning")

@@ -15,7 +15,7 @@ from refusals import refusal
 from typing_extensions import TypeAliasType
 
 from mrwork.base.arguments import AnyArray, May, Positive, Rows, Shape, checked
-from mrwork.base.hints import Within
+from mrwork.base.hints import Says, Within
 from mrwork.base.keys import closest
 from mrwork.errors import ArgumentError, MrworkError, SettingError
 
@@ -98,6 +98,30 @@ def test_numbers_arrive_as_the_array_that_is_annotated() -> None:
     given = np.zeros(3)
     assert taken(strict=given)["strict"] is given
     assert Part(names=["a"]).names == ("a",)  # type: ignore[arg-type] # a list for a tuple, on purpose
+
+
+def test_what_an_argument_means_is_in_the_docstring() -> None:
+    @checked
+    def squeezed(
+        gap: Annotated[Positive, Says("gap of the duct", unit="m")], *, law: str = "", turns: int = 1
+    ) -> None:
+        """A duct that is squeezed.
+
+        Parameters
+        ----------
+        turns
+            Of the coil.
+
+        Raises
+        ------
+        SettingError
+            Never.
+        """
+
+    assert squeezed.__doc__ is not None
+    before, _, after = squeezed.__doc__.partition("----------\n")
+    assert before == "A duct that is squeezed.\n\nParameters\n"
+    assert after.startswith("gap\n    Gap of the duct [m], above 0.\nturns\n    Of the coil.\n\nRaises\n---")
 
 
 FloatT = TypeVar("FloatT", bound=np.generic)

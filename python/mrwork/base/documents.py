@@ -16,13 +16,13 @@ from typing import Any, TypeVar, cast
 
 from mrwork.base import hints as nodes
 from mrwork.base.arguments import Refusal, accept, in_words
+from mrwork.base.docstrings import before_sections
 from mrwork.base.hints import InUnit, Node, Within, fields_of
 from mrwork.base.keys import (
     Arguments,
     Key,
     Table,
     as_document,
-    before_sections,
     describe_key,
     describe_repeat,
     inner_table,

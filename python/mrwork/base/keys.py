@@ -19,6 +19,7 @@ from functools import cache, partial
 from typing import Any, NoReturn, cast
 
 from mrwork.base import hints as nodes
+from mrwork.base.docstrings import with_parameters
 from mrwork.base.hints import NOTES, May, Node, Record, Says, Within, fields_of, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import synonyms, without_style
@@ -109,19 +110,9 @@ def key(
     functions: tuple[Callable[..., Any], ...] = (),
 ) -> Any:
     """Declare a field of a dataclass as a key, by the notes `Within` and `Says`; without a default it is required."""
-    says = Says(
-        words,
-        unit,
-        usual,
-        span,
-        from_one,
-        named,
-        matrix=matrix,
-        file=file,
-        most_items=most_items,
-        functions=functions,
-    )
-    within = Within(least=least, above=above, most=most, below=below)
+    given = locals()
+    says = Says(**{each.name: given[each.name] for each in fields(Says)})
+    within = Within(**{each.name: given[each.name] for each in fields(Within)})
     metadata = {NOTES: (within, says, *([May.BE_NAN] * may_be_nan))}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
@@ -218,31 +209,15 @@ def describe_key(entry: Key) -> str:
     return f"{entry.says.words}{f' [{entry.says.unit}]' if entry.says.unit else ''}"
 
 
-# A section of a docstring, as Raises: its name, and dashes below it.
-_SECTION = re.compile(r"\n\s*\w+\n\s*-{3,}\s*\n")
-_PARAMETERS = "\nParameters\n----------\n"
-
-
-def before_sections(docstring: str) -> str:
-    """Text of a docstring before its first section."""
-    return _SECTION.split(docstring)[0].rstrip()
-
-
 def documented(target: Any, declared: Mapping[str, Node]) -> str | None:
-    """The docstring of a function or class with what the notes of its parameters say, among or as its Parameters."""
+    """The docstring of a function or class with what the notes of its parameters say."""
     if not target.__doc__ or not any(note_of(each, Says) for each in declared.values()):
         return cast("str | None", target.__doc__)
-    text = inspect.getdoc(target) or ""
-    before, head, rest = text.partition(_PARAMETERS)
-    if not head:
-        before = before_sections(text)
-        before, rest = f"{before}\n", text[len(before) :].removeprefix("\n")
-    said = (
-        (each.name, ", ".join(filter(None, (describe_key(each), each.within.in_words))))
-        for each in keys_of((target,))
-    )
-    lines = "".join(f"{name}\n    {words[:1].upper()}{words[1:]}.\n" for name, words in said)
-    return f"{before}{_PARAMETERS}{lines}{rest}"
+    texts = {}
+    for each in keys_of((target,)):
+        words = ", ".join(filter(None, (describe_key(each), each.within.in_words)))
+        texts[each.name] = f"{words[:1].upper()}{words[1:]}."
+    return with_parameters(target.__doc__, texts)
 
 
 def refuse_missing(entry: Key, place: Place) -> NoReturn:

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import MISSING, fields
 from functools import wraps
-from textwrap import dedent, indent
+from textwrap import dedent
 from typing import Any, ParamSpec, TypeVar, get_type_hints
 
 from mrwork.base.arguments import checked
+from mrwork.base.docstrings import PARAMETERS, SECTION, with_parameters
 
 Given = ParamSpec("Given")
 Value = TypeVar("Value")
 Result = TypeVar("Result")
 
-_HEADING = "Parameters\n----------\n"
-# A section of a docstring in the form of numpydoc: a line, and dashes below it.
-_SECTION = re.compile(r"^\w[\w ]*\n-+$", re.MULTILINE)
 # One or several names, and the indented lines below them.
 _ENTRY = re.compile(r"^(\w+(?:, \w+)*)\n((?:(?: +.*)?\n)+)", re.MULTILINE)
 
@@ -32,8 +30,8 @@ def parameter_texts(declaring: Any) -> dict[str, str]:
 
 
 def _texts_in(docstring: str | None) -> dict[str, str]:
-    _, _, below = inspect.cleandoc(docstring or "").partition(_HEADING)
-    section = _SECTION.split(f"{below}\n", maxsplit=1)[0]
+    _, _, below = inspect.cleandoc(docstring or "").partition(PARAMETERS)
+    section = SECTION.split(f"{below}\n", maxsplit=1)[0]
     return {
         name: dedent(text).strip() for names, text in _ENTRY.findall(section) for name in names.split(", ")
     }
@@ -62,19 +60,11 @@ def takes_fields(
         def taking(*args: Given.args, **given: Given.kwargs) -> Result:
             return function(kind(*args, **given))
 
-        taking.__doc__ = _with_parameters(
-            function.__doc__, parameter_texts(declaring), [each.name for each in parameters]
+        texts = parameter_texts(declaring)
+        taking.__doc__ = with_parameters(
+            function.__doc__ or "", {each.name: texts[each.name] for each in parameters}
         )
         taking.__signature__ = inspect.signature(function).replace(parameters=parameters)  # type: ignore[attr-defined]
         return checked(taking)
 
     return decorated
-
-
-def _with_parameters(docstring: str | None, texts: Mapping[str, str], names: list[str]) -> str:
-    """A docstring with the texts of these parameters before its first section."""
-    plain = inspect.cleandoc(docstring or "")
-    first = _SECTION.search(plain)
-    place = len(plain) if first is None else first.start()
-    entries = "".join(f"{name}\n{indent(texts[name], '    ')}\n" for name in names)
-    return f"{plain[:place]}{_HEADING}{entries}\n{plain[place:]}"

@@ -156,8 +156,8 @@ class BuildingTable:
     def additions(self) -> Iterator[Arguments]:
         """Additions to the building, in order."""
         for entry in keys_of(BuildingTable):
-            value = getattr(self, entry.name)
-            if entry.says.functions and entry.name != "element" and value is not None:
+            value, functions = getattr(self, entry.name), entry.says.functions
+            if functions and PassiveElement not in functions and value is not None:
                 yield from value if isinstance(value, tuple) else (value,)
 
 
