@@ -24,6 +24,7 @@ from mrwork.errors import SettingError
 
 Storey = Annotated[int | str, Says("number of the storey from 1, or its name")]
 Floor = Annotated[int | str, Says("number of the floor from 1, or its name")]
+TwoModes = Annotated[tuple[int, int], Within(least=1), Says("numbers of these modes from 1, as [1, 3]")]
 SlabMass = Annotated[Positive, Says("mass of the slab", unit="kg")]
 Name = Annotated[str, Says("name in tables")]
 ISOLATORS, ADDED = (0.7, 10.0), (5e-3, 0.8)
@@ -253,10 +254,7 @@ def with_rayleigh_damping(
     ratios: Annotated[
         tuple[Share, Share], Says("damping ratios in two modes, as [0.02, 0.02]", usual=RATIOS)
     ],
-    modes: Annotated[tuple[int, int], Within(least=1), Says("numbers of these modes from 1, as [1, 3]")] = (
-        1,
-        2,
-    ),
+    modes: TwoModes = (1, 2),
 ) -> Building:
     """The building with Rayleigh damping that has given ratios in two modes.
 
