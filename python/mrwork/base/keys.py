@@ -144,11 +144,10 @@ class Key:
         return replace(within, least=within.least + 1, most=within.most + 1)
 
 
-def keys_of(table: Table) -> tuple[Key, ...]:
-    """The keys of a table: of functions all that one of them has, which is required where it is of each."""
+def _keys_of(table: Table) -> tuple[Key, ...]:
     functions = table if isinstance(table, tuple) else (table,)
     alike: dict[str, list[Key]] = {}
-    for each in (each for function in functions for each in _keys_of_one(cast(Any, function))):
+    for each in (each for function in functions for each in _keys_of_one(function)):
         alike.setdefault(name_in_file(each), []).append(each)
     return tuple(
         keys[0] if len(keys) == len(functions) else replace(keys[0], default=_default_among(keys))
@@ -156,8 +155,11 @@ def keys_of(table: Table) -> tuple[Key, ...]:
     )
 
 
-@cache
-def _keys_of_one(function: Any) -> tuple[Key, ...]:
+keys_of: Callable[[Table], tuple[Key, ...]] = cache(_keys_of)
+"""The keys of a table: of functions all that one of them has, which is required where it is of each."""
+
+
+def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
     declared = fields_of(function) if isinstance(function, type) else nodes_of(function)
     defaults = {name: each.default for name, each in inspect.signature(function).parameters.items()}
     return tuple(
