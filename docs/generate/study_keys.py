@@ -37,9 +37,10 @@ def key_table(kind: Table) -> str:
 
 
 def documentation(kind: Table) -> str:
-    """The docstrings of a class or functions before their sections, their paragraphs on a line each."""
-    texts = [before_sections(inspect.getdoc(each) or "") for each in kind] if isinstance(kind, tuple) else []
-    paragraphs = "\n\n".join(texts or [prose_of(kind)]).split("\n\n")
+    """What a table is, and the further text of the docstrings of its functions; a paragraph on a line each."""
+    functions = kind if isinstance(kind, tuple) else ()
+    further = (before_sections(inspect.getdoc(each) or "").partition("\n\n")[2] for each in functions)
+    paragraphs = "\n\n".join(filter(None, (prose_of(kind), *further))).split("\n\n")
     return "\n\n".join(prose(each) for each in paragraphs)
 
 
