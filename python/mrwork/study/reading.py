@@ -105,8 +105,8 @@ def document_in(path: Path) -> tuple[StudyFile, dict[str, Any], Place]:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Named:
-    """What the tables of a study name, looked up table by table; names of files are relative to `folder`."""
+class _Found:
+    """What the tables of a study name, found table by table; names of files are relative to `folder`."""
 
     folder: Path
     identified: Identified
@@ -149,16 +149,16 @@ def study_of_tables(
     file: StudyFile | None = None,
 ) -> Study:
     """The study of tables, which may hold values that no file can; names of files are relative to `folder`."""
-    named = _Named(
+    found = _Found(
         folder=folder / str(document.get("folder", "")),
         identified=cache(identified),
         seed=seed,
         on_python=on_python,
     )
-    place = replace(place, on_table=named.look_up)
+    place = replace(place, on_table=found.look_up)
     table = read_table(StudyTable, document, place)
     with place.prefix_errors(SettingError):
-        made = _study_of(table, named)
+        made = _study_of(table, found)
         questions = (*place.questions, *_questions(table, made.limit, place))
     return replace(made, file=file, place=place.kept, questions=tuple(dict.fromkeys(questions)))
 
@@ -176,18 +176,18 @@ def placed_study(study: Study, placed: Placed) -> Study:
     )
 
 
-def _study_of(table: StudyTable, named: _Named) -> Study:
-    """The study of a table and what is named in it: how that goes together, then its laws."""
-    bare, hardware = named.bare, replace(table.hardware, seed=named.seed)
+def _study_of(table: StudyTable, found: _Found) -> Study:
+    """The study of a table and of what it names: how that goes together, then its laws."""
+    bare, hardware = found.bare, replace(table.hardware, seed=found.seed)
     assert bare is not None
-    command_unit = (named.dampers[0].spec.command_unit if named.dampers else None) or "A"
+    command_unit = (found.dampers[0].spec.command_unit if found.dampers else None) or "A"
     period = None if table.target is None else table.target.given.get("period")
-    aims = Aims(building=bare, target=named.target, target_period=period)
+    aims = Aims(building=bare, target=found.target, target_period=period)
     with all_mistakes() as part:
         with part():
-            building, devices = equip_building(bare, table.damper, named.dampers)
+            building, devices = equip_building(bare, table.damper, found.dampers)
         with part():
-            motions = motions_of_study(named.records, sample_time=hardware.sample_time, aims=aims)
+            motions = motions_of_study(found.records, sample_time=hardware.sample_time, aims=aims)
         with part():
             limit = _limit(table.report, command_unit, bare)
         with part():
@@ -226,7 +226,7 @@ def _study_of(table: StudyTable, named: _Named) -> Study:
         amplitude=_first(table.damper, "amplitude"),
         velocity=_first(table.damper, "velocity"),
     )
-    compared = arrangements(table, bare, problem, named.folder, hardware, named.settings)
+    compared = arrangements(table, bare, problem, found.folder, hardware, found.settings)
     labels = [each.row.label for each in compared]
     refuse_same(labels, "controller", "arrangements", "label")
     for label in table.report.controllers:
@@ -235,8 +235,8 @@ def _study_of(table: StudyTable, named: _Named) -> Study:
             raise InvalidSettingError(("report", "controllers"), f"no arrangement is called {label!r}{near}")
     study = Study(
         table=table,
-        folder=named.folder.resolve(),
-        identified=named.identified,
+        folder=found.folder.resolve(),
+        identified=found.identified,
         building=bare,
         arrangements=compared,
         motions=motions,
@@ -245,18 +245,18 @@ def _study_of(table: StudyTable, named: _Named) -> Study:
         limit=limit,
         hardware=hardware,
         devices=devices,
-        described=_facts(bare, devices, named.dampers, hardware),
+        described=_facts(bare, devices, found.dampers, hardware),
         detailed=detailed,
         histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
             table.report.histories
         ],
         problem=problem,
-        tunes=tuple(named.tunes),
-        realisations=realisations_of(table, devices, named.folder, named.identified),
-        other_sets=other_sets(table.damper, named.folder, named.identified),
+        tunes=tuple(found.tunes),
+        realisations=realisations_of(table, devices, found.folder, found.identified),
+        other_sets=other_sets(table.damper, found.folder, found.identified),
         suite=checked_suite,
     )
-    if not study.is_named:
+    if all(each.named is None for each in compared):
         study.check_readings()
     return study
 
@@ -327,16 +327,16 @@ def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy]) -> int
 
     By default the test motion of the largest peak, of those of the `design_level` where the study names one.
     """
-    names, named, level = [motion.name for motion in motions], table.report.motion, table.design_level
-    if named is not None and named not in names:
-        near = suggestion(named, names)
-        raise InvalidSettingError(("report", "motion"), f"no motion is called {named!r}{near}")
+    names, wanted, level = [motion.name for motion in motions], table.report.motion, table.design_level
+    if wanted is not None and wanted not in names:
+        near = suggestion(wanted, names)
+        raise InvalidSettingError(("report", "motion"), f"no motion is called {wanted!r}{near}")
     test = np.array([motion.use == "test" for motion in motions])
     if level is not None:
         of_level = test & [math.isclose(motion.level, level, rel_tol=1e-6) for motion in motions]
         test = of_level if of_level.any() else test
     largest = int(np.argmax([motion.ground.peak for motion in motions] * test))
-    return largest if named is None else names.index(named)
+    return largest if wanted is None else names.index(wanted)
 
 
 def _facts(

@@ -346,11 +346,6 @@ class Study(Summarised):
         """The ground motions that are simulated, in order."""
         return tuple(motion.ground for motion in self.motions)
 
-    @property
-    def is_named(self) -> bool:
-        """Whether a law is only named, and still to be designed."""
-        return any(each.named is not None for each in self.arrangements)
-
     def check_readings(self) -> None:
         """Refuse settings of the hardware that no law reads."""
         tuned = [control_law(name) for name in dict.fromkeys(law for each in self.tunes for law in each.laws)]
