@@ -318,7 +318,7 @@ file = "absent.AT2"
 laws = ["lyapunof", "clipped"]
 criteria = { peak_drft = 1 }
 """
-LINES = [3, 4, 8, 9, 13, 15, 16, 18, 20, 21, 22, 25, 27, 30, 32, 34, 34, 35]
+LINES = [3, 4, 8, 9, 10, 13, 15, 16, 18, 20, 21, 22, 25, 27, 30, 32, 34, 34, 35]
 
 
 def study_in(folder: Path, text: str) -> Path:

@@ -86,6 +86,11 @@ def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[st
         for name in [each for each in table if each not in known]:
             with part():
                 place.within(name).refuse(_on_unknown(kind, name, table, place))
+            # What stands below a misspelt name is read as the table that is meant.
+            near = meant(name, [*known])
+            if len(near) == 1 and inner_table(known[near[0]])[0] is not None:
+                with part():
+                    _read_value(declared[near[0]], table[name], place.within(name), known[near[0]])
     return values
 
 
