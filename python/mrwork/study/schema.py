@@ -612,7 +612,7 @@ class StudyTable:
     )
     building: BuildingTable = key("the building")
     damper: tuple[DamperTable, ...] = key(
-        "dampers, all of one model, each with parameters, laws and a largest command of its own", default=()
+        "dampers, each with a model, parameters, laws and a largest command of its own", default=()
     )
     controller: tuple[ControllerTable, ...] = key("control laws", default=())
     baseline: tuple[BaselineTable, ...] = key("other devices for comparison", default=())
