@@ -140,13 +140,12 @@ def arrangements(
         for read, tables in ((changed, table.baseline), (controlled, table.controller)):
             with part():
                 further += read_each(read, range(len(tables)))
-    for arrangement in further:
-        if arrangement.row.kind != "passive_off":
-            arrangements_of_study.append(arrangement)
-        elif arrangement.row.label:
-            # This arrangement exists already; only its label may differ.
+    for each in further:
+        if each.row.kind == "passive_off" and each.row.label:
+            # It exists already; only its label may differ.
             former = arrangements_of_study[1]
-            arrangements_of_study[1] = replace(former, row=replace(former.row, label=arrangement.row.label))
+            arrangements_of_study[1] = replace(former, row=replace(former.row, label=each.row.label))
+    arrangements_of_study += [each for each in further if each.row.kind != "passive_off"]
     known = [each.row for each in arrangements_of_study]
     controllable = any(device.is_commanded for device in devices)
     if table.references != "none" and controllable and all(each.kind != "best_passive" for each in known):
@@ -223,24 +222,21 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> Desig
 
 def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardware: Hardware) -> None:
     """Refuse a law that the dampers cannot have: passive ones, or those of the user, which the twin simulates."""
-    constant, key = CONSTANT_LAWS.get(controller.law), "law" if controller.user is None else "user"
-    name = controller.law if controller.user is None else "a law in Python"
-    if controller.user is not None:
-        commands, beyond = True, True
-    elif constant is not None:
-        commands, beyond = constant.share != 0.0, False
-    else:
+    user, constant = controller.user, CONSTANT_LAWS.get(controller.law)
+    key, name = ("law", controller.law) if user is None else ("user", f"{user.function} in Python")
+    if user is None:
         # An active law replaces the dampers by actuators.
-        commands = beyond = not control_law(controller.law).commands_force
+        commands = not control_law(name).commands_force if constant is None else constant.share != 0.0
+    else:
+        commands = True
     if commands and not any(device.is_commanded for device in problem.devices):
         raise InvalidSettingError(
             key,
             f"{name} commands the dampers, and they are passive or hold a command; leave this law out, or give a "
             "damper that follows a command",
         )
-    if controller.user is not None:
-        name = f"{controller.user.function} in Python"
-    if beyond and (lacking := beyond_twin(problem.building, problem.devices, hardware, name)):
+    lacking = beyond_twin(problem.building, problem.devices, hardware, name)
+    if commands and constant is None and lacking:
         raise InvalidSettingError(key, lacking)
 
 

@@ -57,7 +57,7 @@ Combination = Literal["mean", "largest"]
 
 
 class Stated:
-    """A value that refuses its first mistake; sentences, each behind the keys that lead to what is wrong."""
+    """A value that checks itself: `_mistakes` are sentences, each behind the keys that lead to what is wrong."""
 
     __slots__ = ()
 
