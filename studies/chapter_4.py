@@ -220,7 +220,7 @@ def end(errors: np.ndarray, rule: mr.search.StopRules) -> int:
     """Generation at which a rule ends a run, -1 where it does not."""
     anywhere = {"evaluations": 0, "population": np.zeros((1, 1)), "best_unit": np.zeros(1)}
     traces = (errors[: last + 1] for last in range(errors.size))
-    return next((trace.size - 1 for trace in traces if rule.reason(trace=trace, **anywhere)), -1)
+    return next((trace.size - 1 for trace in traces if rule.ended(trace=trace, **anywhere)), -1)
 
 
 rows = {}

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 
 from generate.markdown import code, document, prose, table
 from generate.study_keys import documentation
 from mrwork.base.units import FACTORS, OTHER_COMMAND_UNITS
 from mrwork.files.open_table import EXTENSIONS
 from mrwork.motions.read import FORMATS
-from mrwork.search import OPTIMISERS, PEERS
+from mrwork.search import OPTIMISERS, PEERS, Optimiser
 from mrwork.uncertainty.noise import NOISES
 
 
@@ -26,15 +26,11 @@ def search_page() -> str:
     )
 
 
-def _search(name: str, search: object, note: str) -> str:
-    rows = (
-        [
-            (code(each.name), prose(str(each.type)), code(str(getattr(search, each.name))))
-            for each in fields(search)
-        ]
-        if is_dataclass(search)
-        else []
-    )
+def _search(name: str, search: Optimiser, note: str) -> str:
+    rows = [
+        (code(each.name), prose(str(each.type)), code(str(getattr(search, each.name))))
+        for each in fields(search)
+    ]
     return document(
         f"## {code(name)}", documentation(type(search)), note, table(("setting", "type", "value"), rows)
     ).rstrip()

@@ -6,6 +6,7 @@ import json
 from dataclasses import fields, replace
 
 import pytest
+from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers import damper
@@ -70,6 +71,13 @@ def test_a_fit_has_the_settings_it_was_made_with() -> None:
 def test_a_search_keeps_its_name_where_its_size_is_another(name: str) -> None:
     search = resize_search(search_named(name), population=12, generations=3)
     assert FitSettings(search=search).as_record()["search"]["name"] == name
+
+
+def test_a_search_of_a_user_is_recorded_by_its_name_and_refused_from_a_file() -> None:
+    record = FitSettings(search=EfficientGA(name="mine", population=8)).as_record()
+    read = FitSettings.of_record(json.loads(json.dumps(record)))
+    assert read.as_record() == record
+    refusal(mr.identify, SPEC, TEST, search=read.search, match="'mine' of this fit is not registered")
 
 
 def test_settings_take_the_name_of_a_search() -> None:

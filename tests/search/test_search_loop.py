@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from refusals import refusal
-from search_problems import arrays_of, flat, half_failing, sphere, with_floor
+from search_problems import all_failing, arrays_of, flat, half_failing, sphere, with_floor
 
 from mrwork.errors import Interrupted
 from mrwork.search import EfficientGA, EliteRule, StopRules, run_search
@@ -185,6 +185,14 @@ def test_statistic_counts_from_the_first_improvement():
 @pytest.mark.parametrize("best", [[], [1.0], [1.0, 1.0], [np.inf, np.inf], [2.0, 0.0], [0.0, 0.0]])
 def test_nothing_decayed_means_no_stop(best):
     assert statistic(np.array(best)) > threshold(0.95)
+
+
+def test_no_decay_is_tested_while_every_simulation_has_failed():
+    # At this confidence the least decay counts as significant.
+    rules = StopRules(confidence=0.3, min_generations=1, spread_tolerance=None, stall_generations=None)
+    assert (
+        run_search(EfficientGA(stop=rules), all_failing, rng=0, n_params=2).stop_reason == "max_generations"
+    )
 
 
 def test_statistic_does_not_depend_on_the_unit_of_the_misfit():

@@ -194,7 +194,7 @@ class State(Summarised):
             elite=elite[kept],
             elite_misfit=elite_misfit[kept],
             trace=trace,
-            stop_reason=optimiser.stop.reason(
+            stop_reason=optimiser.stop.ended(
                 trace=trace.best, evaluations=evaluations, population=population, best_unit=best_unit
             ),
         )

@@ -98,10 +98,8 @@ class StandardGA:
         chosen = _roulette(relative_fitness(state.misfit), uniform[: 2 * pairs])
         first, second = parents[chosen[:pairs]], parents[chosen[pairs:]]
         crossed = uniform[2 * pairs : 3 * pairs] < self.crossover_probability
-        share = np.where(crossed, uniform[3 * pairs : 4 * pairs], 0.0)[:, None]
-        children = np.concatenate([first + share * (second - first), second - share * (second - first)])[
-            :size
-        ]
+        move = np.where(crossed, uniform[3 * pairs : 4 * pairs], 0.0)[:, None] * (second - first)
+        children = np.concatenate([first + move, second - move])[:size]
         mutated = uniform[4 * pairs :].reshape(children.shape) < self.mutation_probability
         step = self.mutation_deviation * course.streams.normal(int(mutated.sum()))
         children[mutated] = reflect(children[mutated] + step)
@@ -215,10 +213,8 @@ def _crossover(
     population: Floats, misfit: Floats, share: float, first: NDArray[np.int64], second: NDArray[np.int64]
 ) -> Floats:
     """In each pair, one pair after the other, the less fit moves by a share r towards the fitter, which stays."""
-    first_is_fitter = (misfit[first] < misfit[second]) | (
-        (misfit[first] == misfit[second]) & (first < second)
-    )
-    fitter, moved = np.where(first_is_fitter, (first, second), (second, first))
+    rank = np.argsort(np.argsort(misfit, kind="stable"))
+    fitter, moved = np.where(rank[first] < rank[second], (first, second), (second, first))
     crossed = population.copy()
     # No chromosome moves towards a failure.
     counts = np.isfinite(misfit[fitter])

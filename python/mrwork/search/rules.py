@@ -124,7 +124,7 @@ class StopRules:
     max_seconds: NotNegative | None = None
 
     @checked
-    def reason(self, *, trace: AnyNumbers, evaluations: int, population: Floats, best_unit: Floats) -> str:
+    def ended(self, *, trace: AnyNumbers, evaluations: int, population: Floats, best_unit: Floats) -> str:
         """The rule that ends a search, empty for none.
 
         `trace` is the least misfit up to each generation, shape (n_generations,), `evaluations` the simulations so far;
@@ -142,7 +142,7 @@ class StopRules:
         away = np.median(np.abs(population - best_unit).max(axis=1))
         if self.spread_tolerance is not None and away <= self.spread_tolerance:
             return "spread"
-        decay = statistic(trace, floor=self.floor_share * best) if math.isfinite(best) else 1.0
+        decay = statistic(trace, floor=self.floor_share * best) if math.isfinite(best) else math.inf
         if self.confidence is not None and decay <= threshold(self.confidence):
             return "hypothesis_test"
         length = self.stall_generations
