@@ -59,7 +59,7 @@ WEIGHTS = [name_in_file(entry) for entry in keys_of(SETTINGS["clipped_optimal"])
         ("[building]", "story_stiffnesses", "stiffnesses"),
         ("[building]", "zeta", "rayleigh or modal_damping"),
         ("[building.modal_damping]", "zeta", "ratios"),
-        ("[[damper]]", "current", "largest_command"),
+        ("[[damper]]", "current", "command or largest_command"),
         ("[[controller]]", "R", "settings"),
         ("[[motion]]", "PGA_g", "pga"),
         ("[hardware]", "sampling_rate", "sample_time"),

@@ -75,9 +75,10 @@ _WORDS: Final[Mapping[str, str]] = {
     "run": "fit identified identification fitted_damper",
     "settings parameters theta": "params parameters properties property coefficients options weights args config x p",
     "lag delay": "driver_lag tau lag_rate driver_rate current_driver",
-    "command largest_command": (
-        "current voltage i v amps volts ampere max_current max_voltage maximum_current maximum_voltage i_max "
-        "v_max current_limit voltage_limit largest_current largest_voltage max_command saturation"
+    "command|largest_command command largest_command": "current voltage i v amps volts ampere",
+    "largest_command command": (
+        "max_current max_voltage maximum_current maximum_voltage i_max v_max current_limit voltage_limit "
+        "largest_current largest_voltage max_command saturation"
     ),
     "command_rate command_slope": "slew_rate rate_limit ramp max_rate current_rate voltage_rate",
     "dead_zone": "dead_band threshold",
