@@ -16,6 +16,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from functools import cache, partial
+from itertools import chain
 from typing import Any, NoReturn, cast
 
 from mrwork.base import hints as nodes
@@ -147,10 +148,10 @@ class Key:
 def _keys_of(table: Table) -> tuple[Key, ...]:
     functions = table if isinstance(table, tuple) else (table,)
     alike: dict[str, list[Key]] = {}
-    for each in (each for function in functions for each in _keys_of_one(function)):
+    for each in chain.from_iterable(map(_keys_of_one, functions)):
         alike.setdefault(name_in_file(each), []).append(each)
     return tuple(
-        keys[0] if len(keys) == len(functions) else replace(keys[0], default=_default_among(keys))
+        keys[0] if len(keys) == len(functions) else replace(keys[0], default=_known_default(keys))
         for keys in alike.values()
     )
 
@@ -169,7 +170,8 @@ def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
     )
 
 
-def _default_among(keys: Sequence[Key]) -> Any:
+def _known_default(keys: Sequence[Key]) -> Any:
+    """Default of a key that some functions do not have."""
     return next((each.default for each in keys if not is_required(each)), None)
 
 
