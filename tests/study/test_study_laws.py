@@ -32,7 +32,7 @@ from mrwork.control.linear.lqr import published_regulator, regulator_as_publishe
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.study import StudyResults
-from mrwork.study.arrangements import laws_text
+from mrwork.study.laws_text import laws_text
 from mrwork.study.reading import parse
 from mrwork.study.study import fingerprint_of
 

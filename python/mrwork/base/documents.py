@@ -278,9 +278,8 @@ def _default(entry: Key) -> str:
     return str(as_document(value, from_one=entry.says.from_one))
 
 
-def key_lines(kind: Table) -> list[str]:
-    """The keys of a table, their meanings, defaults and forms."""
-    keys = keys_in_words(kind)
+def key_lines(keys: Sequence[KeyInWords]) -> list[str]:
+    """Keys of a table, their meanings, defaults and forms."""
     names = max((len(entry.name) for entry in keys), default=0)
     defaults = max((len(entry.default) for entry in keys), default=0)
     lines = []

@@ -7,19 +7,10 @@ from collections.abc import Sequence
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of
-from mrwork.cli.options import (
-    add_files,
-    add_observation,
-    add_run,
-    add_threads,
-    end_parser,
-    nuisances_of,
-    observation_of,
-    opened_run,
-    read_tests,
-)
+from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import end_addition, is_quiet, progress_line, told_findings
 from mrwork.cli.terminal import note
+from mrwork.cli.tests import add_files, add_observation, nuisances_of, observation_of, opened_run, read_tests
 from mrwork.cli.workers import add_workers, on_workers
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.progress import IdentificationInWords

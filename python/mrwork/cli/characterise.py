@@ -18,9 +18,10 @@ from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
 from mrwork.cli.derived import add_option_of
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_threads, command_unit, end_parser
+from mrwork.cli.options import add_out, add_threads, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
+from mrwork.cli.tests import command_unit
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import fit_of, read_fit

@@ -14,9 +14,10 @@ from mrwork.base.numbers import counted
 from mrwork.base.summary import Summary
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_files, end_parser, reading_of
+from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result, reading_line
 from mrwork.cli.terminal import note
+from mrwork.cli.tests import add_files, reading_of
 from mrwork.errors import MrworkError, SettingError, escape_text
 from mrwork.records import DamperTest, guess_tests, write_test_table
 from mrwork.records.findings import findings_of_set, gathered_findings

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 
+from mrwork.base.hints import node_of
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.derived import add_option_of
-from mrwork.cli.numbers import TIME_STEP, add_number, named_path
+from mrwork.cli.numbers import Range, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.cli.own_models import add_trust
 from mrwork.dampers.conventions import convert
+from mrwork.dampers.conversions import OpenSeesTimeStep
 from mrwork.errors import SettingError
 
 _TARGETS = ("mat", "opensees", "csv")
@@ -42,7 +45,7 @@ def add_options(parser: CommandParser) -> None:
     add_number(
         target,
         "--time-step",
-        TIME_STEP,
+        replace(Range.of(node_of(OpenSeesTimeStep)), unit="s"),
         "step of the analysis in OpenSees, of which the sub-steps are told; default 0.001",
         metavar="S",
     )

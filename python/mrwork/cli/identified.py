@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mrwork.base.progress import ProgressLine
 from mrwork.base.summary import Summarised
 from mrwork.cli.frame import Frame, command_line
-from mrwork.cli.options import read_tests
 from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
 from mrwork.cli.terminal import note, show
+from mrwork.cli.tests import read_tests
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import manifest_of, read_fit, write_run

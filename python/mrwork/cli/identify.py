@@ -13,21 +13,11 @@ from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, exampl
 from mrwork.cli.derived import Collect, add_option_of, add_options_of, arguments_of, read_entry
 from mrwork.cli.identified import Identification
 from mrwork.cli.numbers import finite_number, named_path
-from mrwork.cli.options import (
-    add_files,
-    add_observation,
-    add_out,
-    add_repeated,
-    add_threads,
-    command_unit,
-    end_parser,
-    laws_are_chosen,
-    laws_of,
-    models_of,
-    nuisances_of,
-)
+from mrwork.cli.options import add_out, add_repeated, add_threads, end_parser
 from mrwork.cli.output import in_words
+from mrwork.cli.own_models import is_own, own_model
 from mrwork.cli.terminal import note
+from mrwork.cli.tests import add_files, add_observation, command_unit, nuisances_of
 from mrwork.cli.workers import add_workers, on_workers
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper
@@ -48,6 +38,8 @@ from mrwork.records import DamperTest
 from mrwork.store.run_folder import FIT, LAWS, MODELS, NEAR_SETS, RANKING
 from mrwork.store.run_writer import RunAtWork
 from mrwork.uncertainty.bands.prediction import Fold
+
+_AUTO = "auto"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -78,11 +70,13 @@ def add_options(parser: CommandParser) -> None:
         metavar="NAME=VALUE",
         help="hold a parameter fixed; repeat for more",
     )
-    add_repeated(
-        laws,
+    laws.add_argument(
         "--law",
-        "NAME=LAW",
-        "let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
+        action=Collect,
+        default={},
+        type=_law,
+        metavar="NAME=LAW",
+        help="let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
         "commands, values:0,0.3,1 by values at these, exponential; repeat for more; auto chooses the laws of all other "
         "parameters without bounds by the fit to tests left out",
     )
@@ -137,6 +131,32 @@ def add_options(parser: CommandParser) -> None:
     )
 
 
+def _models_of(options: argparse.Namespace) -> list[str | DamperSpec]:
+    """The models, or "all"; a damper of the user as its spec."""
+    return [own_model(each) if is_own(each) else each for each in options.model.split(",")]
+
+
+def _laws_are_chosen(options: argparse.Namespace) -> bool:
+    """Whether --law auto is given."""
+    return _AUTO in options.law
+
+
+def _laws_of(options: argparse.Namespace) -> dict[str, LawName]:
+    """Current law by name of parameter, of those that are given."""
+    if options.driver_lag and not options.law:
+        raise SettingError("--driver-lag is of the command, which no parameter follows; give --law NAME=LAW")
+    if options.driver_lag and _laws_are_chosen(options):
+        raise SettingError(
+            "--law auto chooses laws from tests at constant commands, which show no lag; leave --driver-lag out, or "
+            "give the laws"
+        )
+    return {name: law for name, law in options.law.items() if name != _AUTO}
+
+
+def _law(text: str) -> tuple[str, LawName]:
+    return (_AUTO, _AUTO) if text == _AUTO else read_entry(str, "LAW", text)
+
+
 def settings_of(options: argparse.Namespace) -> FitSettings:
     """The settings that the command line gives; starts from earlier fits are added once the model is known."""
     fixed = {name: (value, value) for name, value in options.fixed.items()}
@@ -147,7 +167,7 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     settings = settings_of(options)
-    several, law_is_auto = is_choice(options), laws_are_chosen(options)
+    several, law_is_auto = is_choice(options), _laws_are_chosen(options)
     if settings.ties and (several or law_is_auto):
         raise SettingError("--tie goes with one model and without --law auto; leave it out")
     needless = "the laws are chosen on the threads of this process" if law_is_auto else ""
@@ -161,9 +181,9 @@ def run(options: argparse.Namespace) -> int:
             verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
             return fit_best_laws(
                 verb,
-                models_of(options),
+                _models_of(options),
                 settings,
-                laws=laws_of(options),
+                laws=_laws_of(options),
                 unit=command_unit(verb.tests, options.command_unit),
                 leave_out=options.leave_out,
             )
@@ -175,9 +195,9 @@ def run(options: argparse.Namespace) -> int:
             verb = Identification.of(options, settings, "models", kept="what was identified")
             return fit_best_model(
                 verb,
-                models_of(options),
+                _models_of(options),
                 settings,
-                laws=laws_of(options),
+                laws=_laws_of(options),
                 unit=command_unit(verb.tests, options.command_unit),
                 lagged=options.driver_lag,
                 leave_out=options.leave_out or "test",
@@ -186,7 +206,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
-    (model,) = models_of(options)
+    (model,) = _models_of(options)
     plain = damper(model) if isinstance(model, str) else model
     verb = Identification.of(options, settings, plain.name, kept="the best fit")
     spec = _with_laws(plain, verb.tests, options)
@@ -217,7 +237,7 @@ def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
     """The model with the current laws of the command line."""
-    laws = laws_of(options)
+    laws = _laws_of(options)
     if not laws:
         return plain
     # SciPy's optimisers are slow to load, and not needed for a plain model.
@@ -244,9 +264,9 @@ def _search(options: argparse.Namespace) -> Search | None:
 
 def is_choice(options: argparse.Namespace) -> bool:
     """Whether the command line is for a comparison of models."""
-    models = models_of(options)
+    models = _models_of(options)
     several = models == [ALL] or len(models) > 1
-    if not several and options.leave_out and not laws_are_chosen(options):
+    if not several and options.leave_out and not _laws_are_chosen(options):
         raise SettingError("--leave-out belongs to a comparison; give --model all, or A,B,C")
     if several and options.starts:
         raise SettingError("--start gives one model's parameters; leave it out where models are compared")

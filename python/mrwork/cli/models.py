@@ -6,9 +6,10 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
+from mrwork.base.hints import Within
 from mrwork.base.table import Table
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number, named_path
+from mrwork.cli.numbers import Range, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result, show_results
 from mrwork.cli.own_models import is_own, own_model
@@ -16,6 +17,9 @@ from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import check_output
+
+_AMPLITUDE = Range(within=Within(least=1e-6, most=1.0), unit="m")
+_FREQUENCY = Range(within=Within(least=1e-4, most=1e3), unit="Hz")
 
 
 def add_options(parser: CommandParser) -> None:
@@ -30,8 +34,8 @@ def add_options(parser: CommandParser) -> None:
         metavar="FILE",
         help="draw the loops of the model with its nominal parameters, as an .svg or a .png file",
     )
-    add_number(figure, "--amplitude", AMPLITUDE, "of the motion of the figure", metavar="M", default=0.015)
-    add_number(figure, "--frequency", FREQUENCY, "of the motion of the figure", metavar="HZ", default=2.5)
+    add_number(figure, "--amplitude", _AMPLITUDE, "of the motion of the figure", metavar="M", default=0.015)
+    add_number(figure, "--frequency", _FREQUENCY, "of the motion of the figure", metavar="HZ", default=2.5)
     end_parser(parser, run, quiet="")
 
 

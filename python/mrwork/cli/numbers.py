@@ -14,8 +14,6 @@ from typing import Any
 from mrwork.base.arguments import Threads
 from mrwork.base.hints import InUnit, Node, Within, instead_of, node_of
 from mrwork.base.keys import LARGEST_SEED
-from mrwork.dampers.conversions import OpenSeesTimeStep
-from mrwork.uncertainty.candidate_tests import Amplitude, Frequency
 
 # As many digits of a number as a message repeats.
 _SHOWN = 40
@@ -114,10 +112,6 @@ SETTLE = Range(within=Within(least=0.0, most=1e6), unit="s")
 EVERY = Range(within=Within(least=1, most=1_000_000), whole=True)
 SHARE = Range(within=Within(least=0.001, most=0.999999))
 DISPERSION = Range(within=Within(least=0.0, most=10.0))
-# What a rig can do, with room.
-AMPLITUDE = Range.of(node_of(Amplitude))
-FREQUENCY = Range.of(node_of(Frequency))
-TIME_STEP = replace(Range.of(node_of(OpenSeesTimeStep)), unit="s")
 
 
 def add_number(

@@ -14,12 +14,12 @@ from mrwork.base.progress import ProgressLine, ProgressReport, display_here
 from mrwork.base.summary import Summarised
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError, reason_of
-from mrwork.records import DamperTest
-from mrwork.records.findings import SharedFinding, Verb, findings_for
 from mrwork.store.codec import finite
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
+    from mrwork.records import DamperTest
+    from mrwork.records.findings import SharedFinding, Verb
     from mrwork.records.reading import OnRead
     from mrwork.report.section import OnDrawn
 
@@ -106,6 +106,9 @@ def told_findings(
     verb: Verb, tests: Sequence[DamperTest], options: argparse.Namespace
 ) -> list[dict[str, Any]]:
     """Say what the checks found that matters to a verb, on stderr; with --json return it only, for the object."""
+    # The records are slow to load, and most helps do without them.
+    from mrwork.records.findings import findings_for
+
     findings = findings_for(verb, tests)
     for each in () if options.json else findings:
         note(each.in_words)

@@ -8,9 +8,10 @@ from dataclasses import asdict
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of, arguments_of
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_run, add_threads, end_parser, opened_run
+from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import end_addition, told_findings
 from mrwork.cli.terminal import note
+from mrwork.cli.tests import opened_run
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.codec import json_document

@@ -6,16 +6,9 @@ import argparse
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, arguments_of
-from mrwork.cli.options import (
-    add_files,
-    add_observation,
-    add_run,
-    end_parser,
-    nuisances_of,
-    observation_of,
-    read_tests,
-)
+from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import is_quiet, renew_page, show_results, told_findings
+from mrwork.cli.tests import add_files, add_observation, nuisances_of, observation_of, read_tests
 from mrwork.identification.fit_file import fit_of, read_others
 from mrwork.records import observed
 from mrwork.store.run_folder import FIT_RUN, HELD_OUT, RunFolder

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of, arguments_of
-from mrwork.cli.options import add_run, add_threads, end_parser, opened_run
+from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import (
     end_addition,
     in_words,
@@ -18,6 +18,7 @@ from mrwork.cli.output import (
     verdicts_elsewhere,
 )
 from mrwork.cli.terminal import note
+from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.codec import json_document

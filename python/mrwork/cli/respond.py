@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     if options.schema or options.laws:
         if options.json:
             raise SettingError("--schema and --laws print text; leave --json out")
-        from mrwork.study.arrangements import laws_text
+        from mrwork.study.laws_text import laws_text
         from mrwork.study.schema import schema_text
 
         show(schema_text() if options.schema else laws_text())

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mrwork.base.numbers import duration_in_words
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
-from mrwork.cli.options import add_run, add_threads, end_parser, opened_run
+from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import (
     end_addition,
     in_words,
@@ -19,6 +19,7 @@ from mrwork.cli.output import (
     verdicts_elsewhere,
 )
 from mrwork.cli.terminal import note
+from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted
 from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.run_folder import CHAIN, DRAWS

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
-from mrwork.base.documents import given_values, heading_lines, key_lines
+from mrwork.base.documents import given_values
 from mrwork.base.keys import as_document, is_required, keys_of, refuse_missing, suggestion
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
@@ -21,10 +21,9 @@ from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
+from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings
 from mrwork.control.laws.law_settings import SETTINGS
-from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
@@ -85,24 +84,6 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
             rms_time=table.rms_time,
             source=digest_of(text),
         )
-
-
-def laws_text() -> str:
-    """Every control law with its equation, source and settings, for `mrwork respond --laws`."""
-    blocks = []
-    for spec in control_laws():
-        lines = [f"{spec.name}: {spec.title}", *(f"  {line}" for line in spec.equation.splitlines())]
-        for prose in (spec.description, spec.source):
-            lines += heading_lines("", prose)[1:]
-        if spec.switches:
-            lines.append("  It switches, so its score has no gradient.")
-        settings = [f"  {line}" for line in key_lines(SETTINGS[spec.name])]
-        blocks.append("\n".join([*lines, *(["  settings", *settings] if settings else [])]))
-    heading = "designed: table among the settings of a law with weights"
-    lines = [f"  {line}" for line in key_lines(WeightWishes)]
-    blocks.append("\n".join([*heading_lines(heading, WeightWishes.__doc__ or ""), *lines]))
-    blocks += [f"{name}: {law.description}; no settings" for name, law in CONSTANT_LAWS.items()]
-    return "\n\n".join(blocks)
 
 
 def arrangements(

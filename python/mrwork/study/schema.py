@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import checked
-from mrwork.base.documents import heading_lines, key_lines, prose_of
+from mrwork.base.documents import heading_lines, key_lines, keys_in_words, prose_of
 from mrwork.base.keys import (
     LARGEST_SEED,
     Arguments,
@@ -640,6 +640,8 @@ class StudyTable:
 def schema_text() -> str:
     """Every table with its keys, their meanings, units and defaults, for `mrwork respond --schema`."""
     return "\n\n".join(
-        "\n".join([*heading_lines(heading or "at the top", prose_of(kind)), *key_lines(kind)])
+        "\n".join(
+            [*heading_lines(heading or "at the top", prose_of(kind)), *key_lines(keys_in_words(kind))]
+        )
         for heading, kind in tables(StudyTable)
     )
