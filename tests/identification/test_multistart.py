@@ -10,12 +10,12 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.dampers import Box, damper
-from mrwork.errors import Interrupted
 from mrwork.identification import Multistart, Objective, search_box
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, find_minima, find_minimum
-from mrwork.identification.minimise.multistart import MultistartResult, distinct_minima, search_starts
+from mrwork.identification.minimise.multistart import distinct_minima, search_starts
 from mrwork.identification.objective import linearise_residuals
+from mrwork.identification.progress import Found
 from mrwork.records import cut
 from mrwork.records.reading import synthetic_test
 
@@ -122,16 +122,11 @@ def test_rounds_continue_until_the_best_minimum_is_found_again() -> None:
         assert found.misfit[1] == pytest.approx(found.misfit[0], rel=once.closeness)
 
 
-def test_an_interrupt_keeps_the_best_so_far() -> None:
-    def stop(found: MultistartResult, share: float) -> None:
-        if len(found.best) == 4:
-            raise KeyboardInterrupt
-
-    with pytest.raises(Interrupted) as interrupt:
-        search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=0, on_iteration=stop)
-    found = interrupt.value.result
-    assert found.stop_reason == "interrupted"
-    assert objective()(found.theta[:1])[0] == found.misfit[0] == found.best[-1]
+def test_what_is_found_so_far_has_its_misfit() -> None:
+    told: list[Found] = []
+    search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=0, on_search=told.append)
+    for found in (told[1], told[3], told[-1]):
+        assert objective()(found.best()[None])[0] == found.misfit == found.trace.best[-1]
 
 
 def test_minima_that_are_close_count_once() -> None:

@@ -15,6 +15,7 @@ from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import Fit, FitSettings, start_from
 from mrwork.identification.identify import starting_points
 from mrwork.identification.problem import Problem
+from mrwork.identification.progress import Identifying
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 
@@ -75,7 +76,8 @@ def test_a_raised_law_starts_where_the_lower_one_ended(fit: Fit) -> None:
 def test_given_starts_stand_after_those_that_were_found(tests: tuple[DamperTest, ...], fit: Fit) -> None:
     raised = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
     settings = FitSettings(search=BARELY, bounds={"n": (1.0, 1.2)}, rng=1)
-    explored = starting_points(Problem.of(raised, tests, settings), on_search=lambda *_: None)
+    problem = Problem.of(raised, tests, settings)
+    explored = starting_points(problem, Identifying(tally=problem.objective.tally))
     whole, part = start_from(fit, raised), {"k_w.2": -150.0, "n": 7.0}
     joined = explored.with_given(raised, [whole, part])
     np.testing.assert_array_equal(joined.theta[:-2], explored.theta)

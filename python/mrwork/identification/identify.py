@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
@@ -18,10 +17,9 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, plain_parameters
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
 from mrwork.identification.doubts import doubts_on_fit
-from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
+from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
 from mrwork.identification.minimise.multistart import (
-    OnSearch,
     StartingPoints,
     points_from_multistart,
     points_from_optimiser,
@@ -29,7 +27,7 @@ from mrwork.identification.minimise.multistart import (
 from mrwork.identification.minimise.polish import polish_with_wanted_lag
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.progress import Progress, Reporter, interruptible
+from mrwork.identification.progress import Identifying, Progress, interruptible
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import FitSettings, Multistart, UnregisteredSearch
 from mrwork.records import DamperTest
@@ -137,7 +135,6 @@ def identify_with(
     Without `warns` its warnings are with the fit only. Without `examines` nothing is looked for that speaks against a
     fit which has converged.
     """
-    began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(
         damper(model) if isinstance(model, str) else model,
         as_tests(tests),
@@ -148,27 +145,10 @@ def identify_with(
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=6)
-    reporter = _begin(problem, began, on_progress, journal)
-    ending = _Ending(problem=problem, reporter=reporter, examines=examines)
-
-    def on_search(fitted: str, generation: int, misfit: float, median: float, share: float) -> None:
-        count = problem.objective.tally.simulations
-        reporter.report(
-            "search", count, "simulations", misfit, share, generation=generation, median=median, fitted=fitted
-        )
-
-    try:
-        points = starting_points(problem, on_search=on_search)
-    except KeyboardInterrupt as interrupt:
-        partial_result = interrupt.result if isinstance(interrupt, Interrupted) else None
-        if partial_result is not None:
-            return ending.at(interrupt, partial_result.theta[0], partial_result.trace)
-        if not (isinstance(interrupt, Interrupted) and interrupt.stopped):
-            raise Interrupted(None, "identification") from interrupt
-        raise SimulationError(
-            f"no candidate of {problem.spec.name} could be simulated before the run was stopped; let it run longer"
-        ) from interrupt
-    return ending.finish_fit(points.with_given(problem.spec, problem.settings.starts))
+    identification = _Identification.of(problem, on_progress, examines=examines)
+    return identification.fit(
+        lambda: starting_points(problem, identification.call).with_given(problem.spec, settings.starts)
+    )
 
 
 @on_one_blas_thread
@@ -185,114 +165,129 @@ def identify_from(
     examines: bool = True,
 ) -> Fit:
     """The final fit of `identify` inside `box` from the first start of the settings; `trace` has led to it."""
-    began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(model, as_tests(tests), settings, threads=threads, journal=journal)
-    reporter = _begin(problem, began, on_progress, journal)
+    identification = _Identification.of(problem, on_progress, examines=examines)
     problem = replace(problem, form=replace(problem.form, box=box))
     start = problem.inside([settings.starts[0][name] for name in model.names])
     points = StartingPoints(
         objective=problem.objective, form=problem.form, theta=start[None], trace=trace, minima=True
     )
-    return _Ending(problem=problem, reporter=reporter, examines=examines).finish_fit(points)
+    identification.problem = problem
+    return identification.fit(lambda: points)
 
 
-def _begin(
-    problem: Problem,
-    began: float,
-    on_progress: Callable[[Progress], bool | None] | None,
-    journal: Journal | None,
-) -> Reporter:
-    """The reporter of a run, whose journal then agrees with the problem."""
-    tally = problem.objective.tally
-    if journal is not None:
-        journal.agree("identification", fingerprint_of(problem))
-        journal.carry(tally)
-    return Reporter(began=began, tally=tally, on_progress=on_progress, journal=journal)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Ending:
-    """The end of an identification: the final fit, or the fit so far after an interrupt.
+@dataclass(slots=True, kw_only=True)
+class _Identification:
+    """An identification that runs: its problem, and the call with the best point so far.
 
     With `examines` doubts about the fit are looked for.
     """
 
     problem: Problem
-    reporter: Reporter
+    call: Identifying
     examines: bool = True
 
-    def at(self, interrupt: KeyboardInterrupt, theta: Floats, trace: SearchTrace) -> Fit:
-        """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
-        if self.reporter.journal is not None:
-            # The abandoned thread of a local minimisation must not write to it any more.
-            self.reporter.journal.close()
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        on_progress: Callable[[Progress], bool | None] | None,
+        *,
+        examines: bool,
+    ) -> _Identification:
+        """One whose journal agrees with the problem."""
+        tally, journal = problem.objective.tally, problem.objective.journal
+        call = Identifying(journal=journal, on_progress=on_progress, tally=tally)
+        if journal is not None:
+            journal.agree("identification", fingerprint_of(problem))
+            journal.carry(tally)
+        return cls(problem=problem, call=call, examines=examines)
 
-        def so_far(trace: SearchTrace, status: FitStatus) -> Fit:
-            return fit_at(
-                self.problem,
-                theta,
-                covariance=None,
-                trace=trace,
-                steps=0,
-                status=status,
-                seconds=self.reporter.seconds,
-            )
+    def fit(self, find_points: Callable[[], StartingPoints]) -> Fit:
+        """The fit from the starting points that are found; where it is stopped, that at the best point so far.
 
-        if isinstance(interrupt, Interrupted) and interrupt.stopped:
-            reason = trace.stop_reason.replace("interrupted", "callback")
-            return so_far(replace(trace, stop_reason=reason), "stopped")
-        raise Interrupted(so_far(trace, "interrupted"), "identification") from interrupt
+        Ctrl-C is an interrupt with that fit.
+        """
+        try:
+            return self._finish(find_points())
+        except KeyboardInterrupt as interrupt:
+            if self.call.journal is not None:
+                # The abandoned thread of a local minimisation must not write to it any more.
+                self.call.journal.close()
+            stopped = isinstance(interrupt, Interrupted) and interrupt.stopped
+            if self.call.so_far is not None and (point := self.call.so_far()) is not None:
+                fit = self._at(*point, stopped=stopped)
+                if stopped:
+                    return fit
+                raise Interrupted(fit, "identification") from interrupt
+            if stopped:
+                raise SimulationError(
+                    f"no candidate of {self.problem.spec.name} could be simulated before the run was stopped; let it "
+                    "run longer"
+                ) from interrupt
+            raise Interrupted(None, "identification") from interrupt
 
-    def finish_fit(self, points: StartingPoints) -> Fit:
+    def _at(self, theta: Floats, trace: SearchTrace, *, stopped: bool) -> Fit:
+        reason = trace.stop_reason.replace("interrupted", "callback") if stopped else trace.stop_reason
+        return fit_at(
+            self.problem,
+            theta,
+            covariance=None,
+            trace=replace(trace, stop_reason=reason),
+            steps=0,
+            status="stopped" if stopped else "interrupted",
+            seconds=self.call.seconds,
+        )
+
+    def _finish(self, points: StartingPoints) -> Fit:
         """Fit from the starting points to convergence."""
         objective = up_to(self.problem.objective, points.objective.stiffest)
-        problem, reporter = replace(self.problem, form=points.form, objective=objective), self.reporter
-        best = points.theta[0]
+        problem = self.problem = replace(self.problem, form=points.form, objective=objective)
+        call = self.call
+
+        def keep(theta: Floats) -> None:
+            call.so_far = lambda: (theta, points.trace)
 
         def on_start(minimum: LocalMinimum, share: float) -> None:
-            nonlocal best
-            best = minimum.theta
-            reporter.report("screening", round(share * 100), "%", minimum.misfit, share)
+            keep(minimum.theta)
+            call.tell("screening", round(share * 100), "%", minimum.misfit, share)
 
         def on_step(steps: int, misfit: float) -> None:
-            reporter.report("refinement", steps, "steps", misfit, 0.0)
+            call.tell("refinement", steps, "steps", misfit, 0.0)
 
-        try:
-            ended = interruptible(
-                lambda: polish_with_wanted_lag(problem, points, on_start=on_start, on_step=on_step)
-            )
-            # Without the driver's lag where the tests do not want it.
-            problem, polished = ended.problem, ended.polished
-            best = polished.theta
-            reason = "" if polished.converged else f"the final fit ended at its most steps, {polished.steps}"
-            if points.is_suspected:
-                reason = "a false minimum is suspected"
-            fit = fit_at(
-                problem,
-                polished.theta,
-                covariance=polished.covariance,
-                trace=points.trace,
-                steps=polished.steps,
-                status="not_converged" if reason else "converged",
-                seconds=reporter.seconds,
-            )
-            if not self.examines:
-                return replace(fit, status_reason=reason, seconds=reporter.seconds)
-            doubts = interruptible(lambda: doubts_on_fit(problem, points, polished, fit))
-            cost = BuildingCost.of(fit.spec, fit.theta, problem.objective.tests)
-            if cost.is_high:
-                reason = reason or cost.in_words
-                doubts = (*doubts, cost_warning(fit, cost))
-            single = interruptible(lambda: _single_commands(problem, fit))
-        except KeyboardInterrupt as interrupt:
-            return replace(self, problem=problem).at(interrupt, best, points.trace)
-        warnings = (*fit.warnings, *points.warnings, *ended.warnings, *doubts)
+        keep(points.theta[0])
+        ended = interruptible(
+            lambda: polish_with_wanted_lag(problem, points, on_start=on_start, on_step=on_step)
+        )
+        # Without the driver's lag where the tests do not want it.
+        problem = self.problem = ended.problem
+        polished = ended.polished
+        keep(polished.theta)
+        reason = "" if polished.converged else f"the final fit ended at its most steps, {polished.steps}"
+        if points.is_suspected:
+            reason = "a false minimum is suspected"
+        fit = fit_at(
+            problem,
+            polished.theta,
+            covariance=polished.covariance,
+            trace=points.trace,
+            steps=polished.steps,
+            status="not_converged" if reason else "converged",
+            seconds=call.seconds,
+        )
+        if not self.examines:
+            return replace(fit, status_reason=reason, seconds=call.seconds)
+        doubts = interruptible(lambda: doubts_on_fit(problem, points, polished, fit))
+        cost = BuildingCost.of(fit.spec, fit.theta, problem.objective.tests)
+        if cost.is_high:
+            reason = reason or cost.in_words
+            doubts = (*doubts, cost_warning(fit, cost))
         return replace(
             fit,
-            warnings=warnings,
+            warnings=(*fit.warnings, *points.warnings, *ended.warnings, *doubts),
             status_reason=reason,
-            single_commands=single,
-            seconds=reporter.seconds,
+            single_commands=interruptible(lambda: _single_commands(problem, fit)),
+            seconds=call.seconds,
         )
 
 
@@ -329,14 +324,14 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
     return tuple(fits)
 
 
-def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
+def starting_points(problem: Problem, call: Identifying) -> StartingPoints:
     """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
     search = problem.search
     assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
     if problem.form.spec.command_unit is not None:
         from mrwork.identification.minimise.level_search import points_of_laws
 
-        return points_of_laws(problem, search, on_search=on_search)
+        return points_of_laws(problem, search, call=call)
     if isinstance(search, Multistart):
-        return points_from_multistart(problem, search, on_search=on_search)
-    return points_from_optimiser(problem, search, on_search=on_search)
+        return points_from_multistart(problem, search, call=call)
+    return points_from_optimiser(problem, search, call=call)

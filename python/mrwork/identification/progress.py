@@ -5,17 +5,19 @@ from __future__ import annotations
 import math
 import os
 import threading
-import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 
 from mrwork.base.numbers import duration_in_words, format_rate
 from mrwork.base.progress import ProgressReport
-from mrwork.errors import Interrupted
-from mrwork.store.journal import Journal
+from mrwork.base.values import Floats
+from mrwork.store.long_call import LongCall
+
+if TYPE_CHECKING:
+    from mrwork.identification.fit import SearchTrace
 
 T = TypeVar("T")
 
@@ -142,25 +144,46 @@ class Progress(ProgressReport):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reporter:
-    """Calls the progress callback, if any, with the time since `began` [s] and the counts of the tally.
+class Found:
+    """What a search has found: its `best` point, (n_params,), its trace, and the numbers of the latest iteration.
 
-    Steps that are recalled from a journal are not reported. `least` is the least misfit of each stage and what it fits:
-    searches and local minimisations follow each other, of which each begins anew.
+    `median` is the misfit of the present population, `share` that of the allowed iterations that is used up.
     """
 
-    began: float
+    best: Callable[[], Floats]
+    trace: SearchTrace
+    iteration: int
+    misfit: float
+    median: float
+    share: float
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
+    """An identification that runs, with the counts of its tally; so far it has a point and the trace that led to it.
+
+    `least` is the least misfit of each stage and what it fits: searches and local minimisations follow each other, of
+    which each begins anew.
+    """
+
     tally: Tally
-    on_progress: Callable[[Progress], bool | None] | None
-    journal: Journal | None
     least: dict[tuple[Stage, str], float] = field(default_factory=dict)
 
-    @property
-    def seconds(self) -> float:
-        """Time since the identification began [s]."""
-        return time.perf_counter() - self.began
+    def on_search(self, fitted: str, found: Found) -> None:
+        """Report a search of what is `fitted`."""
+        self.so_far = lambda: (found.best(), replace(found.trace, stop_reason="interrupted"))
+        self.tell(
+            "search",
+            self.tally.simulations,
+            "simulations",
+            found.misfit,
+            found.share,
+            generation=found.iteration,
+            median=found.median,
+            fitted=fitted,
+        )
 
-    def report(
+    def tell(
         self,
         stage: Stage,
         count: int,
@@ -172,25 +195,23 @@ class Reporter:
         median: float = np.nan,
         fitted: str = "",
     ) -> None:
-        """Call the callback."""
+        """Report the progress of a stage."""
         least = self.least[stage, fitted] = min(misfit, self.least.get((stage, fitted), math.inf))
-        if self.on_progress is None or (self.journal is not None and self.journal.recalling):
-            return
-        progress = Progress(
-            stage=stage,
-            count=count,
-            unit=unit,
-            fit_percent=100.0 * (1.0 - least),
-            share=share,
-            seconds=self.seconds,
-            generation=generation,
-            median_percent=100.0 * (1.0 - median),
-            evaluations=self.tally.simulations,
-            steps=self.tally.steps,
-            fitted=fitted,
+        self.report(
+            Progress(
+                stage=stage,
+                count=count,
+                unit=unit,
+                fit_percent=100.0 * (1.0 - least),
+                share=share,
+                seconds=self.seconds,
+                generation=generation,
+                median_percent=100.0 * (1.0 - median),
+                evaluations=self.tally.simulations,
+                steps=self.tally.steps,
+                fitted=fitted,
+            )
         )
-        if self.on_progress(progress):
-            raise Interrupted(None, "identification", stopped=True)
 
 
 def interruptible(work: Callable[[], T]) -> T:

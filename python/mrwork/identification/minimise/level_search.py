@@ -24,7 +24,7 @@ from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import CommandLaw, LawName
 from mrwork.dampers.spec import DamperSpec, plain_parameters, with_changed_laws
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import SettingError
 from mrwork.identification.equivalent import (
     Form,
     bounds_of,
@@ -38,12 +38,10 @@ from mrwork.identification.equivalent import (
     with_other_laws,
     within_range,
 )
-from mrwork.identification.fit import SearchTrace
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.minimise.multistart import (
     EXCERPTS,
     MultistartResult,
-    OnIteration,
     OnSearch,
     StartingPoints,
     distinct_minima,
@@ -52,18 +50,17 @@ from mrwork.identification.minimise.multistart import (
     far_worse,
     far_worse_sentence,
     friction_warning,
-    make_interrupt,
     minima_from,
     nested_fit,
     no_simulation,
     optimise,
-    search_elite,
     search_starts,
     trace_of,
     trace_of_generations,
 )
 from mrwork.identification.objective import Objective, up_to
 from mrwork.identification.problem import Problem
+from mrwork.identification.progress import Found, Identifying
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
@@ -103,15 +100,15 @@ class LevelFit(Summarised):
 
 
 def points_of_laws(
-    problem: Problem, search: Multistart | Optimiser, *, on_search: OnSearch
+    problem: Problem, search: Multistart | Optimiser, *, call: Identifying
 ) -> StartingPoints:
     """Starting points from the tests at constant commands if these determine the laws, else from all tests."""
     if has_levels(problem.form.spec, problem.objective.tests):
-        return points_from_levels(problem, search, on_search=on_search)
+        return points_from_levels(problem, search, call=call)
     if isinstance(search, Multistart):
         # It only has to find the basin of the minimum.
         search = EfficientGA(stop=StopRules(max_generations=_GENERATIONS))
-    return points_from_scaled_forces(problem, search, on_search=on_search)
+    return points_from_scaled_forces(problem, search, call=call)
 
 
 def excerpts_of_laws(problem: Problem) -> tuple[DamperTest, ...]:
@@ -126,7 +123,7 @@ def points_from_levels(
     problem: Problem,
     search: Multistart | Optimiser,
     *,
-    on_search: OnSearch,
+    call: Identifying,
     per_command: int | None = _PER_COMMAND,
 ) -> StartingPoints:
     """Starting points from fits of the plain model at each constant command, then of the laws to all tests.
@@ -150,11 +147,25 @@ def points_from_levels(
         command: float(np.mean([np.std(test.force) for test in tests])) for command, tests in levels.items()
     }
     fits: list[LevelFit] = []
-    trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="interrupted")
+    n_parts = len(levels) + 1
 
-    def on_iteration(fitted: str, minima: MultistartResult, share: float) -> None:
-        done = (len(fits) + share) / (len(levels) + 1)
-        on_search(fitted, len(minima.best) - 1, minima.best[-1], minima.median[-1], done)
+    def at_level(command: float, fitted: str, found: Found) -> None:
+        """Before a command is done, the laws so far are those of the best point at the first."""
+
+        def best() -> Floats:
+            known = fits or [LevelFit(command=command, minima=found.best()[None])]
+            return np.asarray(in_own_laws(joint_starts(joint.spec, known, 1, rng=rng))[0])
+
+        call.on_search(fitted, replace(found, best=best, share=(len(fits) + found.share) / n_parts))
+
+    def together(found: Found) -> None:
+        fitted = f"{EXCERPTS} of some tests" if left_out else EXCERPTS
+        own = replace(
+            found,
+            best=lambda: in_own_laws(found.best()[None])[0],
+            share=(len(fits) + found.share) / n_parts,
+        )
+        call.on_search(fitted, own)
 
     def in_own_laws(theta: Floats) -> Floats:
         rows = [with_other_laws(joint.spec, row, form.spec, commands) for row in theta]
@@ -172,7 +183,7 @@ def points_from_levels(
             rng=seed,
             mirrored=joint.mirrored,
             nested=_move_inside(joint.box, starts),
-            on_iteration=partial(on_iteration, f"{EXCERPTS} of some tests" if left_out else EXCERPTS),
+            on_search=together,
         )
 
     def on_all_tests(result: MultistartResult) -> tuple[Floats, Floats]:
@@ -184,59 +195,43 @@ def points_from_levels(
         order = np.argsort(minima.misfit, kind="stable")
         return minima.theta[order], minima.misfit[order]
 
-    best: Floats | None = None
     suspected = False
-    try:
-        middle = len(commands) // 2
-        for command in (*commands[middle:].tolist(), *commands[:middle][::-1].tolist()):
-            nearest = min(fits, key=lambda fit: abs(fit.command - command), default=None)
-            fits.append(
-                _fit_level(
-                    problem,
-                    levels[command],
-                    command,
-                    nearest,
-                    relative,
-                    search,
-                    on_search=on_search,
-                    on_iteration=on_iteration,
-                )
+    middle = len(commands) // 2
+    for command in (*commands[middle:].tolist(), *commands[:middle][::-1].tolist()):
+        nearest = min(fits, key=lambda fit: abs(fit.command - command), default=None)
+        fits.append(
+            _fit_level(
+                problem,
+                levels[command],
+                command,
+                nearest,
+                relative,
+                search,
+                on_search=partial(at_level, command),
             )
-        fits.sort(key=lambda fit: fit.command)
-        starts = _starts_of_levels(joint.spec, fits, relative, rng)
-        best = starts[0]
-        alone = _fit_each(problem, excerpts, fits)
-        result = search_joint(starts, rng)
+        )
+    fits.sort(key=lambda fit: fit.command)
+    starts = _starts_of_levels(joint.spec, fits, relative, rng)
+    alone = _fit_each(problem, excerpts, fits)
+    result = search_joint(starts, rng)
+    theta, misfit = on_all_tests(result)
+    is_simulated = not len(theta) or bool(np.isfinite(misfit[0]))
+    worse = alone.worse_in(on_tests, theta)
+    is_limited = len(theta) > 0 and leaves_range(joint.spec, theta[0], commands)
+    if len(theta) and is_simulated and (worse.size or is_limited):
+        # More starts: each command that has such tests takes the parameters of their own fits.
+        more = _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1)
+        if is_limited:
+            # No local minimisation returns from a law that is limited to its range.
+            more = np.array([within_range(joint.spec, start, commands) for start in (theta[0], *more)])
+        result = _merge_searches(result, search_joint(more, rng + 1))
         theta, misfit = on_all_tests(result)
-        is_simulated = not len(theta) or bool(np.isfinite(misfit[0]))
         worse = alone.worse_in(on_tests, theta)
-        is_limited = len(theta) > 0 and leaves_range(joint.spec, theta[0], commands)
-        if len(theta) and is_simulated and (worse.size or is_limited):
-            # More starts: each command that has such tests takes the parameters of their own fits.
-            more = _starts_of_levels(joint.spec, alone.at(worse, fits), relative, rng + 1)
-            if is_limited:
-                # No local minimisation returns from a law that is limited to its range.
-                more = np.array([within_range(joint.spec, start, commands) for start in (theta[0], *more)])
-            result = _merge_searches(result, search_joint(more, rng + 1))
-            theta, misfit = on_all_tests(result)
-            worse = alone.worse_in(on_tests, theta)
-            if worse.size:
-                least = (1.0 + settings.closeness) * result.misfit[0]
-                suspected = int(np.count_nonzero(result.misfit <= least)) < settings.found
-    except KeyboardInterrupt as interrupt:
-        found_so_far = interrupt.result if isinstance(interrupt, Interrupted) else None
-        if best is not None and isinstance(found_so_far, MultistartResult) and len(found_so_far.theta):
-            best, trace = found_so_far.theta[0], trace_of(found_so_far)
-        elif best is None:
-            known = fits or ([found_so_far] if isinstance(found_so_far, LevelFit) else [])
-            best = joint_starts(joint.spec, known, 1, rng=rng)[0] if known else None
-        if best is None:
-            raise Interrupted(None, "search") from interrupt
-        raise make_interrupt(
-            in_own_laws(best[None])[0], objective.on(form.spec, excerpts), own_form, trace
-        ) from interrupt
+        if worse.size:
+            least = (1.0 + settings.closeness) * result.misfit[0]
+            suspected = int(np.count_nonzero(result.misfit <= least)) < settings.found
     if left_out and not is_simulated:
-        return points_from_levels(problem, search, on_search=on_search, per_command=None)
+        return points_from_levels(problem, search, call=call, per_command=None)
     if not len(theta):
         raise no_simulation(form.spec, result.evaluations[-1])
     return StartingPoints(
@@ -435,7 +430,6 @@ def _fit_level(
     search: Multistart | Optimiser,
     *,
     on_search: OnSearch,
-    on_iteration: OnIteration,
 ) -> LevelFit:
     """Minima of the plain model at one command, by the search and from the minima at the nearest command.
 
@@ -456,58 +450,41 @@ def _fit_level(
     spec = problem.form.spec
     assert spec.command_unit is not None
     at_command = f"at {of_unit(command, spec.command_unit)}"
-    try:
-        if isinstance(search, Multistart):
-            settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
-            nested = None
-            if not len(starts):
-                nested = nested_fit(
-                    objective,
-                    near,
-                    settings,
-                    rng=rng,
-                    on_iteration=lambda model, minima, share: on_iteration(
-                        f"{model} {at_command}", minima, share
-                    ),
-                )
-            starts = _move_inside(near, starts) if nested is None else nested.starts
-            theta = search_starts(
+    if isinstance(search, Multistart):
+        settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
+        nested = None
+        if not len(starts):
+            nested = nested_fit(
                 objective,
                 near,
-                searched,
                 settings,
                 rng=rng,
-                nested=starts,
-                on_iteration=partial(on_iteration, at_command),
-            ).theta
-        else:
-            theta_of, n_params = searched.theta_from_unit, len(searched.free)
-            ended = optimise(
-                search,
-                objective,
-                theta_of,
-                n_params=n_params,
-                rng=rng,
-                on_search=partial(on_search, at_command),
+                on_search=lambda model, found: on_search(f"{model} {at_command}", found),
             )
-            starts = _move_inside(near, np.concatenate([starts, theta_of(ended.elite)]))
-            minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)
-            theta = minima.theta[np.argsort(minima.misfit, kind="stable")]
-    except Interrupted as interrupt:
-        raise _carry_best(interrupt, command, searched) from interrupt
+        theta = search_starts(
+            objective,
+            near,
+            searched,
+            settings,
+            rng=rng,
+            nested=_move_inside(near, starts) if nested is None else nested.starts,
+            on_search=partial(on_search, at_command),
+        ).theta
+    else:
+        ended = optimise(
+            search,
+            objective,
+            searched.theta_from_unit,
+            n_params=len(searched.free),
+            rng=rng,
+            on_search=partial(on_search, at_command),
+        )
+        starts = _move_inside(near, np.concatenate([starts, searched.theta_from_unit(ended.elite)]))
+        minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)
+        theta = minima.theta[np.argsort(minima.misfit, kind="stable")]
     if not len(theta):
         raise no_simulation(plain, objective.tally.simulations)
     return LevelFit(command=command, minima=theta[:_MINIMA])
-
-
-def _carry_best(interrupt: Interrupted[Any], command: float, searched: Box) -> Interrupted[LevelFit | None]:
-    """Interrupt of a search at one command that carries the best point so far, as the fit at this command."""
-    so_far, best = interrupt.result, None
-    if isinstance(so_far, MultistartResult):
-        best = so_far.theta[:1] if len(so_far.theta) else None
-    elif so_far is not None and np.isfinite(so_far.best_misfit):
-        best = np.asarray(searched.theta_from_unit(so_far.best_unit))[None]
-    return Interrupted(None if best is None else LevelFit(command=command, minima=best), "search")
 
 
 def _move_inside(box: Box, theta: Floats) -> Floats:
@@ -633,7 +610,9 @@ def relative_force(spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Fl
     return np.asarray(line / np.mean(line))
 
 
-def points_from_scaled_forces(problem: Problem, search: Optimiser, *, on_search: OnSearch) -> StartingPoints:
+def points_from_scaled_forces(
+    problem: Problem, search: Optimiser, *, call: Identifying
+) -> StartingPoints:
     """Starting points by a search of plain parameters, with laws in proportion to the measured force.
 
     The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show
@@ -651,39 +630,43 @@ def points_from_scaled_forces(problem: Problem, search: Optimiser, *, on_search:
     box = search_box(plain, bounds, tests)
     laws_of = scaled_laws(form.spec, tests, commands)
     joint_form = replace(form, box=joint_box(form, tests, commands))
-    on_excerpts = partial(on_search, EXCERPTS)
 
     def from_unit(unit: Floats) -> Floats:
         theta = laws_of(np.asarray(box.theta_from_unit(unit)))
         return np.clip(theta, joint_form.box.lower, joint_form.box.upper)
 
-    elite = search_elite(
-        problem, search, objective, joint_form, from_unit, n_params=len(box.free), on_search=on_excerpts
+    elite = optimise(
+        search,
+        objective,
+        from_unit,
+        n_params=len(box.free),
+        rng=problem.settings.rng,
+        on_search=partial(call.on_search, EXCERPTS),
     )
     starts = from_unit(elite.elite[:_SCALED_STARTS])
     if form.spec.lagged:
         starts[:, -1] *= np.resize(_RATES, len(starts))
     box = joint_form.box
     starts = np.array([box.inside(start) for start in np.clip(starts, box.lower, box.upper)])
-    best = starts[0]
     trace = trace_of_generations(elite)
 
     def on_iteration(minima: LocalMinima) -> None:
-        nonlocal best
-        best = minima.theta[int(np.argmin(minima.misfit))]
         misfits = minima.misfit[np.isfinite(minima.misfit)]
-        on_excerpts(
-            len(elite.trace.best) + minima.iterations, float(misfits.min()), float(np.median(misfits)), 1.0
+        found = Found(
+            best=lambda: minima.theta[int(np.argmin(minima.misfit))],
+            trace=trace,
+            iteration=len(elite.trace.best) + minima.iterations,
+            misfit=float(misfits.min()),
+            median=float(np.median(misfits)),
+            share=1.0,
         )
+        call.on_search(EXCERPTS, found)
 
-    try:
-        theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
-        # Long records: only a share of the misfit pays for stiffer loops, whatever it is in points.
-        objective, theta = examine_limit(
-            objective, joint_form, theta, raised=_RAISED, points=math.inf, on_iteration=on_iteration
-        )
-    except KeyboardInterrupt as interrupt:
-        raise make_interrupt(best, objective, joint_form, trace) from interrupt
+    theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
+    # Long records: only a share of the misfit pays for stiffer loops, whatever it is in points.
+    objective, theta = examine_limit(
+        objective, joint_form, theta, raised=_RAISED, points=math.inf, on_iteration=on_iteration
+    )
     return StartingPoints(
         objective=objective,
         form=joint_form,

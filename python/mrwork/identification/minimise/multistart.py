@@ -30,7 +30,7 @@ from mrwork.dampers.command import command_level
 from mrwork.dampers.conversions import nesting_of
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import Interrupted, SimulationError
+from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form, bounds_of, half_ranges, identifiable_form, search_box
 from mrwork.identification.fit import NEGLIGIBLE, SearchTrace
 from mrwork.identification.minimise.levenberg_marquardt import (
@@ -42,6 +42,7 @@ from mrwork.identification.minimise.levenberg_marquardt import (
 )
 from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.problem import Problem
+from mrwork.identification.progress import Found, Identifying
 from mrwork.identification.settings import Multistart, Start
 from mrwork.records import DamperTest
 from mrwork.records.window import excerpt
@@ -175,7 +176,7 @@ def search_starts(
     mirrored: tuple[int, ...] = (),
     nested: Floats | None = None,
     suspicious: float = math.inf,
-    on_iteration: Callable[[MultistartResult, float], None] | None = None,
+    on_search: Callable[[Found], None] | None = None,
 ) -> MultistartResult:
     """Local minima inside `box`, by minimisations from samples of the narrower box `searched`.
 
@@ -188,7 +189,7 @@ def search_starts(
     `mirrored`: parameters whose signs can be changed together with little effect, but across a barrier that no local
     minimisation crosses; a further one starts from the mirror image of the best minimum. `nested`: further starts of
     the first round, shape (n_starts, n_params). `suspicious`: least misfit above which a simpler description is as
-    good. `on_iteration`: called with the result so far and the share of the allowed iterations that is used up.
+    good. `on_search`: called after each iteration.
     """
     n_free = len(searched.free)
     sample = latin_hypercube(Streams(rng=rng), settings.samples * n_free, n_free)
@@ -198,50 +199,52 @@ def search_starts(
     rounds = _Rounds(objective, samples[order], misfit[order])
     most = settings.most_rounds * settings.most_iterations
 
+    def tell() -> None:
+        if on_search is not None:
+            on_search(rounds.found(min((len(rounds.best) - 1) / most, 1.0)))
+
     def run_round(starts: Floats) -> None:
         def advance(minima: LocalMinima) -> None:
             rounds.advance(minima)
-            if on_iteration is not None:
-                on_iteration(rounds.make_result(""), min(len(rounds.best) / most, 1.0))
+            tell()
 
         rounds.end(_descend(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
 
+    if order.size:
+        tell()
     reason = "max_rounds"
     left = list(order)
-    try:
-        number = settings.least_rounds
-        while number <= settings.most_rounds:
-            if rounds.ended:
-                given = rounds.cross_samples(samples, np.random.default_rng([rng, number]))
-                wanted = settings.starts
-            else:
-                given = samples[:0] if nested is None else nested
-                wanted = settings.starts * number
-            chosen = _take_samples(left, max(wanted - len(given), 0))
-            starts = np.concatenate([given, samples[chosen]])
-            if not len(starts):
-                break
-            run_round(starts)
-            least_rounds = settings.least_rounds
-            if least_rounds > 1:
-                best = np.asarray(box.unit_from_theta(rounds.best_minimum))
-                least_rounds += bool(np.any(_on_bound(best)))
-            at_best = np.count_nonzero(np.array(rounds.misfits) <= (1.0 + settings.closeness) * rounds.least)
-            # Of the rounds that ran together, the last one too must not have lowered the least misfit.
-            before = min(rounds.misfits[: -settings.starts], default=math.inf)
-            if (
-                number >= least_rounds
-                and (number == 1 or rounds.least >= (1.0 - settings.closeness) * before)
-                and rounds.least <= (1.0 + settings.closeness) * suspicious
-                and at_best >= settings.found
-            ):
-                reason = "found_again"
-                break
-            number += 1
-        if mirrored and rounds.ended:
-            run_round(mirror(rounds.make_result("").theta[:1], mirrored))
-    except KeyboardInterrupt as interrupt:
-        raise Interrupted(rounds.make_result("interrupted"), "search") from interrupt
+    number = settings.least_rounds
+    while number <= settings.most_rounds:
+        if rounds.ended:
+            given = rounds.cross_samples(samples, np.random.default_rng([rng, number]))
+            wanted = settings.starts
+        else:
+            given = samples[:0] if nested is None else nested
+            wanted = settings.starts * number
+        chosen = _take_samples(left, max(wanted - len(given), 0))
+        starts = np.concatenate([given, samples[chosen]])
+        if not len(starts):
+            break
+        run_round(starts)
+        least_rounds = settings.least_rounds
+        if least_rounds > 1:
+            best = np.asarray(box.unit_from_theta(rounds.best_minimum))
+            least_rounds += bool(np.any(_on_bound(best)))
+        at_best = np.count_nonzero(np.array(rounds.misfits) <= (1.0 + settings.closeness) * rounds.least)
+        # Of the rounds that ran together, the last one too must not have lowered the least misfit.
+        before = min(rounds.misfits[: -settings.starts], default=math.inf)
+        if (
+            number >= least_rounds
+            and (number == 1 or rounds.least >= (1.0 - settings.closeness) * before)
+            and rounds.least <= (1.0 + settings.closeness) * suspicious
+            and at_best >= settings.found
+        ):
+            reason = "found_again"
+            break
+        number += 1
+    if mirrored and rounds.ended:
+        run_round(mirror(rounds.make_result("").theta[:1], mirrored))
     return rounds.make_result(reason)
 
 
@@ -401,6 +404,19 @@ class _Rounds:
         chosen = samples[random.integers(len(samples), size=_CROSSED)]
         return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)
 
+    def found(self, share: float) -> Found:
+        """What is found so far, with the share of the allowed iterations that is used up."""
+        minima = self.make_result("")
+        return Found(
+            best=lambda: minima.theta[0],
+            trace=trace_of(minima),
+            # The first entry is that of the samples.
+            iteration=len(minima.best) - 1,
+            misfit=minima.best[-1],
+            median=minima.median[-1],
+            share=share,
+        )
+
     def make_result(self, stop_reason: str) -> MultistartResult:
         groups = [(minima.theta, minima.misfit) for minima in self.ended]
         if self.running is not None:
@@ -417,9 +433,8 @@ class _Rounds:
         )
 
 
-# Called after an iteration with what is fitted, the result so far and the share of the allowed iterations that is used
-# up.
-OnIteration = Callable[[str, MultistartResult, float], None]
+OnSearch = Callable[[str, Found], None]
+"""Called after an iteration with what is fitted, empty for the model on all samples, and what is found so far."""
 EXCERPTS = "excerpts"
 """What the searches fit that compare parts of the tests."""
 
@@ -446,7 +461,7 @@ class NestedFit:
 
 
 def nested_fit(
-    objective: Objective, box: Box, search: Multistart, *, rng: int, on_iteration: OnIteration
+    objective: Objective, box: Box, search: Multistart, *, rng: int, on_search: OnSearch
 ) -> NestedFit | None:
     """Fit of the simpler model that the searched one contains, within shared bounds; `None` without one."""
     nesting = nesting_of(objective.spec)
@@ -473,24 +488,20 @@ def nested_fit(
         unit = np.asarray(box.unit_from_theta(np.clip(whole, box.lower, box.upper)))
         return np.asarray(box.theta_from_unit(np.clip(unit, _OFF_FACES, 1.0 - _OFF_FACES)))
 
-    first, second = halves(on_iteration)
-    try:
-        deeper = nested_fit(rough, form.box, search, rng=rng, on_iteration=first)
-        minima = search_starts(
-            rough,
-            form.box,
-            search_box(simpler, form.box, objective.tests),
-            search,
-            rng=rng,
-            nested=None if deeper is None else deeper.starts,
-            suspicious=math.inf if deeper is None else deeper.misfit,
-            on_iteration=partial(second, simpler.name),
-        )
-    except Interrupted as interrupt:
-        minima = interrupt.result
-        if minima is None or not len(minima.theta):
-            raise Interrupted(None, "search") from interrupt
-        raise Interrupted(replace(minima, theta=lift_points(minima.theta[0])[-1:]), "search") from interrupt
+    def lifted(fitted: str, found: Found) -> None:
+        on_search(fitted, replace(found, best=lambda: lift_points(found.best())[-1]))
+
+    deeper = nested_fit(rough, form.box, search, rng=rng, on_search=part_of(lifted, 0.0, 0.5))
+    minima = search_starts(
+        rough,
+        form.box,
+        search_box(simpler, form.box, objective.tests),
+        search,
+        rng=rng,
+        nested=None if deeper is None else deeper.starts,
+        suspicious=math.inf if deeper is None else deeper.misfit,
+        on_search=partial(part_of(lifted, 0.5, 0.5), simpler.name),
+    )
     if not len(minima.theta):
         return None
     starts, misfit = lift_points(minima.theta[0]), float(minima.misfit[0])
@@ -498,21 +509,13 @@ def nested_fit(
     return NestedFit(model=simpler.name, starts=starts, misfit=misfit if near else math.inf)
 
 
-def halves(on_iteration: OnIteration) -> tuple[OnIteration, OnIteration]:
-    """Callbacks of two searches in sequence, each half of the progress."""
-    return (
-        lambda fitted, minima, share: on_iteration(fitted, minima, 0.5 * share),
-        lambda fitted, minima, share: on_iteration(fitted, minima, 0.5 + 0.5 * share),
-    )
+def part_of(on_search: OnSearch, before: float, share: float) -> OnSearch:
+    """The callback of a search that is a share of the whole, after what is done before."""
+    return lambda fitted, found: on_search(fitted, replace(found, share=before + share * found.share))
 
 
 # Largest number of starting points.
 _STARTS = 16
-
-# Called with what is fitted, empty for the model on all samples, the generation or iteration (0 outside a search), best
-# and median misfit, and the share of the allowed iterations that is used up.
-OnSearch = Callable[[str, int, float, float, float], None]
-OnGeneration = Callable[[int, float, float, float], None]
 
 
 @array_dataclass()
@@ -618,7 +621,7 @@ def _on_bound(unit: Floats) -> NDArray[np.bool_]:
     return np.asarray((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND))
 
 
-def points_from_multistart(problem: Problem, search: Multistart, *, on_search: OnSearch) -> StartingPoints:
+def points_from_multistart(problem: Problem, search: Multistart, *, call: Identifying) -> StartingPoints:
     """The best minima of a multistart search among candidates below the limit of stiffness.
 
     There is no limit where no candidate is below it, or where stiffer ones describe the tests measurably better.
@@ -627,53 +630,40 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
     excerpts = tuple(excerpt(test) for test in problem.objective.tests)
     objective = problem.objective.on(problem.form.spec, excerpts)
     for limited in (up_to(objective, friction_limit(problem.objective.tests)), objective):
-        points = _search_points(problem, limited, search, on_search)
+        points = _search_points(problem, limited, search, call)
         if points is not None:
             return points
     raise no_simulation(problem.form.spec, objective.tally.simulations)
 
 
 def _search_points(
-    problem: Problem, objective: Objective, search: Multistart, on_search: OnSearch
+    problem: Problem, objective: Objective, search: Multistart, call: Identifying
 ) -> StartingPoints | None:
     """The best minima that a multistart search finds on the excerpts of `objective`; `None` where there are none."""
     form, rng = problem.form, problem.settings.rng
 
-    def on_iteration(simpler: str, minima: MultistartResult, share: float) -> None:
-        fitted = f"{simpler} on {EXCERPTS}" if simpler else EXCERPTS
-        # The first entry is that of the samples.
-        on_search(fitted, len(minima.best) - 1, minima.best[-1], minima.median[-1], share)
+    def on_nested(simpler: str, found: Found) -> None:
+        call.on_search(f"{simpler} on {EXCERPTS}", found)
 
-    first, second = halves(on_iteration)
-
-    nested: NestedFit | None = None
-    try:
-        nested = nested_fit(objective, form.box, search, rng=rng, on_iteration=first)
-        minima = search_starts(
-            objective,
-            form.box,
-            search_box(form.spec, form.box, objective.tests),
-            search,
-            rng=rng,
-            mirrored=form.mirrored,
-            nested=None if nested is None else nested.starts,
-            suspicious=min(
-                math.inf if nested is None else nested.misfit, LINEAR_SHARE * linear_misfit(objective.tests)
-            ),
-            on_iteration=partial(second, ""),
-        )
-    except Interrupted as interrupt:
-        minima = interrupt.result
-        if minima is None or not len(minima.theta):
-            raise Interrupted(None, "search") from interrupt
-        raise make_interrupt(minima.theta[0], objective, form, trace_of(minima)) from interrupt
+    nested = nested_fit(objective, form.box, search, rng=rng, on_search=part_of(on_nested, 0.0, 0.5))
+    minima = search_starts(
+        objective,
+        form.box,
+        search_box(form.spec, form.box, objective.tests),
+        search,
+        rng=rng,
+        mirrored=form.mirrored,
+        nested=None if nested is None else nested.starts,
+        suspicious=min(
+            math.inf if nested is None else nested.misfit, LINEAR_SHARE * linear_misfit(objective.tests)
+        ),
+        on_search=partial(part_of(call.on_search, 0.5, 0.5), EXCERPTS),
+    )
     if not len(minima.theta):
         return None
     theta = distinct_minima(form.box, minima.theta, minima.misfit)
-    try:
-        objective, theta = examine_limit(objective, form, theta)
-    except KeyboardInterrupt as interrupt:
-        raise make_interrupt(theta[0], objective, form, trace_of(minima)) from interrupt
+    call.so_far = lambda: (minima.theta[0], trace_of(minima))
+    objective, theta = examine_limit(objective, form, theta)
     return StartingPoints(
         objective=objective,
         form=form,
@@ -716,19 +706,18 @@ def trace_of(minima: MultistartResult) -> SearchTrace:
     )
 
 
-def points_from_optimiser(problem: Problem, search: Optimiser, *, on_search: OnSearch) -> StartingPoints:
+def points_from_optimiser(problem: Problem, search: Optimiser, *, call: Identifying) -> StartingPoints:
     """The elite of an optimiser (its best points that are far apart), for a model without current laws."""
     objective, form = problem.objective, problem.form
     box = search_box(form.spec, form.box, objective.tests)
 
-    elite = search_elite(
-        problem,
+    elite = optimise(
         search,
         objective,
-        form,
         box.theta_from_unit,
         n_params=len(box.free),
-        on_search=partial(on_search, ""),
+        rng=problem.settings.rng,
+        on_search=partial(call.on_search, ""),
     )
     return StartingPoints(
         objective=objective,
@@ -738,32 +727,6 @@ def points_from_optimiser(problem: Problem, search: Optimiser, *, on_search: OnS
     )
 
 
-def search_elite(
-    problem: Problem,
-    search: Optimiser,
-    objective: Objective,
-    form: Form,
-    theta_of: Callable[[Floats], Floats],
-    *,
-    n_params: int,
-    on_search: OnGeneration,
-) -> SearchResult:
-    """Result of an optimiser on unit vectors of size `n_params`, mapped to parameters of the form by `theta_of`.
-
-    An interrupt carries the best point so far.
-    """
-    try:
-        return optimise(
-            search, objective, theta_of, n_params=n_params, rng=problem.settings.rng, on_search=on_search
-        )
-    except Interrupted as interrupt:
-        result = interrupt.result
-        if not np.isfinite(result.best_misfit):
-            raise Interrupted(None, "search") from interrupt
-        best = theta_of(result.best_unit[None])[0]
-        raise make_interrupt(best, objective, form, trace_of_generations(result)) from interrupt
-
-
 def optimise(
     search: Optimiser,
     objective: Objective,
@@ -771,14 +734,24 @@ def optimise(
     *,
     n_params: int,
     rng: int,
-    on_search: OnGeneration,
+    on_search: Callable[[Found], None],
 ) -> SearchResult:
     """Minimum of the objective over unit vectors, mapped to parameters by `theta_of`, as the search result."""
     from mrwork.search import run_search
 
     def on_generation(so_far: SearchResult) -> None:
-        share = so_far.generations / search.stop.max_generations
-        on_search(so_far.generations, so_far.best_misfit, float(so_far.trace.median[-1]), share)
+        if not math.isfinite(so_far.best_misfit):
+            return
+        on_search(
+            Found(
+                best=lambda: theta_of(so_far.best_unit[None])[0],
+                trace=trace_of_generations(so_far),
+                iteration=so_far.generations,
+                misfit=so_far.best_misfit,
+                median=float(so_far.trace.median[-1]),
+                share=so_far.generations / search.stop.max_generations,
+            )
+        )
 
     result = run_search(
         search,
@@ -791,14 +764,6 @@ def optimise(
     if not len(result.elite):
         raise no_simulation(objective.spec, result.evaluations)
     return result
-
-
-def make_interrupt(
-    theta: Floats, objective: Objective, form: Form, trace: SearchTrace
-) -> Interrupted[StartingPoints]:
-    """Interrupt that carries the best point so far, shape (n_params,)."""
-    best = StartingPoints(objective=objective, form=form, theta=theta[None], trace=trace)
-    return Interrupted(best, "search")
 
 
 def trace_of_generations(search: SearchResult) -> SearchTrace:

@@ -5,7 +5,6 @@ A profile is the least misfit with one parameter held; its confidence interval l
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import nan
@@ -25,7 +24,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import SettingError
 from mrwork.identification.covariance import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
 from mrwork.identification.objective import linearise_residuals
@@ -33,6 +32,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.verdicts import ParameterScale, Scale, judge_interval
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
+from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.identifiability.curvature import (
     DIRECTIONS,
     End,
@@ -335,7 +335,7 @@ def profile(
     Interrupted
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
-    began = time.perf_counter()
+    call: LongCall[ProfileProgress, Profiles] = LongCall(on_progress=on_progress)
     problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = np.clip(problem.form.from_model(np.array(fit.theta)), box.lower, box.upper)
@@ -386,24 +386,24 @@ def profile(
             else f"a better fit was found on the way: NRMSE {np.sqrt(least):.6g} after {fit.nrmse:.6g}; "
             "the profiles are about that one, identify again",
             evaluations=objective.tally.simulations,
-            seconds=time.perf_counter() - began,
+            seconds=call.seconds,
         )
 
     def report(sides: Sides) -> None:
-        if on_progress is not None:
-            on_progress(
-                ProfileProgress(
-                    ended=sum(side.end != "interrupted" for side in sides.values()),
-                    sides=len(sides),
-                    points=sum(len(side.points) - 1 for side in sides.values()),
-                    evaluations=objective.tally.simulations,
-                    seconds=time.perf_counter() - began,
-                )
+        call.report(
+            ProfileProgress(
+                ended=sum(side.end != "interrupted" for side in sides.values()),
+                sides=len(sides),
+                points=sum(len(side.points) - 1 for side in sides.values()),
+                evaluations=objective.tally.simulations,
+                seconds=call.seconds,
             )
+        )
 
     best = start
     sides: Sides = {(index, way): Side(points=[start]) for index in profiled for way in DIRECTIONS}
-    try:
+    call.so_far = lambda: result(sides, "interrupted")
+    with call.keeping("profiling"):
         for _ in range(_MOST_ROUNDS):
             origin = run_alone(minimise(scaled, None, best, dof), best, simulate_position)
             sides = {key: Side(points=[origin]) for key in sides}
@@ -413,8 +413,6 @@ def profile(
             )
             if signed_root(origin.squared, best.squared, dof) ** 2 < _BETTER:
                 break
-    except KeyboardInterrupt as interrupt:
-        raise Interrupted(result(sides, "interrupted"), "profiling") from interrupt
     return result(sides, "finished")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import ceil
@@ -17,7 +16,7 @@ from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import Interrupted, JournalError, SettingError
+from mrwork.errors import JournalError, SettingError
 from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import provenance_with
@@ -26,6 +25,7 @@ from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import array_of, digest_of, package_version
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import (
     LARGEST_RHAT,
@@ -346,7 +346,7 @@ def sample(
     >>> draws = mr.sample(fit, test)  # doctest: +SKIP
     >>> print(draws.verdict)  # doctest: +SKIP
     """
-    began = time.perf_counter()
+    call = _Sampling(most_steps=most_steps, on_progress=on_progress, journal=journal)
     problem = SamplingProblem.of_fit(
         fit,
         as_tests(tests),
@@ -378,34 +378,35 @@ def sample(
         raise JournalError(
             f"{journal.path} begins with densities that are not finite; run again with --replace, not --resume"
         )
-    monitor = _Monitor(most_steps=most_steps, began=began, on_progress=on_progress, journal=journal)
-    try:
-        diagnosis = _run(problem, ensemble, monitor)
-    except KeyboardInterrupt as interrupt:
+
+    def so_far() -> ChainSoFar | None:
         if ensemble.n_steps == 0:
-            raise
-        seconds = time.perf_counter() - began
-        so_far = ChainSoFar(
+            return None
+        seconds = call.seconds
+        return ChainSoFar(
             n_steps=ensemble.n_steps,
             draws=lambda: problem.draws(
                 ensemble, problem.diagnosis(ensemble), seconds=seconds, interrupted=True
             ),
         )
-        raise Interrupted(so_far, "sampling") from interrupt
-    return problem.draws(ensemble, diagnosis, seconds=time.perf_counter() - began)
+
+    call.so_far = so_far
+    with call.keeping("sampling"):
+        diagnosis = _run(problem, ensemble, call)
+    return problem.draws(ensemble, diagnosis, seconds=call.seconds)
 
 
-def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Diagnosis:
+def _run(problem: SamplingProblem, ensemble: Ensemble, call: _Sampling) -> Diagnosis:
     """Diagnosis after convergence or the last step; a check that the journal passed is not repeated."""
     while True:
         done = ensemble.n_steps
-        ends = done >= monitor.most_steps
-        if done and (ends or (done == next_check(done - 1) and not monitor.recalling)):
-            diagnosis = monitor.diagnosis = problem.diagnosis(ensemble)
+        ends = done >= call.most_steps
+        if done and (ends or (done == next_check(done - 1) and not call.recalling)):
+            diagnosis = call.diagnosis = problem.diagnosis(ensemble)
             if ends or not diagnosis.shortcomings:
                 return diagnosis
-        until = min(next_check(done), monitor.most_steps)
-        ensemble.advance(until, monitor.update)
+        until = min(next_check(done), call.most_steps)
+        ensemble.advance(until, call.update)
 
 
 def _journal_target(target: Callable[[Floats], Floats], journal: Journal) -> Callable[[Floats], Floats]:
@@ -430,32 +431,24 @@ def _journal_target(target: Callable[[Floats], Floats], journal: Journal) -> Cal
     return density
 
 
-@dataclass(slots=True, kw_only=True)
-class _Monitor:
-    """Progress reports; the rate is of computed steps, without the first, which includes the set-up."""
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Sampling(LongCall[SamplingProgress, ChainSoFar]):
+    """A sampling that runs; the rate is of computed steps, without the first, which includes the set-up."""
 
     most_steps: int
-    began: float
-    on_progress: Callable[[SamplingProgress], None] | None
-    journal: Journal | None
     diagnosis: Diagnosis | None = None
     reported: float = 0.0
     counted_from: tuple[int, float] | None = None
 
-    @property
-    def recalling(self) -> bool:
-        """Whether the journal has the next step."""
-        return self.journal is not None and self.journal.recalling
-
     def update(self, steps: int) -> None:
         """Called after each step."""
-        seconds = time.perf_counter() - self.began
+        seconds = self.seconds
         if self.recalling or self.counted_from is None:
             self.counted_from = (steps, seconds)
         first, before = self.counted_from
-        if self.on_progress is not None and seconds - self.reported >= _REPORT_EVERY:
+        if seconds - self.reported >= _REPORT_EVERY:
             self.reported = seconds
-            self.on_progress(
+            self.report(
                 SamplingProgress(
                     steps=steps,
                     most_steps=self.most_steps,

@@ -1,0 +1,70 @@
+"""What travels with a long call: its journal, who hears of its progress, and what there is of its result so far."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Generic, TypeVar
+
+from mrwork.errors import Interrupted
+from mrwork.store.codec import digest_of
+from mrwork.store.journal import Journal
+
+T = TypeVar("T")
+Report = TypeVar("Report")
+SoFar = TypeVar("SoFar")
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class LongCall(Generic[Report, SoFar]):
+    """A computation that can be resumed, watched and stopped.
+
+    `journal` recalls its steps; `on_progress` takes its reports, and ends it by returning true; `so_far` makes the best
+    result that there is, which an interrupt carries; it is `None`, or makes `None`, before there is one. `began` is the time on the clock of
+    `time.perf_counter` [s], before which a resumed call has run for as long as its journal says.
+    """
+
+    journal: Journal | None = None
+    on_progress: Callable[[Report], bool | None] | None = None
+    so_far: Callable[[], SoFar | None] | None = None
+    began: float = field(default_factory=time.perf_counter)
+
+    def __post_init__(self) -> None:
+        if self.journal is not None:
+            self.began -= self.journal.seconds_before
+
+    @property
+    def seconds(self) -> float:
+        """Time since the call began [s]."""
+        return time.perf_counter() - self.began
+
+    @property
+    def recalling(self) -> bool:
+        """Whether the next step is recalled from the journal."""
+        return self.journal is not None and self.journal.recalling
+
+    def step(self, name: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
+        """The result of a step with these inputs, a dataclass: recalled from the journal, or computed and recorded."""
+        if self.journal is None:
+            return compute()
+        return self.journal.once(name, digest_of(*inputs), kind, compute)
+
+    def report(self, progress: Report) -> None:
+        """Report progress, but not of steps that are recalled."""
+        if self.on_progress is None or self.recalling:
+            return
+        if self.on_progress(progress):
+            raise Interrupted(None, "computation", stopped=True)
+
+    @contextmanager
+    def keeping(self, task: str) -> Iterator[None]:
+        """Let an interrupt in the block carry the result so far; its sentence names the task."""
+        try:
+            yield
+        except KeyboardInterrupt as interrupt:
+            result = None if self.so_far is None else self.so_far()
+            if result is None:
+                raise
+            raise Interrupted(result, task) from interrupt
