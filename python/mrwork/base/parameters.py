@@ -6,7 +6,7 @@ import inspect
 import re
 from collections.abc import Callable
 from dataclasses import MISSING, fields
-from functools import wraps
+from functools import cache, wraps
 from textwrap import dedent
 from typing import Any, ParamSpec, TypeVar, get_type_hints
 
@@ -21,6 +21,7 @@ Result = TypeVar("Result")
 _ENTRY = re.compile(r"^(\w+(?:, \w+)*)\n((?:(?: +.*)?\n)+)", re.MULTILINE)
 
 
+@cache
 def parameter_texts(declaring: Any) -> dict[str, str]:
     """What the docstring of a function, or of a dataclass and its bases, says of each parameter."""
     if isinstance(declaring, type):

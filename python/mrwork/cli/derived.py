@@ -30,17 +30,10 @@ UNCHANGED: Any = object()
 """The default of a parameter."""
 
 
-def add_options_of(
-    parser: CommandParser, declaring: Callable[..., object], title: str, *names: str, **called: str
-) -> None:
-    """Declare options for parameters of a function, or fields of a class, in the group of this title.
-
-    Parameters that the command line calls otherwise are given as `parameter="option"`.
-    """
+def add_options_of(parser: CommandParser, declaring: Callable[..., object], title: str, *names: str) -> None:
+    """Declare options for parameters of a function, or fields of a class, in the group of this title."""
     for name in names:
         add_option_of(parser, declaring, title, name)
-    for name, option in called.items():
-        add_option_of(parser, declaring, title, name, option)
 
 
 def add_option_of(
@@ -56,7 +49,7 @@ def add_option_of(
     metavar: str | None = None,
     more: str = "",
 ) -> None:
-    """Declare the option for one parameter.
+    """Declare the option for one parameter, called `option` where that is another word.
 
     The `default` may be another; `choices` are words for a text, or further words for a list of words; `reads` makes
     the value from a text that the annotation does not describe, as an object; and `more` is added to the help.
@@ -149,7 +142,7 @@ def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
         case nodes.Scalar(kind) if kind is bool:
             return _Form(action="store_true")
         case nodes.Scalar(kind) if kind in (int, float):
-            return _Form(reads=Range.of(node), metavar="N" if kind is int else "NUMBER")
+            return _Form(reads=(numbers := Range.of(node)), metavar=numbers.metavar)
         case nodes.Scalar():
             return _Form(metavar="NAME")
     return None if reads is None else _Form(reads=reads, metavar="VALUE")

@@ -42,6 +42,11 @@ class Range:
         within = replace(self.within, most=inf) if self.within.most >= _NO_LIMIT else self.within
         return f"{within.in_words} {self.unit}".strip()
 
+    @property
+    def metavar(self) -> str:
+        """What stands for the number in the help."""
+        return self.unit.upper() if self.unit.isalpha() else "N" if self.whole else "NUMBER"
+
     def __call__(self, text: str) -> float:
         """The number that a text gives."""
         try:

@@ -6,7 +6,7 @@ import argparse
 from dataclasses import asdict
 
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.derived import add_options_of, arguments_of
+from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import end_addition, told_findings
@@ -37,14 +37,8 @@ def add_options(parser: CommandParser) -> None:
         metavar="FILE",
         help="CSV with the columns amplitude [m], frequency [Hz] and, with current laws, current",
     )
-    add_options_of(
-        parser,
-        candidate_grid,
-        "candidates",
-        amplitudes="amplitudes",
-        frequencies="frequencies",
-        commands="currents",
-    )
+    add_options_of(parser, candidate_grid, "candidates", "amplitudes", "frequencies")
+    add_option_of(parser, candidate_grid, "candidates", "commands", "currents")
     add_options_of(parser, Limits, "candidates", "stroke", "peak_velocity")
     parser.group("band").add_argument(
         "--targets",

@@ -55,7 +55,8 @@ def add_options(parser: CommandParser) -> None:
         more=f"{PRIORS_IN_WORDS}, as in k_w=normal:650:50",
     )
     of_posterior("tempering", metavar="SHARE")
-    add_options_of(parser, sample, "chain", "walkers", most_steps="steps")
+    add_options_of(parser, sample, "chain", "walkers")
+    add_option_of(parser, sample, "chain", "most_steps", "steps")
     add_options_of(parser, sample, COMPUTATION, "rng")
     add_threads(parser)
     parser.group(OUTPUT).add_argument(
@@ -115,6 +116,8 @@ def _sample(opened: OpenedRun, journal: Journal, options: argparse.Namespace) ->
                 on_progress=report,
             )
     except Interrupted as interrupt:
+        if interrupt.result is None:
+            raise
         note(
             f"interrupted; {interrupt.result.n_steps} steps are kept in {journal.path}; "
             "run the same command with --resume to continue"

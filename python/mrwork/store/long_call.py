@@ -21,9 +21,9 @@ SoFar = TypeVar("SoFar")
 class LongCall(Generic[Report, SoFar]):
     """A computation that can be resumed, watched and stopped.
 
-    `journal` recalls its steps; `on_progress` takes its reports, and ends it by returning true; `so_far` makes the best
-    result that there is, which an interrupt carries; it is `None`, or makes `None`, before there is one. `began` is the time on the clock of
-    `time.perf_counter` [s], before which a resumed call has run for as long as its journal says.
+    `journal` recalls its steps. `on_progress` takes its reports, and ends it by returning true. `so_far` makes the best
+    result that there is, `None` where there is none; an interrupt carries it. `began` is the time on the clock of
+    `time.perf_counter` [s]; a resumed call has run before that for as long as its journal says.
     """
 
     journal: Journal | None = None
@@ -64,7 +64,4 @@ class LongCall(Generic[Report, SoFar]):
         try:
             yield
         except KeyboardInterrupt as interrupt:
-            result = None if self.so_far is None else self.so_far()
-            if result is None:
-                raise
-            raise Interrupted(result, task) from interrupt
+            raise Interrupted(None if self.so_far is None else self.so_far(), task) from interrupt

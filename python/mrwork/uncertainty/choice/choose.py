@@ -5,7 +5,6 @@ A family is a model with the laws and bounds that apply to its parameters.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -26,7 +25,6 @@ from mrwork.base.values import Floats
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper, damper_models
 from mrwork.errors import (
-    Interrupted,
     JournalError,
     MrworkError,
     MrworkWarning,
@@ -52,6 +50,7 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall, SoFar
 from mrwork.uncertainty.bands.prediction import (
     LATER_CYCLES,
     ONE_TEST,
@@ -212,20 +211,13 @@ class ChoiceProgress(ProgressReport):
         return ", ".join(parts)
 
 
-@dataclass(slots=True, kw_only=True)
-class Steps:
+@dataclass(slots=True, kw_only=True, eq=False)
+class Steps(LongCall[ChoiceProgress, SoFar]):
     """Steps of a choice among models: the journal of each by its name, reports, and why models failed."""
 
     models: tuple[str, ...]
     journal_of: JournalOf | None
-    on_progress: Callable[[ChoiceProgress], None] | None
     failed: dict[str, str] = field(default_factory=dict)
-    _began: float = field(default_factory=time.perf_counter, init=False)
-
-    @property
-    def seconds(self) -> float:
-        """Time since the first step began [s]."""
-        return time.perf_counter() - self._began
 
     def run(self, name: str, work: Callable[[Journal | None], T]) -> T:
         """Do the work of a step with its own journal, if any."""
@@ -241,11 +233,10 @@ class Steps:
         except MrworkError as error:
             self.failed[model] = str(error)
 
-    def report(self, progress: ChoiceProgress) -> None:
+    def tell(self, progress: ChoiceProgress) -> None:
         """Report the progress of a model, with its number and the time."""
-        if self.on_progress is not None:
-            number, n_models = 1 + self.models.index(progress.model), len(self.models)
-            self.on_progress(replace(progress, number=number, n_models=n_models, seconds=self.seconds))
+        number, n_models = 1 + self.models.index(progress.model), len(self.models)
+        self.report(replace(progress, number=number, n_models=n_models, seconds=self.seconds))
 
 
 def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Floats, ...]:
@@ -264,7 +255,7 @@ class RunningComparison:
     threads: int
     splits: Splits | None
     remarks: tuple[str, ...]
-    steps: Steps
+    steps: Steps[Choice]
     evidence: dict[str, Evidence] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
     _batch: FitBatch = field(init=False)
@@ -371,9 +362,7 @@ class RunningComparison:
         # Workers tell the time that is left themselves.
         left = left if present_workers() is None else None
         share = self._done / total
-        self.steps.report(
-            ChoiceProgress(model=model, task=task, within=within, seconds_left=left, share=share)
-        )
+        self.steps.tell(ChoiceProgress(model=model, task=task, within=within, seconds_left=left, share=share))
 
 
 @checked
@@ -473,16 +462,16 @@ def choose_model(
             models=tuple(family.name for family in compared), journal_of=journal_of, on_progress=on_progress
         ),
     )
-    try:
+    steps = comparison.steps
+    steps.so_far = lambda: (
+        comparison.choice() if any(each.left_out for each in comparison.evidence.values()) else None
+    )
+    with steps.keeping("choice of model"):
         for family in compared:
             comparison.evaluate(family)
         if not comparison.fits:
-            model, reason = next(iter(comparison.steps.failed.items()))
+            model, reason = next(iter(steps.failed.items()))
             raise SettingError(f"none of the models could be identified; {model}: {reason}")
-    except KeyboardInterrupt as interrupt:
-        if not any(each.left_out for each in comparison.evidence.values()):
-            raise Interrupted(None, "choice of model") from interrupt
-        raise Interrupted(comparison.choice(), "choice of model") from interrupt
     choice = comparison.choice()
     for sentence in choice.ranking.doubts:
         warn(sentence, MrworkWarning, stacklevel=5)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +41,7 @@ from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.records.repairs import NONE
 from mrwork.records.window import middle_excerpt
-from mrwork.store.codec import digest_of
-from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.bands.prediction import Fold, folds_of, rests_of
 from mrwork.uncertainty.choice.folded_tests import FoldedFit, FoldedTests
 from mrwork.uncertainty.choice.law_promise import LinearisedTests
@@ -51,7 +50,6 @@ from mrwork.uncertainty.choice.objections import dying_laws, objections_to
 from mrwork.uncertainty.choice.ranking import is_as_good
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 
-T = TypeVar("T")
 Laws = dict[str, CommandLaw]
 
 # Degree of the first laws.
@@ -125,7 +123,7 @@ class LawSearch:
     given: Laws
     free: tuple[str, ...]
     most: int
-    journal: Journal | None = None
+    call: LongCall[Any, Any] = field(default_factory=LongCall)
     report: Callable[[str], None] = lambda task: None
     fitted: list[FittedLaws] = field(default_factory=list)
 
@@ -255,7 +253,7 @@ class LawSearch:
             return linearised().error_of(spec, box, self.transfer_starts(current, spec, box))
 
         def promised(candidates: Sequence[Laws]) -> Floats:
-            return self._once(
+            return self.call.step(
                 "promise",
                 _Promises,
                 lambda: _Promises(errors=np.array([error_of(laws) for laws in candidates])),
@@ -349,10 +347,10 @@ class LawSearch:
     def _fit_laws(self, laws: Laws, starts: Floats) -> FittedLaws:
         spec, box = self.model(laws)
         self.report(f"fitting {laws_in_words(laws)}")
-        fit = self._once(
+        fit = self.call.step(
             "laws", FoldedFit, lambda: interruptible(lambda: self._fit(spec, box, starts)), box, starts
         )
-        predicted = self._once(
+        predicted = self.call.step(
             "predictions",
             _Predictions,
             lambda: interruptible(lambda: self._predict_left_out(spec, fit.theta)),
@@ -407,11 +405,6 @@ class LawSearch:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
         rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
         return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
-
-    def _once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
-        if self.journal is None:
-            return compute()
-        return self.journal.once(step, digest_of(*inputs), kind, compute)
 
 
 def prepare_search(

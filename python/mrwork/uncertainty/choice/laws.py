@@ -22,7 +22,7 @@ from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
 from mrwork.dampers.laws import LawName, law_of
 from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import SettingError
 from mrwork.identification.batch import JournalOf
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_from, identify_with
@@ -33,6 +33,7 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, loading_of
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.choose import (
     ChoiceProgress,
@@ -81,7 +82,7 @@ class RunningLawChoice:
     given: Mapping[str, LawName]
     remarks: tuple[str, ...]
     threads: int
-    steps: Steps
+    steps: Steps[LawChoice]
     firsts: dict[str, Fit] = field(default_factory=dict)
 
     @property
@@ -103,20 +104,18 @@ class RunningLawChoice:
             table = self._table(complete=True)
             search, candidate, settings = self._choose_start(table)
             with self._failing_alone(search):
-                try:
-                    fit = self.steps.run(
-                        f"{search.name}/fit", partial(self._final_fit, search, candidate, settings)
-                    )
-                except Interrupted as interrupt:
-                    done = LawChoice(table=table, fit=interrupt.result, seconds=self.steps.seconds)
-                    raise Interrupted(done, "choice of laws") from interrupt
+                fit = self.steps.run(
+                    f"{search.name}/fit", partial(self._final_fit, search, candidate, settings)
+                )
                 return self._with_others(LawChoice(table=table, fit=fit, seconds=self.steps.seconds))
             search.fitted.clear()
         reasons = "; ".join(f"{name}: {reason}" for name, reason in self.steps.failed.items())
         raise SettingError(f"none of the models could be fitted ({reasons})")
 
-    def so_far(self) -> LawChoice:
-        """The choice among the laws that are done, with the fit that led to it."""
+    def so_far(self) -> LawChoice | None:
+        """The choice among the laws that are done, with the fit that led to it; `None` before there are any."""
+        if not self.fitted_laws:
+            return None
         table = self._table(complete=False)
         search, candidate, settings = self._choose_start(table)
         problem = Problem.of(candidate.spec, self.tests, settings, threads=self.threads)
@@ -150,7 +149,7 @@ class RunningLawChoice:
 
     def _try_laws(self, search: LawSearch, journal: Journal | None) -> None:
         search.report = partial(self._report, search)
-        search.journal = journal
+        search.call = LongCall(journal=journal)
         if journal is not None:
             spec, _ = search.model(search.first_laws)
             facts = fingerprint_of(Problem.of(spec, search.tests, search.excerpt_settings))
@@ -166,19 +165,19 @@ class RunningLawChoice:
 
     def _with_others(self, choice: LawChoice) -> LawChoice:
         """The choice with the fits of other sets that predict nearly as well, without those that fail."""
-        others, done = self._choose_others(choice.table), list[Fit]()
-        try:
-            for number, (search, candidate) in enumerate(others, start=1):
-                settings = replace(search.settings, starts=(candidate.start,))
-                refit = partial(
-                    self._final_fit, search, candidate, settings, other=f"{number} of {len(others)}"
-                )
-                with self.steps.recording_failure(name := f"{search.name}/near_{number}"):
-                    done.append(self.steps.run(name, refit))
-        except KeyboardInterrupt as interrupt:
-            so_far = replace(choice, others=tuple(done), seconds=self.steps.seconds)
-            raise Interrupted(so_far, "choice of laws") from interrupt
-        return replace(choice, others=tuple(done), seconds=self.steps.seconds)
+        done: list[Fit] = []
+
+        def so_far() -> LawChoice:
+            return replace(choice, others=tuple(done), seconds=self.steps.seconds)
+
+        self.steps.so_far = so_far
+        others = self._choose_others(choice.table)
+        for number, (search, candidate) in enumerate(others, start=1):
+            settings = replace(search.settings, starts=(candidate.start,))
+            refit = partial(self._final_fit, search, candidate, settings, other=f"{number} of {len(others)}")
+            with self.steps.recording_failure(name := f"{search.name}/near_{number}"):
+                done.append(self.steps.run(name, refit))
+        return so_far()
 
     def _choose_others(self, table: LawTable) -> list[tuple[LawSearch, FittedLaws]]:
         """Of the sets that predict nearly as well, those whose forces differ most beyond the tests, best first.
@@ -276,7 +275,7 @@ class RunningLawChoice:
     def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
         scores = [laws.score for laws in self.fitted_laws]
         best = 100.0 * (1.0 - min(scores, default=np.nan))
-        self.steps.report(
+        self.steps.tell(
             ChoiceProgress(
                 model=search.name, task=task, within=within, n_tried=len(scores), left_out_percent=best
             )
@@ -372,10 +371,8 @@ def choose_laws(
             models=tuple(search.name for search in compared), journal_of=journal_of, on_progress=on_progress
         ),
     )
-    try:
+    running.steps.so_far = running.so_far
+    with running.steps.keeping("choice of laws"):
         for search in compared:
             running.evaluate(search)
-    except KeyboardInterrupt as interrupt:
-        so_far = running.so_far() if running.fitted_laws else None
-        raise Interrupted(so_far, "choice of laws") from interrupt
-    return running.make_choice()
+        return running.make_choice()

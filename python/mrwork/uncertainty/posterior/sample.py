@@ -336,7 +336,7 @@ def sample(
     OutputError
         If the journal cannot be written; it can be resumed.
     Interrupted
-        On Ctrl-C, carrying a `ChainSoFar`; the chain is in the journal, too.
+        On Ctrl-C, carrying a `ChainSoFar`, `None` before the first step; the chain is in the journal, too.
 
     Examples
     --------
