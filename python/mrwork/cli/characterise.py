@@ -163,8 +163,7 @@ def _of_use(rows: Sequence[ListedTest], use: Use) -> list[ListedTest]:
 def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_Step, str]:
     """The step that chooses a model, and its laws where the tests run at several commands; why no test is spare."""
     # SciPy is slow to load.
-    from mrwork.cli.identified import Identification
-    from mrwork.cli.identify import fit_best_laws, fit_best_model, fit_model
+    from mrwork.cli.identified import Identification, fit_best_laws, fit_best_model, fit_model
     from mrwork.uncertainty.choice.law_search import can_leave_out
 
     reading = _reading(_of_use(rows, "fit"))

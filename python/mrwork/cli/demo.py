@@ -8,13 +8,10 @@ from pathlib import Path
 
 from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
 from mrwork.cli.derived import add_option_of
-from mrwork.cli.identified import Identification
-from mrwork.cli.identify import fit_model
 from mrwork.cli.options import add_out, add_threads, end_parser
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import damper
 from mrwork.identification.settings import FitSettings
-from mrwork.records.reading import Reading
 
 _FILE, _MODEL = "synthetic:spencer1997", "normalised_bouc_wen"
 _OTHER = "synthetic:spencer1997_slow"
@@ -42,6 +39,10 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify, and say how `mrwork identify` does the same."""
+    # What identifies and writes the folder is slow to load, and the help does not need it.
+    from mrwork.cli.identified import Identification, fit_model
+    from mrwork.records.reading import Reading
+
     settings, reading = FitSettings(rng=options.rng), Reading(files=(_FILE,), folder=str(Path.cwd()))
     verb = Identification.of_tests(
         options, settings, reading, reading.tests(), _OUT.name, kept="the best fit"

@@ -125,8 +125,8 @@ def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
         case nodes.ByName(_, (_, value)):
             read, shape = (reads, "VALUE") if reads is not None else _entry_of(value)
             return _Form(reads=partial(read_entry, read, shape), metavar=f"NAME={shape}", repeated=True)
-        case nodes.Items(_, (nodes.Scalar(kind) as number,)) if kind in (int, float):
-            return _Form(reads=Listed(Range.of(number)), metavar="LIST")
+        case nodes.Items(_, (nodes.Scalar(kind) as item,)) if kind in (int, float):
+            return _Form(reads=Listed(Range.of(item)), metavar="LIST")
         case nodes.Items(_, (item,)):
             inner = _form_of(item, reads)
             return None if inner is None else replace(inner, repeated=True)
@@ -142,7 +142,8 @@ def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
         case nodes.Scalar(kind) if kind is bool:
             return _Form(action="store_true")
         case nodes.Scalar(kind) if kind in (int, float):
-            return _Form(reads=(numbers := Range.of(node)), metavar=numbers.metavar)
+            number = Range.of(node)
+            return _Form(reads=number, metavar=number.metavar)
         case nodes.Scalar():
             return _Form(metavar="NAME")
     return None if reads is None else _Form(reads=reads, metavar="VALUE")

@@ -5,23 +5,39 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mrwork.base.progress import ProgressLine
 from mrwork.base.summary import Summarised
+from mrwork.base.units import CommandUnit
 from mrwork.cli.frame import Frame, command_line
-from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
+from mrwork.cli.output import as_plain, draw_last, in_words, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
+from mrwork.dampers.laws import LawName
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import manifest_of, read_fit, write_run
-from mrwork.identification.settings import FitSettings
+from mrwork.identification.fit_file import manifest_of, others_content, read_fit, write_run
+from mrwork.identification.identify import identify_with
+from mrwork.identification.progress import IdentificationInWords
+from mrwork.identification.settings import FitSettings, Fold
 from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for
 from mrwork.records.reading import Reading
-from mrwork.store.run_folder import FIT_RUN, INTERRUPTED, JOURNAL, REPORT, RunFolder
+from mrwork.store.run_folder import (
+    FIT,
+    FIT_RUN,
+    INTERRUPTED,
+    JOURNAL,
+    LAWS,
+    MODELS,
+    NEAR_SETS,
+    RANKING,
+    REPORT,
+    RunFolder,
+)
 from mrwork.store.run_writer import RunAtWork, is_complete, nothing_to_resume
 
 if TYPE_CHECKING:
@@ -160,3 +176,128 @@ class Identification:
         more = {"findings": as_plain(findings), "out": str(self.frame.folder)}
         below = ["", *(f"  {each.in_words}" for each in findings)] if findings else []
         show_results(self.frame.options, *results, document={**document, **more}, below=below)
+
+
+def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> int:
+    """Fit one model to the tests of a verb into its run folder, and show it; return the exit status."""
+    with RunAtWork(verb.frame.destination, note=note) as work:
+        journal = work.journal()
+        fit, status = verb.search(
+            lambda line: identify_with(
+                spec,
+                verb.tests,
+                settings,
+                threads=verb.frame.options.threads,
+                on_progress=line,
+                journal=journal,
+            ),
+            IdentificationInWords(),
+            before="any candidate was simulated",
+        )
+        journal.close()
+        verb.frame.note_complete(work)
+        return status if fit is None else verb.end(verb.with_command(fit), status, work=work)
+
+
+def fit_best_model(
+    verb: Identification,
+    models: Sequence[str | DamperSpec],
+    settings: FitSettings,
+    *,
+    laws: Mapping[str, LawName] | None = None,
+    unit: CommandUnit = "A",
+    lagged: bool = False,
+    leave_out: Fold = "test",
+) -> int:
+    """Fit and rank models; the run folder has the best, and the fits of all; return the exit status."""
+    # SciPy's optimisers are slow to load.
+    from mrwork.uncertainty.choice.choose import choose_model
+
+    if (status := verb.end_complete(RANKING)) is not None:
+        return status
+    with RunAtWork(verb.frame.destination, note=note) as work:
+        choice, status = verb.search(
+            lambda line: choose_model(
+                verb.tests,
+                models,
+                leave_out=leave_out,
+                laws=laws,
+                unit=unit,
+                lagged=lagged,
+                settings=settings,
+                threads=verb.frame.options.threads,
+                on_progress=line,
+                journal_of=work.step_journal,
+            ),
+            in_words,
+            before="any model was identified",
+        )
+        if choice is None:
+            return status
+        ranking, folder = choice.ranking, verb.frame.folder
+        fits = {fit.model: verb.with_command(fit) for fit in choice.fits}
+        paths = {name: f"{MODELS}/{name}/{FIT}" for name in fits}
+        best = fits[ranking.chosen]
+        return verb.end(
+            best,
+            status,
+            work=work,
+            grown=() if status == 0 else work.step_journals,
+            results=(ranking, best) if status == 0 else (ranking,),
+            document=asdict(ranking) | {"fits": {name: str(folder / path) for name, path in paths.items()}},
+            documents={
+                **{paths[name]: fit.as_dict() for name, fit in fits.items()},
+                RANKING: asdict(ranking),
+            },
+        )
+
+
+def fit_best_laws(
+    verb: Identification,
+    models: Sequence[str | DamperSpec],
+    settings: FitSettings,
+    *,
+    laws: Mapping[str, LawName] | None = None,
+    unit: CommandUnit = "A",
+    leave_out: Fold | None = None,
+) -> int:
+    """Choose the laws of one or several models; the run folder has their fit; return the exit status."""
+    # SciPy's optimisers are slow to load.
+    from mrwork.uncertainty.choice.laws import choose_laws
+
+    if (status := verb.end_complete(LAWS)) is not None:
+        return status
+    with RunAtWork(verb.frame.destination, note=note) as work:
+        choice, status = verb.search(
+            lambda line: choose_laws(
+                models,
+                verb.tests,
+                laws=laws,
+                unit=unit,
+                leave_out=leave_out,
+                settings=settings,
+                threads=verb.frame.options.threads,
+                on_progress=line,
+                journal_of=work.step_journal,
+            ),
+            in_words,
+            before="any laws were fitted",
+        )
+        if choice is None:
+            return status
+        table, fit = choice.table, verb.with_command(replace(choice.fit, seconds=choice.seconds))
+        if choice.others and not verb.frame.is_quiet:
+            note(
+                f"{len(choice.others)} other sets of laws predict nearly as well, within 1 point; predict and respond "
+                "say how far they are apart where the tests end"
+            )
+        return verb.end(
+            fit,
+            status,
+            work=work,
+            grown=() if status == 0 else work.step_journals,
+            results=(table, fit),
+            document=fit.document() | {"choice_of_laws": asdict(table)},
+            documents={LAWS: asdict(table)}
+            | ({NEAR_SETS: others_content(choice.others)} if choice.others else {}),
+        )

@@ -3,41 +3,33 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import fields, replace
 from functools import partial
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
-from mrwork.base.units import COMMAND_SCALES, CommandUnit
+from mrwork.base.units import COMMAND_SCALES
 from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
 from mrwork.cli.derived import Collect, add_option_of, add_options_of, arguments_of, read_entry
-from mrwork.cli.identified import Identification
 from mrwork.cli.numbers import finite_number, named_path
 from mrwork.cli.options import add_out, add_repeated, add_threads, end_parser
-from mrwork.cli.output import in_words
 from mrwork.cli.own_models import is_own, own_model
-from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, add_observation, command_unit, nuisances_of
 from mrwork.cli.workers import add_workers, on_workers
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.identification.fit_file import others_content, read_fit
-from mrwork.identification.identify import identify_with
-from mrwork.identification.problem import start_from
-from mrwork.identification.progress import IdentificationInWords
 from mrwork.identification.settings import (
     FitSettings,
+    Fold,
     Search,
     has_generations,
     resize_search,
     search_named,
     searches,
 )
-from mrwork.records import DamperTest
-from mrwork.store.run_folder import FIT, LAWS, MODELS, NEAR_SETS, RANKING
-from mrwork.store.run_writer import RunAtWork
-from mrwork.uncertainty.bands.prediction import Fold
+
+if TYPE_CHECKING:
+    from mrwork.records import DamperTest
 
 _AUTO = "auto"
 
@@ -166,6 +158,9 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
 
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
+    # What identifies and writes the folder is slow to load, and the help does not need it.
+    from mrwork.cli.identified import Identification, fit_best_laws, fit_best_model
+
     settings = settings_of(options)
     several, law_is_auto = is_choice(options), _laws_are_chosen(options)
     if settings.ties and (several or law_is_auto):
@@ -206,33 +201,16 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
+    from mrwork.cli.identified import Identification, fit_model
+    from mrwork.identification.fit_file import read_fit
+    from mrwork.identification.problem import start_from
+
     (model,) = _models_of(options)
     plain = damper(model) if isinstance(model, str) else model
     verb = Identification.of(options, settings, plain.name, kept="the best fit")
     spec = _with_laws(plain, verb.tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     return fit_model(verb, spec, replace(settings, starts=starts))
-
-
-def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> int:
-    """Fit one model to the tests of a verb into its run folder, and show it; return the exit status."""
-    with RunAtWork(verb.frame.destination, note=note) as work:
-        journal = work.journal()
-        fit, status = verb.search(
-            lambda line: identify_with(
-                spec,
-                verb.tests,
-                settings,
-                threads=verb.frame.options.threads,
-                on_progress=line,
-                journal=journal,
-            ),
-            IdentificationInWords(),
-            before="any candidate was simulated",
-        )
-        journal.close()
-        verb.frame.note_complete(work)
-        return status if fit is None else verb.end(verb.with_command(fit), status, work=work)
 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
@@ -271,107 +249,3 @@ def is_choice(options: argparse.Namespace) -> bool:
     if several and options.starts:
         raise SettingError("--start gives one model's parameters; leave it out where models are compared")
     return several
-
-
-def fit_best_model(
-    verb: Identification,
-    models: Sequence[str | DamperSpec],
-    settings: FitSettings,
-    *,
-    laws: Mapping[str, LawName] | None = None,
-    unit: CommandUnit = "A",
-    lagged: bool = False,
-    leave_out: Fold = "test",
-) -> int:
-    """Fit and rank models; the run folder has the best, and the fits of all; return the exit status."""
-    # SciPy's optimisers are slow to load.
-    from mrwork.uncertainty.choice.choose import choose_model
-
-    if (status := verb.end_complete(RANKING)) is not None:
-        return status
-    with RunAtWork(verb.frame.destination, note=note) as work:
-        choice, status = verb.search(
-            lambda line: choose_model(
-                verb.tests,
-                models,
-                leave_out=leave_out,
-                laws=laws,
-                unit=unit,
-                lagged=lagged,
-                settings=settings,
-                threads=verb.frame.options.threads,
-                on_progress=line,
-                journal_of=work.step_journal,
-            ),
-            in_words,
-            before="any model was identified",
-        )
-        if choice is None:
-            return status
-        ranking, folder = choice.ranking, verb.frame.folder
-        fits = {fit.model: verb.with_command(fit) for fit in choice.fits}
-        paths = {name: f"{MODELS}/{name}/{FIT}" for name in fits}
-        best = fits[ranking.chosen]
-        return verb.end(
-            best,
-            status,
-            work=work,
-            grown=() if status == 0 else work.step_journals,
-            results=(ranking, best) if status == 0 else (ranking,),
-            document=asdict(ranking) | {"fits": {name: str(folder / path) for name, path in paths.items()}},
-            documents={
-                **{paths[name]: fit.as_dict() for name, fit in fits.items()},
-                RANKING: asdict(ranking),
-            },
-        )
-
-
-def fit_best_laws(
-    verb: Identification,
-    models: Sequence[str | DamperSpec],
-    settings: FitSettings,
-    *,
-    laws: Mapping[str, LawName] | None = None,
-    unit: CommandUnit = "A",
-    leave_out: Fold | None = None,
-) -> int:
-    """Choose the laws of one or several models; the run folder has their fit; return the exit status."""
-    # SciPy's optimisers are slow to load.
-    from mrwork.uncertainty.choice.laws import choose_laws
-
-    if (status := verb.end_complete(LAWS)) is not None:
-        return status
-    with RunAtWork(verb.frame.destination, note=note) as work:
-        choice, status = verb.search(
-            lambda line: choose_laws(
-                models,
-                verb.tests,
-                laws=laws,
-                unit=unit,
-                leave_out=leave_out,
-                settings=settings,
-                threads=verb.frame.options.threads,
-                on_progress=line,
-                journal_of=work.step_journal,
-            ),
-            in_words,
-            before="any laws were fitted",
-        )
-        if choice is None:
-            return status
-        table, fit = choice.table, verb.with_command(replace(choice.fit, seconds=choice.seconds))
-        if choice.others and not verb.frame.is_quiet:
-            note(
-                f"{len(choice.others)} other sets of laws predict nearly as well, within 1 point; predict and respond "
-                "say how far they are apart where the tests end"
-            )
-        return verb.end(
-            fit,
-            status,
-            work=work,
-            grown=() if status == 0 else work.step_journals,
-            results=(table, fit),
-            document=fit.document() | {"choice_of_laws": asdict(table)},
-            documents={LAWS: asdict(table)}
-            | ({NEAR_SETS: others_content(choice.others)} if choice.others else {}),
-        )

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
 from mrwork.base.keys import suggestion
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
@@ -17,15 +17,17 @@ from mrwork.cli.options import add_repeated
 from mrwork.cli.output import is_quiet, reading_line
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
-from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.residual import NuisanceName
 from mrwork.identification.settings import FitSettings
-from mrwork.records import DamperTest, ListedTest
 from mrwork.records.columns import parse_column_option
-from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, VALUES_IN_WORDS, RepairKind, as_words
-from mrwork.records.rig_table import EveryUse, Use, check_given_once, facts_of, files_not_read, listed_tests
+
+if TYPE_CHECKING:
+    from mrwork.identification.fit import Fit
+    from mrwork.identification.fit_file import OpenedRun
+    from mrwork.records import DamperTest
+    from mrwork.records.reading import Reading
+    from mrwork.records.rig_table import EveryUse, Use
 
 _NONE = "none"
 
@@ -93,6 +95,11 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
 
     A velocity that the tests of `fit` keep is kept.
     """
+    # Readers of records are slow to load, and the help does not need them.
+    from mrwork.records import ListedTest
+    from mrwork.records.reading import Reading, is_synthetic
+    from mrwork.records.rig_table import check_given_once, facts_of, files_not_read, listed_tests
+
     rows: list[ListedTest] = []
     for file in options.files:
         rows += [ListedTest(file=file)] if is_synthetic(file) else listed_tests([file], use=use)
@@ -132,6 +139,8 @@ def read_tests(
 
 def opened_run(options: argparse.Namespace) -> OpenedRun:
     """The run folder of the command line with its tests; reports progress in a line."""
+    from mrwork.identification.fit_file import reopen
+
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reopen(options.run_folder, on_read=on_read)
 

@@ -140,6 +140,9 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
 # What makes the final fit: our minimisation, all starts in lanes, or that of optimistix through JAX.
 Engine = Literal["lanes", "optimistix"]
 
+Fold = Literal["test", "motion", "command"]
+"""Tests that are left out together: each by itself, all of one amplitude and frequency, all at one command."""
+
 # Values of parameters by name.
 Start = Mapping[str, float]
 

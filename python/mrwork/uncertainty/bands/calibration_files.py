@@ -21,6 +21,7 @@ from mrwork.base.values import freeze_samples
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
+from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest, Observation
 from mrwork.records.likeness import RecordedMotion, alike_groups
 from mrwork.store.codec import built, digest_of, json_document
@@ -33,7 +34,7 @@ from mrwork.uncertainty.bands.conformal import (
     calibrate,
     measured_coverage,
 )
-from mrwork.uncertainty.bands.prediction import Fold, Prediction, folds_of, predict_left_out, rests_of
+from mrwork.uncertainty.bands.prediction import Prediction, folds_of, predict_left_out, rests_of
 
 if TYPE_CHECKING:
     from mrwork.identification.progress import Progress

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal
+from typing import ClassVar
 from warnings import warn
 
 import numpy as np
@@ -22,13 +22,11 @@ from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
 from mrwork.identification.result import explain_failures, fit_quality, free_run, rms
+from mrwork.identification.settings import Fold as Fold
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.damper_test import same_commands
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
-
-Fold = Literal["test", "motion", "command"]
-"""Unit that is left out: each test by itself, all of one amplitude and frequency, all at one current or voltage."""
 
 IN_WORDS: dict[Fold, str] = {
     "test": "each predicted without itself",

@@ -36,13 +36,13 @@ from mrwork.identification.minimise.level_search import (
 from mrwork.identification.progress import interruptible
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.result import BuildingCost
-from mrwork.identification.settings import FitSettings, Start
+from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 from mrwork.records.repairs import NONE
 from mrwork.records.window import middle_excerpt
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.bands.prediction import Fold, folds_of, rests_of
+from mrwork.uncertainty.bands.prediction import folds_of, rests_of
 from mrwork.uncertainty.choice.folded_tests import FoldedFit, FoldedTests
 from mrwork.uncertainty.choice.law_promise import LinearisedTests
 from mrwork.uncertainty.choice.law_table import TriedLaws, laws_in_words

@@ -29,12 +29,11 @@ from mrwork.identification.identify import identify_from, identify_with
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
-from mrwork.identification.settings import FitSettings
+from mrwork.identification.settings import FitSettings, Fold
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, loading_of
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.choose import (
     ChoiceProgress,
     Steps,

@@ -18,8 +18,9 @@ from mrwork.base.values import Floats
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.minimise.multistart import command_of
+from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest
-from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, folds_of, predict_test, rests_of
+from mrwork.uncertainty.bands.prediction import IN_WORDS, folds_of, predict_test, rests_of
 
 # Weight of what lies beyond the tests that remain, in the mean error.
 _OUTSIDE = 0.5
