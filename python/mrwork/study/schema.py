@@ -640,8 +640,6 @@ class StudyTable:
 def schema_text() -> str:
     """Every table with its keys, their meanings, units and defaults, for `mrwork respond --schema`."""
     return "\n\n".join(
-        "\n".join(
-            [*heading_lines(heading or "at the top", prose_of(kind)), *key_lines(keys_in_words(kind))]
-        )
+        "\n".join([*heading_lines(heading or "at the top", prose_of(kind)), *key_lines(keys_in_words(kind))])
         for heading, kind in tables(StudyTable)
     )

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,9 +99,7 @@ class LevelFit(Summarised):
     minima: Annotated[Floats, Shape(("n_minima", "n_plain"))]
 
 
-def points_of_laws(
-    problem: Problem, search: Multistart | Optimiser, *, call: Identifying
-) -> StartingPoints:
+def points_of_laws(problem: Problem, search: Multistart | Optimiser, *, call: Identifying) -> StartingPoints:
     """Starting points from the tests at constant commands if these determine the laws, else from all tests."""
     if has_levels(problem.form.spec, problem.objective.tests):
         return points_from_levels(problem, search, call=call)
@@ -610,9 +608,7 @@ def relative_force(spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Fl
     return np.asarray(line / np.mean(line))
 
 
-def points_from_scaled_forces(
-    problem: Problem, search: Optimiser, *, call: Identifying
-) -> StartingPoints:
+def points_from_scaled_forces(problem: Problem, search: Optimiser, *, call: Identifying) -> StartingPoints:
     """Starting points by a search of plain parameters, with laws in proportion to the measured force.
 
     The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show
