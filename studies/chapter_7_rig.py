@@ -214,7 +214,7 @@ def damper_tests(records: Any, harmonics: int = HARMONICS) -> list[mr.DamperTest
 
 def fitted_to(tests: Any, *, bounded: bool = True) -> mr.Fit:
     """The current laws of the static hysteretic model; x_s stays between what the sensor resolves and 1 mm."""
-    bounds = {"x_s": (1e-5, 1e-3)} if bounded else None
+    bounds = {"x_s": (1e-5, 1e-3)} if bounded else {}
     return mr.identify(MODEL, tests, bounds=bounds, rng=0, threads=script.threads)
 
 
