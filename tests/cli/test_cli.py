@@ -136,3 +136,10 @@ def test_importing_and_asking_for_help_load_nothing_heavy() -> None:
     shows_help = f"from mrwork.cli.door import parser\nparser().format_help()\n{check}"
     helped = ran(sys.executable, "-c", shows_help, check=True)
     assert helped.stdout.strip() == "[]"
+    heavy = "{'jax', 'matplotlib', 'scipy', 'emcee', 'h5py', 'optimistix', 'jinja2', 'arviz'}"
+    of_verbs = (
+        "import sys\nfrom mrwork.cli.door import whole_parser\nwhole_parser()\n"
+        f"print(sorted({heavy} & set(sys.modules)))"
+    )
+    helped = ran(sys.executable, "-c", of_verbs, check=True)
+    assert helped.stdout.strip() == "[]"
