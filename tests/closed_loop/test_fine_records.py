@@ -22,7 +22,7 @@ from mrwork.closed_loop import (
 from mrwork.closed_loop.simulate import GainChanges, LoopVariation
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.twins.loop_stepping import half_steps, stage_values
+from mrwork.twins.loop_ground import half_steps, stage_values
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 

@@ -1,4 +1,4 @@
-"""What loops with dampers of the user, which run by the twin, do not have."""
+"""What loops in JAX, as those with dampers of the user, do not have."""
 
 from __future__ import annotations
 
@@ -11,14 +11,27 @@ from mrwork.control.laws.control_law import control_laws
 OWN_LAWS = (
     "passive", "proportional_direct", "signal_network", "clipped_optimal", "modified_clipped_optimal", "lyapunov",
 )  # fmt: skip
-"""Laws of the registry that loops with dampers of the user have: those of `LAWS` in `twins/own_loop.py`."""
+"""Laws of the registry that loops in JAX have: those of `LAWS` in `twins/loop_laws.py`."""
+
+
+def lacking_in_twin(building: Building, hardware: Hardware, law: str) -> list[str]:
+    """What a loop in JAX does not have, in words; `law` is what it is called, empty for a table of commands."""
+    noisy = any(noise or resolution for noise, resolution in hardware.sensors)
+    return [
+        name
+        for name, wanted in (
+            (f"the law {law}", law not in ("", *OWN_LAWS)),
+            ("passive elements, yield or P-delta", bool(building.elements or building.nonlinear)),
+            ("an observer", hardware.feedback != "state"),
+            ("sensors with noise or a resolution", noisy),
+            ("faults", bool(hardware.faults)),
+        )
+        if wanted
+    ]
 
 
 def beyond_twin(
-    building: Building,
-    devices: Sequence[Device],
-    hardware: Hardware,
-    law: str = "passive",
+    building: Building, devices: Sequence[Device], hardware: Hardware, law: str = "passive"
 ) -> str:
     """A sentence on what a loop with dampers of the user does not have; empty where nothing is in the way.
 
@@ -27,18 +40,7 @@ def beyond_twin(
     actuators = any(spec.name == law and spec.commands_force for spec in control_laws())
     if actuators or not devices or devices[0].spec.own is None:
         return ""
-    noisy = any(noise or resolution for noise, resolution in hardware.sensors)
-    lacking = [
-        name
-        for name, wanted in (
-            (f"the law {law}", law not in OWN_LAWS),
-            ("passive elements, yield or P-delta", bool(building.elements or building.nonlinear)),
-            ("an observer", hardware.feedback != "state"),
-            ("sensors with noise or a resolution", noisy),
-            ("faults", bool(hardware.faults)),
-        )
-        if wanted
-    ]
+    lacking = lacking_in_twin(building, hardware, law)
     if not lacking:
         return ""
     return (

@@ -328,24 +328,23 @@ def _respond(
 def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *, histories: bool) -> Any:
     """Runs of dampers of the user, as `_rust.respond` gives those of others."""
     # JAX is needed for these dampers only.
-    from mrwork.twins.own_loop import OwnLoop, respond
+    from mrwork.twins.loop import MATRICES, LoopDevice, believed_devices
+    from mrwork.twins.own_loop import OwnLoop, OwnRuns, respond
 
     loop, law, hardware = core.loop, core.loop.law, core.loop.hardware
     gains, start = {}, 0
     for gain in law.spec.gains:
-        if gain.name in law.gains:
-            shape = gain.shape_for(len(loop.devices), 2 * loop.building.n_coordinates)
-            columns = given.gains[:, start : start + math.prod(shape)]
-            gains[gain.name] = columns.reshape(len(given.gains), *shape)
-            start += columns.shape[1]
-    names = ("mass", "damping", "stiffness", "influence", "floors", "storeys", "unit_drifts", "heights")
-    curve = law.curve
+        shape = gain.shape_for(len(loop.devices), 2 * loop.building.n_coordinates)
+        columns = given.gains[:, start : start + math.prod(shape)]
+        gains[gain.name] = columns.reshape(len(given.gains), *shape)
+        start += columns.shape[1]
+    devices = tuple(LoopDevice.of(each) for each in loop.devices)
     layouts = core.building.summary_layout, core.building.history_layout
     own = OwnLoop(
-        matrices={name: np.asarray(getattr(loop.building, name), dtype=np.float64) for name in names},
+        matrices={name: np.asarray(getattr(loop.building, name), dtype=np.float64) for name in MATRICES},
         varied=loop.varied,
-        dampers=loop.devices,
-        believed=curve and [replace(device, spec=curve[0], theta=curve[1]) for device in loop.devices],
+        devices=devices,
+        believed=believed_devices(devices, law.curve),
         largest=np.array([device.largest_command for device in loop.devices]),
         law=law.name,
         motions=core.waves,
@@ -356,7 +355,7 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
         step_factor=loop.step_factor,
         widths=(sum(count for _, count in layouts[0]), sum(count for _, count in layouts[1])),
     )
-    return respond(own, runs, gains, given.shaping, given.theta[0], histories=histories)
+    return respond(own, OwnRuns(runs, gains, given.shaping, given.theta[0]), histories=histories)
 
 
 def respond_alone(core: _Core, runs: RunsOfLoop) -> list[NDArray[Any]]:

@@ -7,3 +7,7 @@ from ..tuning.traced_score import StudyScore as StudyScore
 from ..tuning.traced_score import study_score as study_score
 from ..twins.traced_function import TracedFunction as TracedFunction
 from ..uncertainty.traced_likelihood import log_likelihood as log_likelihood
+from .traced_loop import Loop as Loop
+from .traced_loop import LoopInputs as LoopInputs
+from .traced_loop import LoopOutputs as LoopOutputs
+from .traced_loop import loop as loop

@@ -1,4 +1,4 @@
-"""Control laws of the loop in JAX, which commands dampers of users: a `NamedTuple` of numbers with a method `command`.
+"""Control laws of the loop in JAX: a `NamedTuple` of numbers with a method `command`.
 
 f is the force of a device [N], s = [q; q'] the state.
 """
@@ -6,47 +6,52 @@ f is the force of a device [N], s = [q; q'] the state.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.twins.loop_stepping import Law, Measurement
+from mrwork.base.values import array_dataclass
 
 Gains = Mapping[str, Array]
 
 
-class LyapunovDirect(NamedTuple):
-    """`i = sat(-kappa sigma G)`, sigma = s'P B, `weight` (2n, n_devices): the thesis' first controller, made smooth."""
+@array_dataclass()
+class Measurement:
+    """Measurements for a law at a control sample: one entry per device, and the state s, shape (2n,).
 
-    kappa: Array
-    weight: Array
-
-    def command(self, measured: Measurement) -> Array:
-        """In proportion to the reduction of s'P s by the current."""
-        return -self.kappa * (measured.state @ self.weight) * measured.slope()
-
-
-class SignalNetwork(NamedTuple):
-    """`i = i_max (1 + tanh(b + sum_k v_k (tanh(b_k + w_k'c) + tanh(b_k - w_k'c)))) / 2`, c = (d, d', f, f_c).
-
-    f_c is -K s; `gain` is K, shape (n_devices, 2n); `network` has a row for each device: b_k, w_k and v_k of each
-    unit, last b.
+    The elongation of a device [m], its rate [m/s], its force [N], the forces at other coil currents, and the commands
+    of the sample where they are prescribed.
     """
 
-    gain: Array
-    network: Array
+    state: Array
+    deformation: Array
+    rate: Array
+    force: Array
+    force_at: Callable[[Array], Array]
+    largest: Array
+    prescribed: Array | None
+
+    def slope(self) -> Array:
+        """G of f(i) = F0 + G i + H i^2 through the forces at 0, half and the largest command, shape (n_devices,)."""
+        none, middle, full = (self.force_at(share * self.largest) for share in (0.0, 0.5, 1.0))
+        return (4.0 * middle - full - 3.0 * none) / self.largest
+
+
+class Law(Protocol):
+    """A control law."""
 
     def command(self, measured: Measurement) -> Array:
-        """A share of the largest command."""
-        wanted = -self.gain @ measured.state
-        signals = jnp.stack([measured.deformation, measured.rate, measured.force, wanted], axis=1)
-        n_signals = signals.shape[1]
-        units = self.network[:, :-1].reshape(len(self.network), -1, n_signals + 2)
-        bias, weights, output = units[..., 0], units[..., 1:-1], units[..., -1]
-        inner = jnp.einsum("dks,ds->dk", weights, signals)
-        even = jnp.tanh(bias + inner) + jnp.tanh(bias - inner)
-        return 0.5 * measured.largest * (1.0 + jnp.tanh(self.network[:, -1] + jnp.sum(output * even, axis=1)))
+        """Command of each device, shape (n_devices,); the loop holds it between 0 and the largest."""
+
+
+class _Prescribed(NamedTuple):
+    """Commands of a table."""
+
+    def command(self, measured: Measurement) -> Array:
+        """The commands of the sample."""
+        assert measured.prescribed is not None
+        return measured.prescribed
 
 
 class _Constant(NamedTuple):
@@ -82,12 +87,46 @@ class _Lyapunov(NamedTuple):
         return jnp.where(-(measured.state @ self.weight) * measured.force > 0.0, measured.largest, 0.0)
 
 
+class _ProportionalDirect(NamedTuple):
+    """`i = sat(-kappa sigma G)`, sigma = s'P B, `weight` (2n, n_devices): the thesis' first controller, made smooth."""
+
+    kappa: Array
+    weight: Array
+
+    def command(self, measured: Measurement) -> Array:
+        """In proportion to the reduction of s'P s by the current."""
+        return -self.kappa * (measured.state @ self.weight) * measured.slope()
+
+
+class _SignalNetwork(NamedTuple):
+    """`i = i_max (1 + tanh(b + sum_k v_k (tanh(b_k + w_k'c) + tanh(b_k - w_k'c)))) / 2`, c = (d, d', f, f_c).
+
+    f_c is -K s; `gain` is K, shape (n_devices, 2n); `network` has a row for each device: b_k, w_k and v_k of each
+    unit, last b.
+    """
+
+    gain: Array
+    network: Array
+
+    def command(self, measured: Measurement) -> Array:
+        """A share of the largest command."""
+        wanted = -self.gain @ measured.state
+        signals = jnp.stack([measured.deformation, measured.rate, measured.force, wanted], axis=1)
+        n_signals = signals.shape[1]
+        units = self.network[:, :-1].reshape(len(self.network), -1, n_signals + 2)
+        bias, weights, output = units[..., 0], units[..., 1:-1], units[..., -1]
+        inner = jnp.einsum("dks,ds->dk", weights, signals)
+        even = jnp.tanh(bias + inner) + jnp.tanh(bias - inner)
+        return 0.5 * measured.largest * (1.0 + jnp.tanh(self.network[:, -1] + jnp.sum(output * even, axis=1)))
+
+
 LAWS: Mapping[str, Callable[[Gains], Law]] = {
-    "proportional_direct": lambda gains: LyapunovDirect(kappa=gains["slope"], weight=gains["weight"].T),
-    "signal_network": lambda gains: SignalNetwork(gain=gains["gain"], network=gains["network"]),
     "passive": lambda gains: _Constant(gains["command"]),
     "clipped_optimal": lambda gains: _ClippedOptimal(gains["gain"]),
     "modified_clipped_optimal": lambda gains: _ClippedOptimal(gains["gain"], gains["full_force"]),
     "lyapunov": lambda gains: _Lyapunov(gains["weight"].T),
+    "proportional_direct": lambda gains: _ProportionalDirect(gains["slope"], gains["weight"].T),
+    "signal_network": lambda gains: _SignalNetwork(gains["gain"], gains["network"]),
+    "": lambda _: _Prescribed(),
 }
-"""Laws of the runs, by the name of the law in the core: the law of the twin from its gains."""
+"""Laws by the name of the law in the core, from their gains; the empty name is that of a table of commands."""

@@ -1,0 +1,347 @@
+"""The closed loop as a function of JAX: numbers of the law, parameters, matrices, ground and commands are operands."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from mrwork import _rust
+from mrwork.base.arguments import checked
+from mrwork.base.hints import Within
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.values import Floats
+from mrwork.buildings.matrices import Building, Device
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.own_runs import lacking_in_twin
+from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.errors import SettingError
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.twins.loop import (
+    MATRICES,
+    STRETCH,
+    Devices,
+    LoopDevice,
+    LoopPlant,
+    LoopResult,
+    LoopRun,
+    believed_devices,
+    simulate,
+    with_theta,
+)
+from mrwork.twins.loop_ground import stage_values
+from mrwork.twins.loop_laws import LAWS
+from mrwork.twins.models import on_processor
+from mrwork.twins.own_batches import power_of_two
+
+_PRESCRIBED = ""
+# What a step of a sample may be multiplied by, as the core does.
+_MOST_STEPS = 10_000
+
+
+class LoopInputs(NamedTuple):
+    """What a loop has derivatives in, a pytree: change it by `_replace`, and give it to the loop.
+
+    `gains` are the numbers of the law by name, `theta` the parameters of each device, (n_params,), `mass` [kg],
+    `damping` [N s/m] and `stiffness` [N/m] the matrices of the building, (n, n), `acceleration` that of the ground at
+    the samples of the motion, (n_time,) [m/s^2], and `commands` those of a table, (n_samples, n_devices) [A or V].
+    """
+
+    gains: dict[str, Any]
+    theta: tuple[Any, ...]
+    mass: Any
+    damping: Any
+    stiffness: Any
+    acceleration: Any
+    commands: Any = None
+
+
+class LoopOutputs(NamedTuple):
+    """Results of a loop, a pytree of arrays with the names, shapes and units of `mr.simulate_loop`.
+
+    `numbers` are quantities of the run, as "peak_drift", (n_storeys,) [m]; `history` has the signals at the control
+    samples and at the end, as "drift", (n_samples + 1, n_storeys) [m].
+    """
+
+    numbers: dict[str, Array]
+    history: dict[str, Array]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Loop(Summarised):
+    """A controlled building as a function of `LoopInputs` for JAX, see `mr.jax.loop`.
+
+    Attributes
+    ----------
+    inputs
+        Those of the building, the devices, the law and the motion that it was made of.
+    steps
+        Integration steps of a control sample.
+    time
+        Time of the history [s], shape (n_samples + 1,).
+    """
+
+    _made_by: ClassVar[str] = "mr.jax.loop(building, devices, law, motion)"
+
+    inputs: LoopInputs
+    steps: int
+    time: Floats
+    law: str
+    dt: float
+    hardware: Hardware
+    matrices: dict[str, Floats]
+    devices: Devices
+    believed: Devices | None
+    largest: Floats
+    shaping: tuple[float, float]
+
+    def __call__(self, inputs: LoopInputs | None = None, *, histories: bool = True) -> LoopOutputs:
+        """The results for inputs, its own by default; without `histories` the history is empty."""
+        given, hardware, steps = self.inputs if inputs is None else inputs, self.hardware, self.steps
+        n_samples = len(self.time) - 1
+        n_kept = power_of_two(n_samples, STRETCH)
+        delay = hardware.delay_steps * (steps // hardware.steps)
+        dead_zone, slope = self.shaping
+        with on_processor():
+            ground = stage_values(
+                given.acceleration, self.dt, hardware.sample_time / steps, n_samples * steps
+            )
+            commands = given.commands
+            if commands is not None:
+                sent = jnp.asarray(commands)[:n_samples]
+                commands = jnp.pad(sent, ((0, n_kept - len(sent)), (0, 0)), mode="edge")
+            found = _simulate(
+                given._replace(acceleration=None, commands=None),
+                jnp.pad(ground.ravel(), (0, 3 * steps * (n_kept - n_samples))),
+                commands,
+                {name: self.matrices[name] for name in MATRICES[3:]},
+                self.devices,
+                self.believed,
+                self.largest,
+                (dead_zone, min(slope, hardware.command_rate) * hardware.sample_time),
+                hardware.sample_time,
+                n_samples,
+                law=self.law,
+                steps=steps,
+                n_kept=n_kept,
+                delay=delay,
+                histories=histories,
+            )
+            return LoopOutputs(found.numbers, self._history(found, n_samples) if histories else {})
+
+    def _history(self, found: LoopResult, n_samples: int) -> dict[str, Array]:
+        """Signals by name, from the rows in the order of the core."""
+        n, widths = len(self.inputs.mass), Counter(run=1, device=len(self.devices))
+        widths.update(state=2 * n, floor=len(self.matrices["floors"]), storey=len(self.matrices["storeys"]))
+        signals = [(name, axis) for name, axis, *_ in _rust.history_signals()]
+        rows = jnp.concatenate([found.rows[:n_samples], found.end[None]])
+        parts = jnp.split(rows, np.cumsum([widths[axis] for _, axis in signals])[:-1], axis=1)
+        return {name: part for (name, axis), part in zip(signals, parts, strict=True) if widths[axis]}
+
+    def _summary(self) -> Summary:
+        inputs = self.inputs._asdict() | {f"gains {name}": each for name, each in self.inputs.gains.items()}
+        inputs |= {f"theta {number}": each for number, each in enumerate(self.inputs.theta)}
+        shapes = {name: np.shape(each) for name, each in inputs.items() if name not in ("gains", "theta")}
+        return Summary(
+            title=f"Closed loop for JAX, {self.law or 'prescribed commands'}",
+            facts=(
+                ("samples", f"{len(self.time) - 1} of {self.hardware.sample_time:g} s"),
+                ("steps of a sample", str(self.steps)),
+            ),
+            columns=("input", "shape"),
+            rows=[(name, str(shape)) for name, shape in shapes.items() if inputs[name] is not None],
+        )
+
+
+@partial(jax.jit, static_argnames=("law", "steps", "n_kept", "delay", "histories"))
+def _simulate(
+    inputs: LoopInputs,
+    ground: Array,
+    commands: Array | None,
+    matrices: dict[str, Array],
+    devices: Devices,
+    believed: Devices | None,
+    largest: Array,
+    shaping: tuple[float, float],
+    sample_time: float,
+    n_samples: int,
+    *,
+    law: str,
+    steps: int,
+    n_kept: int,
+    delay: int,
+    histories: bool,
+) -> LoopResult:
+    own = {"mass": inputs.mass, "damping": inputs.damping, "stiffness": inputs.stiffness}
+    run = LoopRun(
+        plant=LoopPlant.of(own | matrices),
+        devices=with_theta(devices, inputs.theta),
+        believed=believed,
+        law=LAWS[law](inputs.gains),
+        largest=largest,
+        dead_zone=shaping[0],
+        furthest=shaping[1],
+        delay=delay,
+        sample_time=sample_time,
+        ground=ground,
+    )
+    depth = 1 + -(-delay // steps)
+    return simulate(
+        run, n_samples, steps, n_kept=n_kept, depth=depth, prescribed=commands, histories=histories
+    )
+
+
+@checked
+def loop(
+    building: Building,
+    devices: Sequence[Device],
+    law: ControlLaw | Floats,
+    motion: GroundMotion,
+    hardware: Hardware | None = None,
+    *,
+    steps: Annotated[int, Within(least=1, most=_MOST_STEPS)] | None = None,
+) -> Loop:
+    """The closed loop of a building with dampers as a function for JAX, by the equations of `mr.simulate_loop`.
+
+    It has derivatives, forward and in reverse, in everything of `LoopInputs`, goes into `jax.jit` and `jax.vmap`, and
+    its results agree with those of the core to rounding. In reverse mode the states of every 128th control sample are
+    kept. One compilation serves all motions of about one length. Commands of laws that switch jump with their numbers,
+    so that derivatives in these say nothing.
+
+    Parameters
+    ----------
+    building
+        Without passive elements, yield and P-delta; with coordinates and storeys of any kind.
+    devices
+        Dampers of the package or of the user, each of a model of its own. Of draws the first counts.
+    law
+        A law with one candidate: passive, clipped_optimal, modified_clipped_optimal, lyapunov, proportional_direct or
+        signal_network; or commands at the control samples, shape (n_samples, n_devices) [A or V], of which the last
+        is held until the end.
+    motion
+        Its acceleration is an input; its step is not.
+    hardware
+        Sample time, delay and limit of the rate; with an ideal feedback of the state.
+    steps
+        Integration steps of a control sample, a multiple of those of the hardware; by default those that
+        `mr.simulate_loop` takes.
+
+    Returns
+    -------
+    Loop
+        A function of `LoopInputs`, whose `inputs` are those of these arguments. It returns `LoopOutputs`.
+
+    Raises
+    ------
+    SettingError
+        If the loop in JAX does not have the law, or something of the building or the hardware.
+
+    Examples
+    --------
+    >>> import jax
+    >>> import mrwork as mr
+    >>> frame, rd1005 = mr.building("uts"), mr.damper("static_hysteretic").preset("kwok2006")
+    >>> damper = mr.Device(
+    ...     name="storey 1", spec=rd1005.spec, theta=rd1005.theta, row=frame.storeys[0], largest_command=1.88
+    ... )
+    >>> half = mr.ControlLaw(name="passive", gains={"command": [0.94]})
+    >>> loop = mr.jax.loop(frame, [damper], half, mr.synthetic_motion(duration=2.0))
+    >>> def rms_drift(inputs):
+    ...     return loop(inputs, histories=False).numbers["rms_drift"][0]
+    >>> value, slope = jax.value_and_grad(rms_drift)(loop.inputs)
+    >>> slope.gains["command"].shape, slope.theta[0].shape, slope.stiffness.shape
+    ((1,), (12,), (5, 5))
+    """
+    hardware = Hardware() if hardware is None else hardware
+    name = law.name if isinstance(law, ControlLaw) else _PRESCRIBED
+    if not devices:
+        raise SettingError("the loop in JAX has at least one device; give one")
+    if held := [device.name for device in devices if device.command is not None]:
+        raise SettingError(
+            f"the loop in JAX sends its own commands to {list_names(held)}; leave `command` of the device out, and give a "
+            "table of commands for all"
+        )
+    if lacking := lacking_in_twin(building, hardware, name):
+        raise SettingError(
+            f"the loop in JAX cannot have {', or '.join(lacking)}; simulate it by mr.simulate_loop"
+        )
+    n_samples = max(int(motion.duration / hardware.sample_time * (1.0 + 1e-12)), 1)
+    largest = np.array([device.largest_command for device in devices])
+    own = tuple(LoopDevice.of(each) for each in devices)
+    gains, believed, shaping, commands = {}, None, (0.0, np.inf), None
+    if isinstance(law, ControlLaw):
+        if len(law.gain_rows(len(devices), 2 * building.n_coordinates)) != 1:
+            raise SettingError(f"the gains of {name} are of several candidates; give those of one")
+        shapes = {
+            gain.name: gain.shape_for(len(devices), 2 * building.n_coordinates) for gain in law.spec.gains
+        }
+        gains = {
+            key: np.reshape(np.asarray(law.gains[key], dtype=float), shape) for key, shape in shapes.items()
+        }
+        believed = believed_devices(own, law.curve)
+        shaping = law.shaping or shaping
+    else:
+        commands = law
+        if law.ndim != 2 or not len(law) or law.shape[1] != len(devices):
+            raise SettingError(
+                f"`law` has shape {law.shape}; give commands (n_samples, {len(devices)}), or a law"
+            )
+    if steps is None:
+        steps = _steps_of(building, devices, law, motion, hardware)
+    if steps % hardware.steps:
+        raise SettingError(
+            f"`steps` is {steps}; give a multiple of {hardware.steps}, the steps of the hardware"
+        )
+    matrices = {each: np.asarray(getattr(building, each), dtype=np.float64) for each in MATRICES}
+    return Loop(
+        inputs=LoopInputs(
+            gains=gains,
+            theta=tuple(each.theta for each in own),
+            **{each: matrices[each] for each in MATRICES[:3]},
+            acceleration=np.asarray(motion.acceleration, dtype=np.float64),
+            commands=commands,
+        ),
+        steps=steps,
+        time=hardware.sample_time * np.arange(n_samples + 1, dtype=np.float64),
+        law=name,
+        dt=motion.dt,
+        hardware=hardware,
+        matrices=matrices,
+        devices=own,
+        believed=believed,
+        largest=largest,
+        shaping=shaping,
+    )
+
+
+def _steps_of(
+    building: Building,
+    devices: Sequence[Device],
+    law: ControlLaw | Floats,
+    motion: GroundMotion,
+    hardware: Hardware,
+) -> int:
+    """Integration steps of a sample that `simulate_loop` takes; for a table those of its mean commands."""
+    models = list(dict.fromkeys(device.spec.without_laws.name for device in devices))
+    if len(models) > 1 and any(device.spec.own for device in devices):
+        raise SettingError(
+            f"the devices are of {list_names(models)}; give `steps`, those of a control sample"
+        )
+    if not isinstance(law, ControlLaw):
+        law = ControlLaw(name="passive", gains={"command": law.mean(axis=0)})
+    run = simulate_loop(
+        building, [replace(each, theta=each.draws[0]) for each in devices], law, [motion], hardware
+    )
+    if not run.steps[0]:
+        raise SettingError(
+            "the loop is too stiff for its step; give a shorter `step` of the hardware, or `steps`"
+        )
+    return int(run.steps[0])
