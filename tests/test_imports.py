@@ -25,6 +25,7 @@ HOMES = {
         "identification.minimise.by_optimistix",
         "identification.traced",
         "identification.traced_twin",
+        "jax.traced_loop",
         "tuning.traced_score",
         "uncertainty.traced_likelihood",
     ),

@@ -266,8 +266,8 @@ def loop(
         raise SettingError("the loop in JAX has at least one device; give one")
     if held := [device.name for device in devices if device.command is not None]:
         raise SettingError(
-            f"the loop in JAX sends its own commands to {list_names(held)}; leave `command` of the device out, and give "
-            "a table of commands for all"
+            f"the loop in JAX sends its own commands to {list_names(held)}; leave out the `command` of the device, and "
+            "give a table of commands for all"
         )
     if lacking := lacking_in_twin(building, hardware, name):
         raise SettingError(
