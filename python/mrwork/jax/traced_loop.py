@@ -258,7 +258,7 @@ def loop(
     ...     return loop(inputs, histories=False).numbers["rms_drift"][0]
     >>> value, slope = jax.value_and_grad(rms_drift)(loop.inputs)
     >>> slope.gains["command"].shape, slope.theta[0].shape, slope.stiffness.shape
-    ((1,), (12,), (5, 5))
+    ((1,), (13,), (5, 5))
     """
     hardware = Hardware() if hardware is None else hardware
     name = law.name if isinstance(law, ControlLaw) else _PRESCRIBED
