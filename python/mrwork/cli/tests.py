@@ -183,4 +183,6 @@ def _repair(text: str) -> tuple[RepairKind, float | None]:
     for kind in REPAIR_KINDS:
         if kind == name:
             return kind, finite_number(amount) if equals else None
-    raise argparse.ArgumentTypeError(f"{text!r}{suggestion(name, REPAIR_KINDS, otherwise='give one of')}")
+    raise argparse.ArgumentTypeError(
+        f"{name!r} is no repair{suggestion(name, REPAIR_KINDS, otherwise='give one of')}"
+    )
