@@ -84,7 +84,7 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
         } else {
             batch.timing().ok().flatten().and_then(|(model, timing)| {
                 let gains = Gains { spec: law.spec(), columns: &columns, tables, sizes };
-                plan(model, timing, &gains, ranges)
+                plan(&model, timing, &gains, ranges)
             })
         };
         let delay = runs.iter().map(|&run| batch.delay_of(run)).max().unwrap_or(0);

@@ -27,7 +27,7 @@ impl LoopModel<'_> {
             }
         }
         for group in &self.dampers {
-            if !group.n_draws().is_some_and(|count| count > 0) {
+            if group.n_draws().is_none_or(|count| count == 0) {
                 let (name, found) = ("theta of the controller's model", group.theta.len());
                 let expected = group.mountings.len() * group.laws.n_columns();
                 return Err(DynamicsError::MatrixSize { name, found, expected });

@@ -23,12 +23,12 @@ const LONGEST_HORIZON: f64 = 1.0;
 
 /// The rollout of a loop before the first sample; `None` for a model of dampers that is not registered.
 pub(crate) fn plan<'a, R: Lanes + 'a>(
-    model: LoopModel<'a>,
+    model: &LoopModel<'a>,
     timing: Timing,
     gains: &Gains<'_, R>,
     ranges: &[[f64; 2]],
 ) -> Option<Box<Planner<'a, R>>> {
-    let (prediction, copied) = (Prediction::of(&model)?, devices(&model)?);
+    let (prediction, copied) = (Prediction::of(model)?, devices(model)?);
     let mut planner = None;
     R::out_of_line(NewPlanner { timing, gains, ranges, prediction, copied, planner: &mut planner });
     planner
