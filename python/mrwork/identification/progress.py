@@ -13,7 +13,7 @@ import numpy as np
 
 from mrwork.base.numbers import duration_in_words, format_rate
 from mrwork.base.progress import ProgressReport
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.store.long_call import LongCall
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ class Progress(ProgressReport):
         return describe_progress(self, self, None)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@array_dataclass()
 class Found:
     """What a search has found: its `best` point, (n_params,), its trace, and the numbers of the latest iteration.
 

@@ -75,7 +75,8 @@ class LoopOutputs(NamedTuple):
     history: dict[str, Array]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+# JAX keeps functions by weak references, and ends the process where there can be none.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
 class Loop(Summarised):
     """A controlled building as a function of `LoopInputs` for JAX, see `mr.jax.loop`.
 
