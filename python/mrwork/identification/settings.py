@@ -169,7 +169,7 @@ class FitSettings:
         Also start the final fit from these values, by parameter name; `start_from` takes them from an earlier fit. A
         parameter that is not named has the value of the best point found; a value outside the bounds is moved inside.
     ties
-        Tie a parameter to an expression of others, as k to ``2*c``: numbers, parameters, parentheses and ``+ - * / **``;
+        Tie a parameter to an expression of others, as k to ``2*c``: numbers, parameters, parentheses, ``+ - * / **``;
         for one model whose parameters are constant. In Python a mapping such as {"k": "2*c"}. Tied parameters are not
         searched; each stays inside its bounds, and its standard error follows from those of the others.
     force_exponent
