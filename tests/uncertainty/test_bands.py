@@ -8,9 +8,10 @@ from refusals import refusal
 
 from mrwork import identify
 from mrwork.dampers import damper
+from mrwork.dampers.simulation import simulate_forces
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, Likeness, Outside
-from mrwork.records.damper_test import range_of_tests
+from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import (
     Band,
@@ -28,7 +29,6 @@ from mrwork.uncertainty.bands.band import (
     errors_over_cycles,
     next_test_quantile,
     pooled_quantile,
-    simulate_draws,
 )
 from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import alike_remark, has_regular_cycles
@@ -251,7 +251,7 @@ def test_parameter_band_shrinks_with_the_draws_and_the_noise_band_does_not() -> 
     widths = {}
     for spread in (0.02, 0.002):
         draws = np.array(spec.nominal) * (1.0 + spread * rng.standard_normal((200, len(spec.parameters))))
-        forces = simulate_draws(spec, draws, test)
+        forces = simulate_forces(spec, draws, loading_of(test, spec).history()).force
         deviation = float(np.std(forces))
         noisy = noise_band(forces, np.full((200, 1), 0.1), NOISES["iid"], 0.9, deviation=deviation, rng=rng)
         widths[spread] = [

@@ -16,8 +16,8 @@ from functools import partial
 from typing import Any
 
 from mrwork.base import hints as nodes
+from mrwork.base.declaring import parameter_texts
 from mrwork.base.hints import Node, fields_of, nodes_of
-from mrwork.base.parameters import parameter_texts
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, OrWord, Range, finite_number
 from mrwork.errors import MrworkError

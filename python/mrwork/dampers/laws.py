@@ -218,11 +218,6 @@ EXPONENTIAL = CommandLaw()
 """p.0 + p.1 exp(p.2 u)."""
 
 
-def polynomial(degree: int) -> CommandLaw:
-    """The polynomial of a degree up to `MOST_DEGREE` by its coefficients."""
-    return CommandLaw(degree)
-
-
 def law_through(commands: Iterable[float], *, logarithms: bool = True) -> CommandLaw:
     """The law through values at commands, given to twelve digits; beyond four values always in `logarithms`."""
     nodes = tuple(float(f"{command:.12g}") for command in commands)

@@ -20,7 +20,7 @@ from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import CONSTANT, CommandLaw, CurrentLaws, LawName, laws_in_order, polynomial
+from mrwork.dampers.laws import CONSTANT, CommandLaw, CurrentLaws, LawName, laws_in_order
 from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import DRIVER_RATE, ParamSpec
 from mrwork.errors import SettingError, UnknownNameError
@@ -331,7 +331,7 @@ def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
     for name in plain.names:
         value = entry.values[name]
         coefficients = value if isinstance(value, tuple) else (value,)
-        laws[name] = polynomial(len(coefficients) - 1)
+        laws[name] = CommandLaw(len(coefficients) - 1)
         theta += coefficients
     spec = plain
     if entry.unit is not None:

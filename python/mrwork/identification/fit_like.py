@@ -9,7 +9,7 @@ import numpy as np
 
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import MOST_DEGREE, polynomial
+from mrwork.dampers.laws import MOST_DEGREE, CommandLaw
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import OperatingRange
@@ -148,7 +148,7 @@ def _with_laws(model: DamperSpec, like: DamperSpec, tests: tuple[DamperTest, ...
         return model
     # As many values as there are commands, since the force to be fitted has no noise.
     commands = tested_commands(like, tests)
-    law = polynomial(min(len(commands) - 1, MOST_DEGREE))
+    law = CommandLaw(min(len(commands) - 1, MOST_DEGREE))
     following = {each.name: law for each in model.plain if each.scales_with_force and each.lower > 0.0}
     spec = model.with_current_laws(following, unit=like.command_unit, lagged=like.lagged)
     return spec_by_values(spec, commands)

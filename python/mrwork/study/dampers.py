@@ -24,7 +24,7 @@ from mrwork.buildings.from_file import refuse_without_masses
 from mrwork.buildings.groups import refuse_other_drivers
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
-from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of, polynomial
+from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.dampers.tested_range import FittedDamper, OperatingRange
 from mrwork.errors import InvalidSettingError, SettingError
@@ -199,7 +199,7 @@ def _parameters(
             raise InvalidSettingError(
                 ("parameters", name), f"{name} has {count} coefficients; give 1 to {most}"
             )
-        laws[name] = polynomial(count - 1)
+        laws[name] = CommandLaw(count - 1)
     for name, law in (table.laws or {}).items():
         _refuse_unknown(plain, name, "laws")
         laws[name] = law_of(law)

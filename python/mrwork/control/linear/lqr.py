@@ -14,7 +14,7 @@ from mrwork.base.hints import Within
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.control.linear.plant import Outputs, Plant, accelerations, check_outputs, hold_input, symmetric
+from mrwork.control.linear.plant import Outputs, Plant, check_outputs, hold_input, symmetric
 from mrwork.control.linear.riccati import (
     RiccatiStatus,
     attempt_each,
@@ -23,7 +23,7 @@ from mrwork.control.linear.riccati import (
     regulator_gains,
     solve_together,
 )
-from mrwork.errors import InvalidSettingError, SettingError, UnknownNameError
+from mrwork.errors import InvalidSettingError, SettingError
 
 MatrixRows = tuple[tuple[float, ...], ...]
 """A matrix, row by row."""
@@ -316,26 +316,6 @@ class PublishedRegulator(Summarised):
         """Weight of the acceleration of each floor [(s^2/m)^2]."""
         weighed = dict(self.weighed)
         return tuple(weighed.get(floor, 0.0) for floor in range(1, self.n_floors + 1))
-
-
-def published_regulator(name: str) -> PublishedRegulator:
-    """Return the published weights called `name`."""
-    for entry in PUBLISHED_REGULATORS:
-        if entry.name == name:
-            return entry
-    known = ", ".join(entry.name for entry in PUBLISHED_REGULATORS)
-    raise UnknownNameError(f"no published regulator is called {name!r}; choose one of {known}")
-
-
-def regulator_as_published(plant: Plant, published: PublishedRegulator) -> Regulator:
-    """The regulator of a plant with published weights."""
-    outputs = accelerations(plant)
-    if len(outputs.names) != published.n_floors:
-        raise SettingError(
-            f"{published.name} is for a building of {published.n_floors} floors, {plant.building.name} has "
-            f"{len(outputs.names)}; choose weights for it with `regulator_of_outputs`"
-        )
-    return regulator_of_outputs(plant, outputs, published.weights, published.control_weight)
 
 
 PUBLISHED_REGULATORS = (

@@ -21,14 +21,11 @@ from mrwork.base.arguments import (
     Samples,
     Shape,
     Share,
-    Threads,
     checked,
 )
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import RecordError, SettingError, SimulationError
-from mrwork.identification.residual import ObservedTest
+from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.bands.prediction import Prediction
@@ -146,17 +143,6 @@ def next_test_quantile(scores: Sequence[Floats], level: float) -> float:
 
 def _equal_weights(scores: Sequence[Floats]) -> Floats:
     return np.concatenate([np.full(each.size, 1.0 / (each.size * len(scores))) for each in scores])
-
-
-def simulate_draws(spec: DamperSpec, theta: Floats, test: DamperTest, *, threads: Threads = 0) -> Floats:
-    """Forces of all draws on a test, with the observation model applied [N], shape (n_draws, n_time)."""
-    forces, failed = ObservedTest.of(spec, test).forces(theta, threads=threads)
-    if np.mean(~failed) < 0.9:
-        raise SimulationError(
-            f"{np.count_nonzero(failed)} of {len(theta)} draws cannot be simulated on {test.label}; "
-            "the posterior reaches where the model is too stiff: narrow the prior, or sample the record more finely"
-        )
-    return forces[~failed]
 
 
 def _check_draws(forces: Floats) -> None:

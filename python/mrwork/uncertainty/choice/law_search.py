@@ -19,7 +19,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import command_level
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, CommandLaw, LawName, polynomial
+from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, CommandLaw, LawName
 from mrwork.dampers.parameters import Scale
 from mrwork.dampers.spec import DamperSpec, hidden_extrema
 from mrwork.errors import SettingError
@@ -143,7 +143,7 @@ class LawSearch:
         return self._laws_of("log")
 
     def _laws_of(self, *scales: Scale) -> Laws:
-        law = polynomial(min(_FIRST_DEGREE, self.most))
+        law = CommandLaw(min(_FIRST_DEGREE, self.most))
         names = sorted(each.name for each in self.plain.parameters if each.scale in scales)
         return {name: law for name in names if name in self.free}
 
@@ -328,7 +328,7 @@ class LawSearch:
 
     def _with_law(self, laws: Laws, name: str, degree: int, *, direct: bool) -> Laws:
         """The laws with one of another degree; constant ones are not listed, direct ones have values themselves."""
-        law = polynomial(degree)
+        law = CommandLaw(degree)
         if direct:
             law = law.at_commands(self.commands.tolist(), logarithms=False)
         return {each: own for each, own in sorted((laws | {name: law}).items()) if not own.is_constant}

@@ -15,7 +15,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table, TableColumn, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import CommandLaw, LawName, law_of, polynomial
+from mrwork.dampers.laws import CommandLaw, LawName, law_of
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.identification.result import MANY
 from mrwork.uncertainty.choice.ranking import error_of_mean, is_as_good
@@ -130,7 +130,7 @@ def laws_in_words(laws: Mapping[str, LawName | CommandLaw]) -> str:
 
 
 def _law_in_words(law: CommandLaw) -> str:
-    return f"direct {polynomial(law.fitted_degree)}" if law.nodes and not law.logarithms else str(law)
+    return f"direct {CommandLaw(law.fitted_degree)}" if law.nodes and not law.logarithms else str(law)
 
 
 def _format_behind(each: TriedLaws) -> str:
