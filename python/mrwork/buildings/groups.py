@@ -30,8 +30,7 @@ def refuse_other_drivers(devices: Sequence[Device]) -> None:
     Raises
     ------
     SettingError
-        If commands are in several units, dampers of the user stand beside others or hold a command, or devices that
-        hold a command or follow none are not the last ones.
+        If commands are in several units, or dampers of the user stand beside others or hold a command.
     """
     first, driven = devices[0], commanded(devices)
     for device in devices:
@@ -48,6 +47,11 @@ def refuse_other_drivers(devices: Sequence[Device]) -> None:
                 f"{device.name} follows a command in {device.spec.command_unit} and {driven[0].name} one in "
                 f"{driven[0].spec.command_unit}, and one law commands both; give all a command in one unit"
             )
+
+
+def refuse_order(devices: Sequence[Device]) -> None:
+    """Refuse devices of which those that hold a command or follow none are not the last ones."""
+    driven = commanded(devices)
     if tuple(devices[: len(driven)]) != driven:
         raise SettingError(
             f"{devices[0].name} is not commanded and stands before {driven[-1].name}, which is; give the devices that "

@@ -20,7 +20,7 @@ from mrwork.base.arguments import May, Threads, Whole, checked
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.groups import commanded, groups_of, refuse_other_drivers
+from mrwork.buildings.groups import commanded, groups_of, refuse_order, refuse_other_drivers
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.evaluation import criteria
@@ -609,6 +609,7 @@ def simulate_loop(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
         )
     refuse_other_drivers(devices)
+    refuse_order(devices)
     driven = commanded(devices)
     if not motions:
         raise SettingError("no ground motion was given; give at least one")

@@ -180,12 +180,19 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
     """The study of a table and of what it names: how that goes together, then its laws."""
     bare, hardware = found.bare, replace(table.hardware, seed=found.seed)
     assert bare is not None
-    command_unit = (found.dampers[0].spec.command_unit if found.dampers else None) or "A"
+    free = (one for each, one in zip(table.damper, found.dampers, strict=True) if each.command is None)
+    command_unit = next((one.spec.command_unit for one in free if one.spec.follows_command), None) or "A"
     period = None if table.target is None else table.target.given.get("period")
     aims = Aims(building=bare, target=found.target, target_period=period)
     with all_mistakes() as part:
         with part():
             building, devices = equip_building(bare, table.damper, found.dampers)
+            # Those that a law commands come first, whatever their order in the file.
+            order = sorted(range(len(devices)), key=lambda number: not devices[number].is_commanded)
+            if order != list(range(len(devices))):
+                devices = tuple(devices[number] for number in order)
+                table = replace(table, damper=tuple(table.damper[number] for number in order))
+                found = replace(found, dampers=[found.dampers[number] for number in order])
         with part():
             motions = motions_of_study(found.records, sample_time=hardware.sample_time, aims=aims)
         with part():

@@ -255,7 +255,7 @@ class DamperTable(Stated):
         usual=_COMMANDS,
     )
     command: float | str | None = optional(
-        'command that the dampers hold, as "0.5 A", whatever a law sends; dampers that laws command come first',
+        'command that the dampers hold, as "0.5 A", whatever a law sends',
         unit="A or V",
         least=0.0,
     )
