@@ -8,6 +8,7 @@ import unicodedata
 
 import pytest
 
+from mrwork.base.numbers import format_rate
 from mrwork.base.summary import Summary
 from mrwork.base.table import TableColumn, csv_text, page_table, text_table
 from mrwork.errors import MrworkWarning, RecordError, escape_text, escaped_lines
@@ -19,6 +20,11 @@ COLUMNS = (
     TableColumn(heading="remark", cell=lambda each: each[2], words=True),
 )
 ITEMS = (("k_w <1>", "12.5", ""), ("slow", "3", "at 5 %"))
+
+
+def test_a_rate_has_three_digits_and_the_next_prefix_from_a_thousand_on() -> None:
+    rates = (0.5, 950.0, 1000.0, 1250.0, 1e6, 3.1e6, 2e9)
+    assert [format_rate(rate) for rate in rates] == ["0.5", "950", "1k", "1.25k", "1M", "3.1M", "2G"]
 
 
 def test_the_unit_of_a_column_is_in_the_headings_of_every_medium() -> None:

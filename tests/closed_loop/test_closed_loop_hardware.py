@@ -30,6 +30,8 @@ from mrwork.closed_loop import Fault, Hardware, History, LoopSample, UserLaw, si
 from mrwork.closed_loop.hardware import refuse_unread
 from mrwork.closed_loop.simulate import loop_observer
 from mrwork.control import ControlLaw
+from mrwork.control.linear.lqr import observer_of
+from mrwork.control.linear.plant import accelerations, deformations, plant_of, stack_outputs
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions import GroundMotion
 from tests.control.law_formulas import Recorded, commands
@@ -203,6 +205,21 @@ def test_noise_of_accelerations_goes_through_the_observer() -> None:
     row = np.concatenate([np.zeros(5), five_storeys().storeys[0]])
     # The estimate is not white: a few hundred independent numbers.
     np.testing.assert_allclose(np.std(seen), np.sqrt(row @ covariance @ row), rtol=0.1)
+
+
+def test_sensors_of_a_known_ground_err_alike_in_the_first_mode() -> None:
+    loop, building = onlookers(1), five_storeys()
+    plant = plant_of(building, [building.storeys[0]], ["0"])
+    seen = stack_outputs(accelerations(plant), deformations(plant))
+    stiffness, mass = building.stiffness, building.mass
+    squared = scipy.linalg.eigh(stiffness, mass, eigvals_only=True)[0]
+    for ratio in (10.0, 50.0):
+        intensity = np.append(np.full(5, 1.0 / ratio), 1.0 / ratio / squared**2)
+        expected = observer_of(plant, seen, 1e-3, noise_intensity=intensity)
+        found = loop_observer(
+            building, loop, Hardware(feedback="observer", known_ground=True, noise_ratio=ratio), range(5)
+        )
+        np.testing.assert_allclose(found.gain, expected.gain, rtol=1e-6)
 
 
 def test_a_sensor_of_steps_reads_the_nearest_of_them() -> None:

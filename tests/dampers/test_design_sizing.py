@@ -47,6 +47,27 @@ def sized() -> SizedDamper:
     return size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=400)
 
 
+def test_what_a_design_misses_is_a_share_of_the_wish(sized: SizedDamper) -> None:
+    design = sized.design
+    reached = {
+        "force": design.largest_force,
+        "dynamic_range": design.dynamic_range,
+        "velocity": design.velocity,
+        "stroke": design.stroke,
+        "outer_diameter": design.outer_diameter,
+        "length": design.chamber_length,
+        "voltage": design.resistance * design.largest_current,
+        "current": design.largest_current,
+        "least_gap": design.gap,
+        "current_density": design.current_density,
+    }
+    at_most = {"outer_diameter", "length", "voltage", "current", "current_density"}
+    for name, value in reached.items():
+        wish = value / 1.25 if name in at_most else value / 0.75
+        missed = replace(WISHES, **{name: wish}).missed(design)
+        assert missed[name] == pytest.approx(0.25), name
+
+
 def test_sized_damper_meets_every_wish(sized: SizedDamper) -> None:
     design = sized.design
     assert WISHES.missed(design) == {}

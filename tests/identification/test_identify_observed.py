@@ -81,6 +81,7 @@ def test_an_average_without_which_the_fit_is_better_is_named_kept_and_replayed(t
         fit = identify(fooled(), journal=journal)
     assert fit.quality[0].observation == Observation(average_seconds=0.08)
     (warning,) = (each for each in fit.warnings if "moving average" in each)
+    assert "over 80 ms" in warning
     without = identify(fooled(), observe="none")
     assert f"{without.fit_percent:.1f}" in warning
     assert f"% instead of {fit.fit_percent:.2f} %" in warning

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mrwork.plots import style
-from mrwork.plots.canvas import coinciding, column_axes, grid_of_axes, inline_svg, svg_bytes
+from mrwork.plots.canvas import coinciding, column_axes, grid_of_axes, inline_svg, small_axes, svg_bytes
 from mrwork.plots.drawn import drawn_csv
 from mrwork.plots.of_studies import storey_profiles, strokes
 from mrwork.report.study.figures import command_figure, energy_figure
@@ -113,6 +113,15 @@ def test_the_front_fits_a_screen_and_three_of_a_telephone(
 
 def read(figure: Figure) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(drawn_csv(figure))))
+
+
+def test_axes_leave_the_figure_its_margins() -> None:
+    for figure, axes in (small_axes(1.5), small_axes(3.0), column_axes(height=4.0)):
+        (width, height), box = figure.get_size_inches(), axes.get_position()
+        bottom, top = height * box.y0, height * (1.0 - box.y1)
+        assert 0.2 < top < bottom < 0.6
+        assert 0.5 < width * box.x0 < 0.7
+    assert [small_axes(size)[0].get_size_inches()[1] for size in (1.5, 3.0)] == [1.5, 3.0]
 
 
 @pytest.mark.contract

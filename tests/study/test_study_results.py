@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import study_samples
 
+from mrwork.base.units import scale_of
 from mrwork.closed_loop import criteria
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions.spectrum import Intensity
 from mrwork.store.run_folder import STUDY_RUN
 from mrwork.store.run_writer import Destination, RunAtWork
-from mrwork.study import StudyResults, compared, read_results
+from mrwork.study import StudyResults, compared, read_results, tables
 from mrwork.study.comparison import judged_in_words, motion_groups, times_better
 from mrwork.study.folder import study_document, write_study
 from mrwork.study.results import largest_step_changes
@@ -32,6 +33,17 @@ def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:
         for entry in criteria():
             if entry.ratio:
                 assert found[entry.name] == pytest.approx(wanted, rel=1e-12), entry.name
+
+
+def test_criteria_are_shown_in_their_units() -> None:
+    declared = {entry.name: entry.unit for entry in criteria()}
+    for name, unit, factor in tables._VALUES:
+        if unit == "%":
+            assert (declared[name], factor) == ("1", 100.0), name
+        elif factor == 1.0:
+            assert unit.replace("²", "2") in (declared[name], "", "1"), name
+        else:
+            assert scale_of(declared[name]) == pytest.approx(factor * (scale_of(unit) or 0.0)), name
 
 
 def test_ratios_of_the_references_themselves_are_one() -> None:

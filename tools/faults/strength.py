@@ -5,7 +5,7 @@
 
 LINES is the folder of `tools.faults.lines`, CHECKOUT a clone with the compiled module, whose files are changed and
 restored. `strength.csv` beside this file has faults of November 2026 (20 in Rust, chosen in the same way) and what
-caught them.
+caught them; some tests were written after the draw, which the last column tells.
 """
 
 from __future__ import annotations

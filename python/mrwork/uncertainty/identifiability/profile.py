@@ -51,9 +51,6 @@ from mrwork.uncertainty.identifiability.curvature import (
 _MISFIT = "least misfit with the parameter held"
 _RATIO = "likelihood ratio"
 
-# Share by which an end may pass the estimate in a conversion from the scaled coordinate.
-_ROUNDING = 1e-6
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profile(Plotted, WithAxes, Summarised):
