@@ -258,7 +258,7 @@ if not script.quick:
     for axes, level in zip(figure.subplots(1, 2, sharey=True), LEVELS, strict=True):
         for name in ("inverse_direct", "clipped_optimal", "lyapunov_direct", "maximum_energy_dissipation"):
             scores = [conditions[level][name][label] for label in timed.values()]
-            axes.semilogx(timed, scores, "o-", label=name)
+            axes.semilogx(list(timed), scores, "o-", label=name)
         axes.set(xlabel="Sample time (ms)", title=f"{level:g} g", ylabel="Score over i = 0")
         axes.legend()
     script.figure(figure, "sample_time")
