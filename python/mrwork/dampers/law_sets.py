@@ -11,7 +11,8 @@ from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.dampers.tested_range import OperatingRange
 
-# Other sets of laws predict nearly as well whose left-out fit is at most this behind, in points (DECISIONS.md, 52).
+# Other sets of laws predict nearly as well whose left-out fit is at most this behind, in points (DECISIONS.md, "Sets of
+# laws within 1 point of the chosen one are kept").
 NEARLY_AS_WELL = 1.0
 # Share of a tested peak from which on a sample is where the tests end; share of the command beyond which it is.
 _AT_END, _BEYOND = 0.95, 0.05

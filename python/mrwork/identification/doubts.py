@@ -2,9 +2,10 @@
 
 A moving average that was found in a record is applied also where the fit would be better without it: without it the
 parameters describe the smoothed loop and not the damper, and the fit to the same record says little about which is
-right (DECISIONS.md, 36). Laws through logarithms of values are the default because they predict measured forces between
-the commands better; a parameter that is nearly zero at one command and grows as a polynomial is the exception. Noise of
-the motion makes errors of the parameters that residuals of the force do not show.
+right (DECISIONS.md, "A detected average is never dropped because a fit is better without it"). Laws through logarithms
+of values are the default because they predict measured forces between the commands better; a parameter that is nearly
+zero at one command and grows as a polynomial is the exception. Noise of the motion makes errors of the parameters that
+residuals of the force do not show.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ To first order, a late force is F(t - tau) = F - tau F'. At one frequency that i
 which a fit absorbs in its parameters; at several frequencies the changes differ, so that they determine tau. It pays
 where fits to the other frequencies predict the tests of each frequency better with it. These fits are single
 Gauss-Newton steps from the fit to all tests, which predicted synthetic and measured rigs as well as minimisations did
-(DECISIONS.md, 49).
+(DECISIONS.md, "A common lag of the force channel is judged by frequencies that are predicted").
 """
 
 from __future__ import annotations
