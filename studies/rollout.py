@@ -212,7 +212,7 @@ for place, level in enumerate(LEVELS):
     script.table(f"laws_{number}", laws, title=f"{title}, sixteen motions", digits=3)
 
     # Noise of 2 % of the mean peaks on the training motions, under their best constant current.
-    command = mr.ControlLaw(name="passive", gains={"command": [study.problem.reference_peaks().command]})
+    command = mr.ControlLaw(name="passive", gains={"command": study.problem.reference_peaks().commands})
     under = mr.simulate_loop(
         study.building, study.devices, command, groups["training"], study.hardware, threads=script.threads
     )

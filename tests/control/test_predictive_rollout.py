@@ -254,7 +254,7 @@ def test_the_law_lowers_both_peaks_below_its_base() -> None:
 
 
 def test_the_settings_that_a_law_leaves_out_are_those_of_the_problem() -> None:
-    peaks = mr.control.ReferencePeaks(command=0.47, drift=1.96e-3, acceleration=2.79)
+    peaks = mr.control.ReferencePeaks(commands=(0.47,), drift=1.96e-3, acceleration=2.79)
     found = design_law("predictive_rollout", design_problem(reference_peaks=lambda: peaks))
     given = design_law("predictive_rollout", design_problem(), REFERENCES)
     for name, gain in given.gains.items():

@@ -21,6 +21,7 @@ from mrwork.dampers import damper
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import MrworkWarning, RecordError, SettingError
 from mrwork.identification.fit import Fit
+from mrwork.study.comparison import compared
 from mrwork.study.dampers import ChosenDamper, chosen_damper
 from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable
@@ -187,10 +188,44 @@ def test_groups_of_one_model_have_parameters_laws_and_largest_commands_of_their_
     for kind in ("passive_on", "clipped_optimal"):
         (row,) = (number for number, each in enumerate(results.rows) if each.description == kind)
         np.testing.assert_allclose(results.quantities.peak_current[row, 0, 0], [1.5, 0.8])
-    # The best constant command is tried up to the larger driver, of which the smaller one gives what it can.
+    # The best constant command is one share of the largest commands.
     best = results.quantities.peak_current[results.row_of("best_passive"), 0, 0]
-    assert best[1] == min(best[0], 0.8)
+    np.testing.assert_allclose(best / best[0], [1.0, 0.8 / 1.5])
     assert "takes it for that of damper in storey 2" in " ".join(text for _, text in results.facts)
+
+
+def test_groups_of_different_dampers_have_a_best_constant_command_each() -> None:
+    # So many that the largest commands are too much.
+    large, small = {**GROUPS[0], "count": 6}, {**GROUPS[1], "storey": 5, "count": 30}
+    study = grouped(large, small, law="best_passive_by_group", label="each its own")
+    results = mr.run_study(study, threads=1)
+    kinds = [row.kind for row in results.rows]
+    share, by_group = map(kinds.index, ("best_passive", "best_passive_by_group"))
+    assert results.score(by_group) < results.score(share)
+    assert results.rows[share].label.endswith(" %")
+    # One share of all is the reference.
+    assert compared(results).passive == share
+    commands = results.quantities.peak_current[by_group, 0, 0]
+    levels = np.array([1.5, 0.8]) / 20.0
+    np.testing.assert_allclose(commands / levels, np.round(commands / levels), atol=1e-9)
+    # No single group does better at another level.
+    for device in (0, 1):
+        tried = np.tile(commands, (21, 1))
+        tried[:, device] = np.arange(21) * levels[device]
+        law = mr.ControlLaw(name="passive", gains={"command": np.vstack([[0.0, 0.0], tried])})
+        runs = mr.simulate_loop(FRAME, study.devices, law, study.grounds, study.hardware)
+        drifts, accelerations = runs.peak_drift.max(axis=1), runs.peak_acceleration.max(axis=1)
+        rms = runs.rms_drift.max(axis=1), runs.rms_acceleration.max(axis=1)
+        scores = np.mean([each / each[0] for each in (drifts, accelerations, *rms)], axis=0)
+        assert results.score(by_group) == pytest.approx(scores[1:].min(), rel=1e-9)
+    said = results.choices[1]
+    assert said.startswith("each its own, ")
+    assert "of coordinate search" in said
+    assert f"beside {results.score(share):.3f} of one share" in said
+    refusal(grouped, GROUPS[0], law="best_passive_by_group", match="all are equal; give best_passive")
+    # The setting of the passive law takes a command for each.
+    passive = mr.run_study(grouped(large, small, law="passive", settings={"command": commands.tolist()}))
+    np.testing.assert_array_equal(passive.quantities.peak_drift[-1], results.quantities.peak_drift[by_group])
 
 
 def test_laws_and_units_of_single_groups_are_refused() -> None:

@@ -96,6 +96,7 @@ _WORDS: Final[Mapping[str, str]] = {
     "passive_off": "off zero no_control minimum",
     "passive_on": "on full maximum",
     "best_passive": "optimal_passive best_constant",
+    "best_passive_by_group": "optimal_passive_by_group best_constant_by_group",
     "bouc_wen": "bw simple_bouc_wen",
     "modified_bouc_wen": "mbw spencer phenomenological",
     # Motions and the loop.

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
+import numpy as np
+
+from mrwork.base.numbers import counted
+from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Device
-from mrwork.errors import SettingError
+from mrwork.errors import InvalidSettingError, SettingError
 
 
 def largest_command(devices: Sequence[Device]) -> float:
@@ -17,6 +21,41 @@ def largest_command(devices: Sequence[Device]) -> float:
 def groups_of(devices: Sequence[Device]) -> list[list[int]]:
     """Indices of the devices of each group: neighbours whose dampers have equal models and laws of the command."""
     return [list(each) for _, each in groupby(range(len(devices)), key=lambda index: devices[index].spec)]
+
+
+def commands_of(devices: Sequence[Device], command: float | Sequence[float], name: str = "command") -> Floats:
+    """Commands of devices that a law commands [A or V], shape (n_devices,).
+
+    One number is that of all, of which each gets no more than its largest; several are those of each.
+
+    Raises
+    ------
+    InvalidSettingError
+        With this `name`, if there are not as many commands as devices, or one is beyond the largest.
+    """
+    if not devices:
+        return np.empty(0)
+    largest, given = np.array([device.largest_command for device in devices]), np.atleast_1d(command)
+    most = largest if np.ndim(command) else largest.max(keepdims=True)
+    if given.shape != most.shape:
+        raise InvalidSettingError(
+            name,
+            f"{name} has {counted(given.size, 'number')} for {counted(most.size, 'damper')} that follow a command; "
+            "give one for each, or one for all",
+        )
+    for one, limit in zip(given.tolist(), most.tolist(), strict=True):
+        if one > limit:
+            raise InvalidSettingError(name, f"{name} is {one:g}, and the driver gives {limit:g} at most")
+    return np.asarray(np.minimum(given, largest))
+
+
+def products_of(devices: Sequence[Device]) -> list[list[int]]:
+    """Indices of the devices that are one product each: dampers of equal model, parameters and largest command."""
+    products: dict[object, list[int]] = {}
+    for index, device in enumerate(devices):
+        product = device.spec, device.draws.tobytes(), device.largest_command
+        products.setdefault(product, []).append(index)
+    return [*products.values()]
 
 
 def commanded(devices: Sequence[Device]) -> tuple[Device, ...]:

@@ -63,6 +63,7 @@ def strokes(
         "uncontrolled": Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7),
         "passive_off": Stroke(colour=style.FAINT_INK, pattern=_DASHED, width=1.3),
         "best_passive": Stroke(colour=style.INK, width=1.6),
+        "best_passive_by_group": Stroke(colour=style.INK, pattern=_DASHED, width=1.6),
     }
     kinds = [
         each.kind for each in (results.rows if isinstance(results, StudyResults) else results.rows.values())

@@ -16,7 +16,7 @@ from mrwork.base.keys import as_document, is_required, keys_of, refuse_missing, 
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
-from mrwork.buildings.groups import largest_command
+from mrwork.buildings.groups import largest_command, products_of
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
@@ -31,7 +31,6 @@ from mrwork.store.function_text import text_to_compare
 from mrwork.store.user_python import place_of, run_file
 from mrwork.study.schema import (
     CONSTANT_LAWS,
-    OPTIMAL_PASSIVE,
     PASSIVE_OFF,
     BaselineTable,
     ControllerTable,
@@ -45,7 +44,7 @@ from mrwork.study.study import (
     NamedLaw,
     Row,
     StudyLaw,
-    constant_command,
+    constant_share,
     make_arrangement,
 )
 
@@ -97,13 +96,13 @@ def arrangements(
     """The building without dampers, with them at i = 0, the baselines, and every control law with its settings."""
     building, devices = problem.building, problem.all_devices
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
-    arrangements_of_study = [make_arrangement(bare, none, bare, (), constant_command((), 0.0))]
+    arrangements_of_study = [make_arrangement(bare, none, bare, (), constant_share((), 0.0))]
     if devices:
         off = Row(label=PASSIVE_OFF, kind="passive_off", description="the dampers without a command")
         if not any(device.spec.follows_command for device in devices):
             off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
         arrangements_of_study.append(
-            make_arrangement(bare, off, building, devices, constant_command(devices, 0.0))
+            make_arrangement(bare, off, building, devices, constant_share(devices, 0.0))
         )
 
     def changed(number: int) -> Arrangement:
@@ -127,15 +126,26 @@ def arrangements(
             former = arrangements_of_study[1]
             arrangements_of_study[1] = replace(former, row=replace(former.row, label=each.row.label))
     arrangements_of_study += [each for each in further if each.row.kind != "passive_off"]
-    known = [each.row for each in arrangements_of_study]
-    controllable = any(device.is_commanded for device in devices)
-    if table.references != "none" and controllable and all(each.kind != "best_passive" for each in known):
-        taken = any(each.label == OPTIMAL_PASSIVE for each in known)
-        label = f"{OPTIMAL_PASSIVE} (added)" if taken else OPTIMAL_PASSIVE
-        row = Row(label=label, kind="best_passive", description="best_passive, added")
-        made = make_arrangement(bare, row, building, devices, None)
-        arrangements_of_study.insert(2, replace(made, added=True))
+    driven = [device for device in devices if device.is_commanded]
+    if table.references != "none" and driven:
+        names = ["best_passive", *(["best_passive_by_group"] if len(products_of(driven)) > 1 else [])]
+        known = [each.row for each in arrangements_of_study]
+        references = (_added(name, known) for name in names)
+        arrangements_of_study[2:2] = [
+            replace(make_arrangement(bare, row, building, devices, None), added=True)
+            for row in references
+            if row is not None
+        ]
     return tuple(arrangements_of_study)
+
+
+def _added(name: str, known: Sequence[Row]) -> Row | None:
+    """The row of a best constant command that a study has without listing it; none if it lists one."""
+    law = CONSTANT_LAWS[name]
+    if any(each.kind == law.kind for each in known):
+        return None
+    label = f"{law.title} (added)" if any(each.label == law.title for each in known) else law.title
+    return Row(label=label, kind=law.kind, description=f"{name}, added")
 
 
 def _arrange_controller(
@@ -163,8 +173,13 @@ def _arrange_controller(
     elif given is None:
         constant, description = CONSTANT_LAWS[name], name
         title, kind = constant.title, constant.kind
+        if kind == "best_passive_by_group" and len(products_of(problem.devices)) < 2:
+            raise InvalidSettingError(
+                "law",
+                "best_passive_by_group is for groups of different dampers, and all are equal; give best_passive",
+            )
         if constant.share is not None:
-            law = constant_command(limited.devices, constant.share * largest_command(limited.devices))
+            law = constant_share(limited.devices, constant.share)
     else:
         title, description = control_law(name).title, name
         kind = "actuator" if control_law(name).commands_force else "controller"
@@ -231,7 +246,7 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
                 f"the baseline has no {missing[0]}; it may add floors and storeys to the building, not remove them"
             )
     row = Row(label=baseline.label, kind="baseline", description=changed.name)
-    return make_arrangement(bare, row, changed, (), constant_command((), 0.0))
+    return make_arrangement(bare, row, changed, (), constant_share((), 0.0))
 
 
 def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mapping[str, Any] | None:

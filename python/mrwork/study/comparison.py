@@ -101,7 +101,9 @@ class Rank:
 
 
 LAWS = Rank(name="law", title="Control laws", kinds=("controller",))
-PASSIVE = Rank(name="passive", title="Passive dampers", kinds=("passive_off", "passive", "best_passive"))
+# Commands by group are no reference: laws are compared with one share of all largest commands.
+_REFERENCES: tuple[Kind, ...] = ("passive_off", "passive", "best_passive")
+PASSIVE = Rank(name="passive", title="Passive dampers", kinds=(*_REFERENCES, "best_passive_by_group"))
 RANKS = (
     LAWS,
     PASSIVE,
@@ -145,7 +147,8 @@ class StudyComparison(Summarised):
     """A study row by row: its ranks, the best passive damper, and the row that leads.
 
     `ranks` are the rows of each rank, the lowest score first; rows without a score last, in the order of the study.
-    `passive` is the passive damper with the lowest score, `uncontrolled` the building without dampers. `leading` is the
+    `passive` is the passive damper with the lowest score, of those with one share of the largest commands,
+    `uncontrolled` the building without dampers. `leading` is the
     first control law; without one, the best passive damper or other device. `None` if there is no such row.
     `tables` are the changes of the compared quantities by name, for each (row, reference).
     """
@@ -421,7 +424,8 @@ def compared(results: StudyResults) -> StudyComparison:
     ranks = tuple((rank, rows) for rank, rows in every if rows)
     first = {rank.name: rows[0] for rank, rows in ranks}
     leading = next((row for name, row in first.items() if name != "uncontrolled"), None)
-    uncontrolled, passive = first.get("uncontrolled"), first.get(PASSIVE.name)
+    uncontrolled = first.get("uncontrolled")
+    passive = next((row for row in order if results.rows[row].kind in _REFERENCES), None)
     return StudyComparison(
         results=results,
         ranks=ranks,

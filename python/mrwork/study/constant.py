@@ -1,4 +1,4 @@
-"""The best constant command: levels from zero to the largest, of which the one with the lowest score is chosen."""
+"""The best constant commands: levels from zero to the largest of all dampers together, and then of each group alone."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import numpy as np
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.buildings.groups import largest_command
+from mrwork.buildings.groups import commanded, products_of
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import searched
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws.law_problem import ReferencePeaks
@@ -21,105 +22,196 @@ from mrwork.study.loop_runs import OnBlock, simulate_criteria
 from mrwork.study.realisations import nominal
 from mrwork.study.runs import Runs
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
-from mrwork.study.study import Arrangement, constant_command
+from mrwork.study.study import Arrangement, constant_commands
 
 LEVELS = 21
 """Number of constant commands, equally spaced from zero to the largest, among which the best is chosen."""
+ROUNDS = 2
+"""Most rounds of the search for a constant command of each group."""
+# Devices of a group that a sentence names.
+_NAMED = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BestConstant:
-    """Constant command with the lowest score, of those from i = 0 to the largest, with all scores and the runs.
+    """Share of the largest commands with the lowest score, of those from i = 0 to the largest.
 
-    Without any score the command is 0.
+    `commands` are those of the devices that follow a command [A or V], 0 without any score; `scores` are of all shares.
     """
 
-    command: float
+    commands: tuple[float, ...]
     score: float
     scores: tuple[float, ...]
     runs: int
 
-    def in_words(self, label: str, largest: float, unit: str) -> str:
+    def in_words(self, label: str, devices: Sequence[Device]) -> str:
         """The choice in a sentence, with the ends of the scan."""
         cost = f"{counted(self.runs, 'run')} in one batch"
         if math.isnan(self.score):
             return f"{label} is at i = 0: none of {len(self.scores)} constant commands has a score ({cost})."
+        largest = np.array([each.largest_command for each in commanded(devices)])
+        off, on = (share_in_words(devices, share * largest) for share in (0.0, 1.0))
         return (
             f"{label} is the best of {len(self.scores)} constant commands, score {self.score:.3f}: from {PASSIVE_OFF}, "
-            f"0 {unit}, {self.scores[0]:.3f}, to {PASSIVE_ON}, {largest:.3g} {unit}, {self.scores[-1]:.3f} ({cost})."
+            f"{off}, {self.scores[0]:.3f}, to {PASSIVE_ON}, {on}, {self.scores[-1]:.3f} ({cost})."
+        )
+
+    def label(self, devices: Sequence[Device]) -> str:
+        """The commands in words."""
+        return share_in_words(devices, self.commands)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BestByGroup:
+    """Constant commands of the groups of equal dampers with the lowest score, beside that of one share, and the runs.
+
+    `rounds` is the number of rounds of the search, the last one perhaps in part.
+    """
+
+    commands: tuple[float, ...]
+    score: float
+    of_share: float
+    tried: int
+    rounds: int
+    runs: int
+
+    def in_words(self, label: str, devices: Sequence[Device]) -> str:
+        """The choice in a sentence, with the devices of each group."""
+        if math.isnan(self.score):
+            return f"{label} is at i = 0: no constant command has a score."
+        driven = commanded(devices)
+        cost = (
+            f"{counted(self.tried, 'constant command')} in {counted(self.rounds, 'round')} of coordinate search, "
+            f"{counted(self.runs, 'run')}"
+        )
+        held = (
+            f"{_command(driven[group[0]], self.commands[group[0]])} in "
+            f"{list_names([driven[each].name for each in group], _NAMED)}"
+            for group in products_of(driven)
+        )
+        return (
+            f"{label}: {'; '.join(held)}; score {self.score:.3f}, beside {self.of_share:.3f} of one share of the "
+            f"largest commands ({cost})."
+        )
+
+    def label(self, devices: Sequence[Device]) -> str:
+        """The command of each group in words."""
+        driven = commanded(devices)
+        return list_names(
+            [_command(driven[first], self.commands[first]) for first, *_ in products_of(driven)]
         )
 
 
-def levels_of(arrangement: Arrangement) -> Floats:
-    """The constant commands of an arrangement that are tried."""
-    return np.linspace(0.0, largest_command(arrangement.devices), LEVELS)
+def share_in_words(devices: Sequence[Device], commands: Sequence[float] | Floats) -> str:
+    """One share of the largest commands in words: the command where that is the same of all dampers."""
+    driven = commanded(devices)
+    if len({(each.largest_command, each.spec.command_unit) for each in driven}) == 1:
+        return _command(driven[0], commands[0])
+    return f"{100.0 * commands[0] / driven[0].largest_command:.0f} %"
 
 
-def scan_levels(
-    arrangement: Arrangement,
-    motions: Sequence[GroundMotion],
-    hardware: Hardware,
-    *,
-    threads: int = 0,
-    on_block: OnBlock | None = None,
-) -> tuple[BestConstant, Runs]:
-    """The best constant command on these motions, and the criteria under every level.
-
-    A command has no score if one of its runs failed.
-    """
-    commands = levels_of(arrangement)
-    runs = simulate_criteria(
-        arrangement,
-        constant_command(arrangement.devices, *commands),
-        motions,
-        hardware,
-        nominal(arrangement.devices),
-        bare=arrangement.building,
-        threads=threads,
-        on_block=on_block,
-    )
-    scores = runs.scores(runs.of_row(0)).mean(axis=(1, 2))
-    best = int(np.argmin(searched(scores)))
-    return BestConstant(
-        command=float(commands[best]),
-        score=float(scores[best]),
-        scores=tuple(scores.tolist()),
-        runs=runs.outcome.size,
-    ), runs
+def _command(device: Device, command: float) -> str:
+    return f"{command:.3g} {device.spec.command_unit or 'A'}"
 
 
-def best_constant(
-    arrangement: Arrangement,
-    motions: Sequence[GroundMotion],
-    hardware: Hardware,
-    *,
-    threads: int = 0,
-    on_block: OnBlock | None = None,
-) -> BestConstant:
-    """The best constant command of an arrangement; without any score refused, but where the study has added the row."""
-    best, _ = scan_levels(arrangement, motions, hardware, threads=threads, on_block=on_block)
-    if math.isnan(best.score) and not arrangement.added:
-        raise _without_score(arrangement, motions)
-    return best
+def levels_of(devices: Sequence[Device]) -> Floats:
+    """The constant commands that are tried, shape (n_levels, n_devices): a level is one share of all largest ones."""
+    return np.linspace(0.0, [each.largest_command for each in commanded(devices)], LEVELS)
 
 
-def reference_peaks_of(
-    arrangement: Arrangement, motions: Sequence[GroundMotion], hardware: Hardware
-) -> ReferencePeaks:
-    """The best constant command of an arrangement on these motions, and the mean peaks under it, to four digits."""
-    best, runs = scan_levels(arrangement, motions, hardware)
-    if math.isnan(best.score):
-        raise _without_score(arrangement, motions)
-    level = best.scores.index(best.score)
-    drift, acceleration = (
-        round_to(float(runs.numbers[name][level].mean())) for name in ("peak_drift", "peak_acceleration")
-    )
-    return ReferencePeaks(command=round_to(best.command), drift=drift, acceleration=acceleration)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstantSearch:
+    """The arrangement, motions and hardware on which constant commands are tried; one has no score if a run failed."""
 
+    arrangement: Arrangement
+    motions: Sequence[GroundMotion]
+    hardware: Hardware
+    threads: int = 0
+    on_block: OnBlock | None = None
 
-def _without_score(arrangement: Arrangement, motions: Sequence[GroundMotion]) -> SimulationError:
-    return SimulationError(
-        f"{arrangement.row.label}: no constant command has a score, because under "
-        f"{list_names([ground.name for ground in motions])} the run at i = 0, or at every command, "
-        "did not finish or has no response; check the dampers and the step, or leave best_passive out"
-    )
+    def runs(self, commands: Floats) -> Runs:
+        """Criteria under constant commands, shape (n_candidates, n_devices)."""
+        return simulate_criteria(
+            self.arrangement,
+            constant_commands(commands),
+            self.motions,
+            self.hardware,
+            nominal(self.arrangement.devices),
+            bare=self.arrangement.building,
+            threads=self.threads,
+            on_block=self.on_block,
+        )
+
+    def scan(self) -> tuple[BestConstant, Runs]:
+        """The best share of the largest commands, and the criteria under every level."""
+        commands = levels_of(self.arrangement.devices)
+        runs = self.runs(commands)
+        scores = runs.scores(runs.of_row(0)).mean(axis=(1, 2))
+        best = int(np.argmin(searched(scores)))
+        return BestConstant(
+            commands=tuple(commands[best].tolist()),
+            score=float(scores[best]),
+            scores=tuple(scores.tolist()),
+            runs=runs.outcome.size,
+        ), runs
+
+    def best_share(self) -> BestConstant:
+        """The best share of the largest commands; without any score refused, but where the study has added the row."""
+        best, _ = self.scan()
+        if math.isnan(best.score) and not self.arrangement.added:
+            raise self.without_score()
+        return best
+
+    def best_by_group(self, start: BestConstant) -> BestByGroup:
+        """The best constant command of each group, from one share on: the levels of a group, then those of the next.
+
+        Scores are over those at i = 0. A search ends where the levels of every group were tried since the last change.
+        """
+        if math.isnan(start.score):
+            return BestByGroup(
+                commands=start.commands, score=math.nan, of_share=math.nan, tried=0, rounds=0, runs=0
+            )
+        levels = levels_of(self.arrangement.devices)
+        groups = products_of(commanded(self.arrangement.devices))
+        off = self.runs(levels[:1])
+        commands, score = np.array(start.commands), start.score
+        steps, changed, n_runs = 0, 0, off.outcome.size
+        while steps < ROUNDS * len(groups) and steps - changed < len(groups):
+            group = groups[steps % len(groups)]
+            tried = np.tile(commands, (LEVELS, 1))
+            tried[:, group] = levels[:, group]
+            runs = self.runs(tried)
+            scores = searched(runs.scores(off).mean(axis=(1, 2)))
+            best = int(np.argmin(scores))
+            if scores[best] < score:
+                commands, score, changed = tried[best], float(scores[best]), steps
+            steps, n_runs = steps + 1, n_runs + runs.outcome.size
+        return BestByGroup(
+            commands=tuple(commands.tolist()),
+            score=score,
+            of_share=start.score,
+            tried=steps * LEVELS,
+            rounds=math.ceil(steps / len(groups)),
+            runs=n_runs,
+        )
+
+    def reference_peaks(self) -> ReferencePeaks:
+        """The best share of the largest commands, and the mean peaks under it, to four digits."""
+        best, runs = self.scan()
+        if math.isnan(best.score):
+            raise self.without_score()
+        level = best.scores.index(best.score)
+        drift, acceleration = (
+            round_to(float(runs.numbers[name][level].mean())) for name in ("peak_drift", "peak_acceleration")
+        )
+        return ReferencePeaks(
+            commands=tuple(map(round_to, best.commands)), drift=drift, acceleration=acceleration
+        )
+
+    def without_score(self) -> SimulationError:
+        """That no constant command has a score."""
+        return SimulationError(
+            f"{self.arrangement.row.label}: no constant command has a score, because under "
+            f"{list_names([ground.name for ground in self.motions])} the run at i = 0, or at every command, "
+            "did not finish or has no response; check the dampers and the step, or leave best_passive out"
+        )

@@ -33,7 +33,7 @@ _ADVISED = 0.1
 _RIGID = 5.0
 _NAMED = 3
 
-_COMMANDED = ("passive_off", "passive", "best_passive", "controller")
+_COMMANDED = ("passive_off", "passive", "best_passive", "best_passive_by_group", "controller")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,7 +45,7 @@ from mrwork.study.study import (
     Row,
     Study,
     TakenSettings,
-    constant_command,
+    constant_share,
     digest_of_run,
     make_arrangement,
 )
@@ -321,7 +321,7 @@ class _Trials:
         problem = self.problem.whole
         command = largest_command(problem.devices)
         self._course.begin("dampers at i = 0 and at the largest command", "core", self._cost(2), 0)
-        off, on = (self._run(problem, constant_command(problem.devices, level)) for level in (0.0, command))
+        off, on = (self._run(problem, constant_share(problem.devices, share)) for share in (0.0, 1.0))
         magnitudes = magnitudes_of_runs(
             problem.building, problem.motions, off, on, command=command, constant=None
         )

@@ -70,7 +70,7 @@ from mrwork.study.study import (
 )
 
 # What a row is that is designed for the motions, or chosen on them.
-_DESIGNED: tuple[Kind, ...] = ("best_passive", "controller", "actuator")
+_DESIGNED: tuple[Kind, ...] = ("best_passive", "best_passive_by_group", "controller", "actuator")
 
 
 def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
@@ -215,10 +215,11 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
     @cache
     def reference_peaks() -> ReferencePeaks:
         # Simulated only where a law refers to these peaks and its table leaves them out.
-        from mrwork.study.constant import reference_peaks_of
+        from mrwork.study.constant import ConstantSearch
 
         row = Row(label=PASSIVE_OFF, kind="passive_off")
-        return reference_peaks_of(make_arrangement(bare, row, building, devices, None), chosen_on, hardware)
+        arrangement = make_arrangement(bare, row, building, devices, None)
+        return ConstantSearch(arrangement=arrangement, motions=chosen_on, hardware=hardware).reference_peaks()
 
     driven = commanded(devices)
     problem = DesignProblem(

@@ -10,13 +10,14 @@ from typing import get_args
 
 import numpy as np
 
+from mrwork.buildings.groups import commanded, products_of
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import history_signals
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.motions import GroundMotion
 from mrwork.store.journal import Journal
-from mrwork.study.constant import LEVELS, BestConstant, best_constant, levels_of
+from mrwork.study.constant import LEVELS, ROUNDS, BestByGroup, BestConstant, ConstantSearch
 from mrwork.study.course import Course, Kind
 from mrwork.study.histories import RunHistory, history_of
 from mrwork.study.loop_runs import simulate, simulate_criteria
@@ -34,7 +35,7 @@ from mrwork.study.runs import (
     study_criteria,
     study_quantities,
 )
-from mrwork.study.study import Arrangement, Study, constant_command, digest_of_run
+from mrwork.study.study import Arrangement, Study, constant_commands, digest_of_run
 from mrwork.workers.engine import present_workers
 
 # Histories that need more memory than this are simulated one at a time [bytes].
@@ -60,6 +61,8 @@ class RowRuns:
     course: Course = field(default_factory=Course)
     kept: Callable[[int, int], bool] = lambda row, motion: True
     keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None
+    # Best shares of the largest commands that were found, by the arrangement.
+    _shares: dict[str, BestConstant] = field(default_factory=dict)
 
     def axes(self, rows: Sequence[Arrangement], motions: Sequence[int], realisations: Sequence[str]) -> Axes:
         """Axes of the runs of some rows under some motions, with the floors, storeys and devices of all rows."""
@@ -71,28 +74,32 @@ class RowRuns:
         }
 
     def with_best_constant(self, arrangement: Arrangement, done: int) -> tuple[Arrangement, str]:
-        """The arrangement at its best constant command, and a sentence on the choice."""
-        study, levels = self.study, levels_of(arrangement)
-        self._begin(arrangement, "constant commands", done, LEVELS)
-        best = recall_or_compute(
-            self.journal,
-            "best_constant",
-            digest_of_run(arrangement, *study.chosen_on),
-            BestConstant,
-            lambda: best_constant(
-                arrangement,
-                study.chosen_on,
-                study.hardware,
-                threads=self.threads,
-                on_block=self.course.advance,
-            ),
+        """The arrangement at its best constant commands, and a sentence on the choice."""
+        study, devices = self.study, arrangement.devices
+        search = ConstantSearch(
+            arrangement=arrangement,
+            motions=study.chosen_on,
+            hardware=study.hardware,
+            threads=self.threads,
+            on_block=self.course.advance,
         )
-        label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
-        row, law = replace(arrangement.row, label=label), constant_command(arrangement.devices, best.command)
-        return (
-            replace(arrangement, row=row, law=law),
-            best.in_words(label, float(levels[-1]), study.command_unit),
-        )
+        inputs = digest_of_run(arrangement, *study.chosen_on)
+        best: BestConstant | BestByGroup
+        if inputs not in self._shares:
+            self._begin(arrangement, "constant commands", done, LEVELS)
+            self._shares[inputs] = recall_or_compute(
+                self.journal, "best_constant", inputs, BestConstant, search.best_share
+            )
+        best = self._shares[inputs]
+        if arrangement.by_group:
+            self._begin(arrangement, "constant commands of groups", done, n_constant(arrangement))
+            start = best
+            best = recall_or_compute(
+                self.journal, "best_by_group", inputs, BestByGroup, lambda: search.best_by_group(start)
+            )
+        label = f"{arrangement.row.label}, {best.label(devices)}"
+        row, law = replace(arrangement.row, label=label), constant_commands(best.commands)
+        return replace(arrangement, row=row, law=law), best.in_words(label, devices)
 
     def nominal(self, row: int, arrangement: Arrangement, done: int) -> Runs:
         """The nominal runs of a row, of which the histories that the study keeps are stored."""
@@ -272,6 +279,13 @@ def cost_of(
     return steps * seconds * rounds * arrangement.building.n_coordinates
 
 
+def n_constant(arrangement: Arrangement) -> int:
+    """Most constant commands that are tried for a row."""
+    if arrangement.law is not None:
+        return 0
+    return LEVELS * (ROUNDS * len(products_of(commanded(arrangement.devices))) if arrangement.by_group else 1)
+
+
 def costs_of_study(study: Study, threads: int, *, check_step: bool) -> dict[Kind, float]:
     """Sums of the costs of all runs of a study by kind."""
     costs = dict.fromkeys(get_args(Kind), 0.0)
@@ -282,7 +296,7 @@ def costs_of_study(study: Study, threads: int, *, check_step: bool) -> dict[Kind
             for motions, n_each, times in (
                 (study.grounds, 1, 3.0 if check_step else 1.0),
                 (study.grounds, n_realisations, 1.0),
-                (study.chosen_on, LEVELS if each.law is None else 0, 1.0),
+                (study.chosen_on, n_constant(each), 1.0),
             )
         )
     return costs

@@ -70,6 +70,7 @@ class Stated:
 
 
 PASSIVE_OFF, PASSIVE_ON, OPTIMAL_PASSIVE = "Passive-off", "Passive-on", "Optimal passive"
+BY_GROUP = f"{OPTIMAL_PASSIVE} by group"
 """Labels of the constant commands."""
 
 
@@ -79,7 +80,7 @@ class ConstantLaw:
 
     title: str
     description: str
-    kind: Literal["passive_off", "passive", "best_passive"]
+    kind: Literal["passive_off", "passive", "best_passive", "best_passive_by_group"]
     share: float | None
 
 
@@ -88,8 +89,14 @@ CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
     "passive_on": ConstantLaw(title=PASSIVE_ON, description="the largest command", kind="passive", share=1.0),
     "best_passive": ConstantLaw(
         title=OPTIMAL_PASSIVE,
-        description="the constant command of the lowest score over all motions",
+        description="the constant command of the lowest score over all motions, one share of each largest command",
         kind="best_passive",
+        share=None,
+    ),
+    "best_passive_by_group": ConstantLaw(
+        title=BY_GROUP,
+        description="a constant command for each group of equal dampers, by coordinate search from best_passive",
+        kind="best_passive_by_group",
         share=None,
     ),
 }
@@ -343,11 +350,11 @@ class ControllerTable(Stated):
     """A control law; `mrwork respond --laws` lists them with their settings.
 
     The building without dampers and i = 0 are always simulated, and so is `best_passive`, the constant command with the
-    lowest score, unless `references` is none. Further laws are `passive_off` and `passive_on`. Settings that a law
-    needs and that are not given are taken from the response of the dampers, which the results tell. A weight may be a
-    number, an array with one number for each floor, storey or state, or a symmetric matrix: rows of numbers, or the
-    name of a .csv, .tsv or .txt file with them, relative to the study file. Forces, weights and slopes are those of all
-    dampers of a [[damper]] together.
+    lowest score, unless `references` is none; where different dampers follow commands, also `best_passive_by_group`.
+    Further laws are `passive_off` and `passive_on`. Settings that a law needs and that are not given are taken from the
+    response of the dampers, which the results tell. A weight may be a number, an array with one number for each floor,
+    storey or state, or a symmetric matrix: rows of numbers, or the name of a .csv, .tsv or .txt file with them,
+    relative to the study file. Forces, weights and slopes are those of all dampers of a [[damper]] together.
     """
 
     law: str = key("name of the law; required without user", default="")

@@ -41,10 +41,11 @@ WEIGHT = "control_weight"
 
 
 Kind = Literal[
-    "uncontrolled", "passive_off", "passive", "best_passive", "baseline", "controller", "actuator",
+    "uncontrolled", "passive_off", "passive", "best_passive", "best_passive_by_group", "baseline", "controller",
+    "actuator",
 ]  # fmt: skip
-"""What a row is: the building without dampers, i = 0, a constant command, the best of those, other devices, a control
-law of the dampers, or one of ideal actuators."""
+"""What a row is: the building without dampers, i = 0, a constant command, the best of those, the best of one for each
+group of dampers, other devices, a control law of the dampers, or one of ideal actuators."""
 
 
 StudyLaw = ControlLaw | UserLaw
@@ -190,6 +191,11 @@ class Arrangement:
     def has_actuators(self) -> bool:
         """Whether ideal actuators replace the dampers."""
         return commands_force(self.law)
+
+    @property
+    def by_group(self) -> bool:
+        """Whether each group of equal dampers has a constant command of its own, where it has no law."""
+        return self.row.kind == "best_passive_by_group"
 
     @property
     def passive_devices(self) -> list[int]:
@@ -494,10 +500,14 @@ def uses_in_words(uses: Sequence[Use]) -> str:
     return f"{text} motion{'' if len(uses) == 1 else 's'}"
 
 
-def constant_command(devices: Sequence[Device], *commands: float) -> ControlLaw:
-    """The law with a constant command, one candidate for each of several; a device gets no more than its largest."""
-    largest = [device.largest_command for device in commanded(devices)]
-    return ControlLaw(name="passive", gains={"command": np.minimum(np.array(commands)[:, None], largest)})
+def constant_share(devices: Sequence[Device], share: float) -> ControlLaw:
+    """The law with a constant command, a share of the largest command of each device."""
+    return constant_commands([share * device.largest_command for device in commanded(devices)])
+
+
+def constant_commands(commands: ArrayLike) -> ControlLaw:
+    """The law with constant commands, shape (n_devices,), or (n_candidates, n_devices) [A or V]."""
+    return ControlLaw(name="passive", gains={"command": np.atleast_2d(commands)})
 
 
 def make_arrangement(

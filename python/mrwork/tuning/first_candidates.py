@@ -11,6 +11,7 @@ import numpy as np
 
 from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
+from mrwork.buildings.matrices import Device
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
@@ -199,7 +200,7 @@ def references_of(benches: Benches, objective: TuningObjective, basis: Basis) ->
     """
     objective, bench = replace(objective, relative_to="passive_off"), benches.nominal
     taken = {row.label for row in bench.study.rows if row.kind == "controller"}
-    for each in _declare_references(basis):
+    for each in _declare_references(basis, bench.problem.devices):
         began = time.perf_counter()
         own = objective if each.kind == "controller" else STUDY_SCORE
         inputs = digest_of(each.law, each.candidates)
@@ -226,11 +227,13 @@ def best_constant(references: Sequence[TunedLaw]) -> LawCandidate:
     return next(each.chosen_candidate for each in references if each.kind == "best_passive")
 
 
-def _declare_references(basis: Basis) -> Iterator[_Reference]:
+def _declare_references(basis: Basis, devices: Sequence[Device]) -> Iterator[_Reference]:
     largest = basis.magnitudes.command
 
     def constant(share: float) -> LawCandidate:
-        return LawCandidate(settings={"command": round_to(share * largest)}, largest_command=largest)
+        commands = tuple(round_to(share * device.largest_command) for device in devices)
+        alike = len({device.largest_command for device in devices}) == 1
+        return LawCandidate(settings={"command": commands[0] if alike else commands}, largest_command=largest)
 
     yield _Reference(
         label=PASSIVE_OFF,

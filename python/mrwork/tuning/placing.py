@@ -14,7 +14,7 @@ from mrwork.closed_loop.evaluation import searched
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.study.constant import scan_levels
+from mrwork.study.constant import ConstantSearch
 from mrwork.study.dampers import ChosenDamper, equip_building
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.placements import Placed, placed_tables, placements_of
@@ -24,7 +24,7 @@ from mrwork.study.study import (
     Arrangement,
     Row,
     Study,
-    constant_command,
+    constant_commands,
     digest_of_run,
     make_arrangement,
 )
@@ -55,7 +55,8 @@ def compare_places(
     testing = tuple(each.ground for each in study.motions if each.use == "test")
 
     def at(arrangement: Arrangement, command: float, motions: Sequence[GroundMotion]) -> Runs:
-        law, once = constant_command(arrangement.devices, command), nominal(arrangement.devices)
+        law = constant_commands([command] * len(arrangement.devices))
+        once = nominal(arrangement.devices)
         return simulate_criteria(
             arrangement, law, motions, hardware, once, bare=study.building, threads=threads
         )
@@ -71,11 +72,13 @@ def compare_places(
         return make_arrangement(study.building, row, building, devices, None)
 
     def best_of(placed: Placed) -> Placement:
-        best, runs = scan_levels(arranged(placed), study.chosen_on, hardware, threads=threads)
+        best, runs = ConstantSearch(
+            arrangement=arranged(placed), motions=study.chosen_on, hardware=hardware, threads=threads
+        ).scan()
         of_levels = runs.scores(without_dampers(test=False)).mean(axis=(1, 2))
         return Placement(
             storeys=dict(placed),
-            command=best.command,
+            command=best.commands[0],
             train=float(of_levels[np.argmin(searched(np.array(best.scores)))]),
             given=placed == given,
             count=first.count,

@@ -34,9 +34,12 @@ from mrwork.motions.spectral_density import StationaryGround
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferencePeaks:
-    """The best constant command on some motions [A or V]; mean peaks of drift [m] and acceleration [m/s^2] under it."""
+    """The best constant command of each device on some motions [A or V], one share of its largest.
 
-    command: float
+    And the mean peaks of drift [m] and acceleration [m/s^2] under it.
+    """
+
+    commands: tuple[float, ...]
     drift: float
     acceleration: float
 

@@ -14,7 +14,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import key, positive
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
-from mrwork.buildings.groups import largest_command
+from mrwork.buildings.groups import commands_of
 from mrwork.control.laws.control_law import ControlLaw, ControlLawSpec, LoopModel, control_law
 from mrwork.control.laws.fuzzy import FuzzySettings
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span, unlike_first
@@ -28,7 +28,7 @@ from mrwork.control.laws.regulator_settings import (
 from mrwork.control.laws.rollout import RolloutSettings
 from mrwork.control.laws.sliding import AdaptiveSlidingSettings, SlidingSettings, SuperTwistingSettings
 from mrwork.control.laws.weights import WeightWishes
-from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.errors import SettingError
 
 
 @checked
@@ -45,8 +45,8 @@ class PassiveSettings(LawSettings):
     """A constant command."""
 
     constant: ClassVar[bool] = True
-    command: float = key(
-        "the command that is held constant, up to the largest",
+    command: float | tuple[float, ...] = key(
+        "the command that is held constant, up to the largest; several are those of each [[damper]] that follows one",
         unit="A or V",
         least=0.0,
         span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),
@@ -54,13 +54,7 @@ class PassiveSettings(LawSettings):
 
     def design(self, problem: DesignProblem) -> Design:
         """The command of each device."""
-        if self.command > (largest := largest_command(problem.devices) if problem.devices else math.inf):
-            raise InvalidSettingError(
-                "command", f"command is {self.command:g}, and the driver gives {largest:g} at most"
-            )
-        return Design(
-            gains={"command": np.minimum(self.command, [each.largest_command for each in problem.devices])}
-        )
+        return Design(gains={"command": commands_of(problem.devices, self.command)})
 
 
 @checked

@@ -8,7 +8,8 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.keys import key, optional, positive
-from mrwork.buildings.groups import largest_command
+from mrwork.base.values import Floats
+from mrwork.buildings.groups import commands_of
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import InvalidSettingError
 
@@ -108,9 +109,6 @@ class RolloutSettings(LawSettings):
         """The numbers of the prediction."""
         base, drift, acceleration = self._references(problem)
         building = problem.building
-        largest = largest_command(problem.devices)
-        if base > largest:
-            raise InvalidSettingError("base", f"base is {base:g}, and the driver gives {largest:g} at most")
         samples = round(self.decision / problem.sample_time)
         if samples < 1 or abs(samples * problem.sample_time - self.decision) > 1e-6 * problem.sample_time:
             raise InvalidSettingError(
@@ -127,8 +125,8 @@ class RolloutSettings(LawSettings):
         commands = np.array([[device.largest_command] for device in problem.devices])
         return Design(
             gains={
-                "base": np.minimum(base, commands[:, 0]),
-                "tails": np.minimum(base * np.tile(_TAILS, (len(commands), 1)), commands),
+                "base": base,
+                "tails": np.minimum(base[:, None] * _TAILS, commands),
                 "levels": self.levels * np.array(LEVELS) * commands,
                 "drift_weight": np.array([drift**-2]),
                 "acceleration_weight": np.array([acceleration**-2]),
@@ -144,8 +142,8 @@ class RolloutSettings(LawSettings):
             },
         )
 
-    def _references(self, problem: DesignProblem) -> tuple[float, float, float]:
-        """Base command, reference drift and acceleration: those given, else those of the problem."""
+    def _references(self, problem: DesignProblem) -> tuple[Floats, float, float]:
+        """Base command of each device, reference drift and acceleration: those given, else those of the problem."""
         given = {"base": self.base, "drift": self.drift, "acceleration": self.acceleration}
         missing = [name for name, value in given.items() if value is None]
         if missing and problem.reference_peaks is None:
@@ -154,11 +152,14 @@ class RolloutSettings(LawSettings):
                 f"predictive_rollout has no {missing[0]}, and the problem no training motions to take it from; give it",
             )
         known = problem.reference_peaks() if missing and problem.reference_peaks is not None else None
+        base = commands_of(problem.devices, self.base or 0.0, "base")
         if known is None:
-            return float(self.base or 0.0), float(self.drift or 1.0), float(self.acceleration or 1.0)
-        largest = largest_command(problem.devices)
+            return base, float(self.drift or 1.0), float(self.acceleration or 1.0)
+        if self.base is None:
+            # A limited problem has smaller largest commands than that under which the reference was found.
+            base = np.minimum(known.commands, [each.largest_command for each in problem.devices])
         return (
-            min(known.command, largest) if self.base is None else self.base,
+            base,
             known.drift if self.drift is None else self.drift,
             known.acceleration if self.acceleration is None else self.acceleration,
         )
