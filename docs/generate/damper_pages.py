@@ -84,9 +84,11 @@ def _published(spec: DamperSpec) -> str:
         command_unit = preset.spec.command_unit
         note = f" {preset.note[:1].upper()}{preset.note[1:]}." if preset.note else ""
         command = f", command 0 to {preset.largest_command:g} {command_unit}" if command_unit else ""
+        rated = f", rated force {preset.rated_force:g} N" if preset.rated_force else ""
+        rated += f", rated stroke {1e3 * preset.rated_stroke:g} mm" if preset.rated_stroke else ""
         sections += [
             f"### {code(name)}",
-            prose(f"{preset.source}; {preset.status}{command}.{note}"),
+            prose(f"{preset.source}; {preset.status}{command}{rated}.{note}"),
             table(
                 ("parameter", "value", "unit"),
                 [

@@ -26,6 +26,14 @@ def test_models_lists_every_model_and_shows_one_in_full() -> None:
     for name in ("bouc_wen", "normalised_bouc_wen", "static_hysteretic"):
         assert name in listed.stdout
     assert "Ikhouane" in printed("models", "normalised_bouc_wen")
+    classes = [line.partition("  ")[0] for line in printed("models", "--presets").splitlines()[1:8]]
+    assert classes == ["up to 100 N", *["up to 10 kN"] * 5, "up to 1 MN"]
+    (preset,) = json.loads(printed("models", "static_hysteretic", "--presets", "--json"))["presets"]
+    assert (preset["name"], preset["rated_force"], preset["force_class"]) == (
+        "kwok2006",
+        4448.0,
+        "up to 10 kN",
+    )
     document = json.loads(printed("models", "bouc_wen", "--json"))
     assert [parameter["name"] for parameter in document["parameters"]][:2] == ["c0", "k0"]
 

@@ -48,6 +48,16 @@ def test_source_and_status_are_said(preset):
     assert preset.status in ("verified", "published")
 
 
+def test_ratings_are_of_the_size_of_the_damper(preset):
+    assert preset.rated_force is not None
+    assert preset.force_class.startswith("up to ")
+    largest = preset.largest_command or 0.0
+    loading = replace(sine(), command=largest, command_unit=preset.spec.command_unit)
+    force = np.abs(simulate_force(preset.spec, np.array(preset.theta), loading)).max()
+    assert 0.1 < force / preset.rated_force < 3.0
+    assert preset.rated_stroke is None or 0.01 < preset.rated_stroke < 0.1
+
+
 def work(preset, command):
     """Of the settled half of a sinusoid at a held command."""
     unit = preset.spec.command_unit

@@ -172,10 +172,9 @@ def test_a_run_that_did_not_finish_demands_nothing() -> None:
 RATED = 20.0
 
 
-@pytest.fixture(scope="module")
-def results() -> StudyResults:
+def study() -> mr.Study:
     """Two storeys with a damper in each, that of storey 1 rated for a small force, and a viscous damper."""
-    study = mr.study_of(
+    return mr.study_of(
         building={
             "n_storeys": 2,
             "masses": [500.0],
@@ -190,7 +189,12 @@ def results() -> StudyResults:
         motions=[mr.synthetic_motion(rng=0, duration=4.0, peak=2.0)],
         references="none",
     )
-    return mr.run_study(study)
+
+
+@pytest.fixture(scope="module")
+def results() -> StudyResults:
+    """The runs of that study."""
+    return mr.run_study(study())
 
 
 def test_a_run_beyond_a_rating_is_told_and_stored(results: StudyResults) -> None:
@@ -204,6 +208,11 @@ def test_a_run_beyond_a_rating_is_told_and_stored(results: StudyResults) -> None
     assert first.outside.names == ("force",)
     assert first.outside.exceedances[0].rated
     assert second.outside.names == ()
+    # A preset has the rating of its damper.
+    assert [(each.rated_force, each.rated_stroke) for each in study().devices] == [
+        (RATED, 10.0),
+        (4448.0, 0.0265),
+    ]
     (run,) = (each for each in study_document(results)["results"] if each["kind"] == "passive_off")
     assert list(run["outside_tested_range"]) == ["force"]
 

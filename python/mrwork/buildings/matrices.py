@@ -986,8 +986,7 @@ class Device(Summarised):
         """Quantities of a demand outside the tested ranges and ratings; laws are at the median of the draws."""
         outside = outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
         rated = beyond_rating(demand, force=self.rated_force, stroke=self.rated_stroke)
-        known = outside.known or self.rated_force is not None or self.rated_stroke is not None
-        return replace(outside, exceedances=(*rated, *outside.exceedances), known=known)
+        return replace(outside, exceedances=(*rated, *outside.exceedances))
 
     def _summary(self) -> Summary:
         return Summary(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from math import inf
 from typing import Any
 
 from mrwork.base.hints import Within
@@ -24,9 +25,16 @@ _FREQUENCY = Range(within=Within(least=1e-4, most=1e3), unit="Hz")
 
 def add_options(parser: CommandParser) -> None:
     """Declare the options."""
-    parser.description = "List the damper models, or show one in full."
-    parser.epilog = examples("mrwork models", "mrwork models normalised_bouc_wen --figure loops.svg")
+    parser.description = "List the damper models or their published sets, or show one model in full."
+    parser.epilog = examples(
+        "mrwork models", "mrwork models --presets", "mrwork models normalised_bouc_wen --figure loops.svg"
+    )
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
+    parser.add_argument(
+        "--presets",
+        action="store_true",
+        help="list the published sets by the force that a damper is made for, of all models or of NAME",
+    )
     figure = parser.group("figure")
     figure.add_argument(
         "--figure",
@@ -41,6 +49,8 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the list or the model, and draw its figure if requested."""
+    if options.presets:
+        return _list_presets(options)
     if options.name is None:
         if options.figure is not None:
             raise SettingError(
@@ -67,6 +77,38 @@ def run(options: argparse.Namespace) -> int:
         document=_as_dict(spec) | drawn,
         below=["", follow, *(f"\nFigure: {place}" for place in drawn.values())],
     )
+    return 0
+
+
+def _list_presets(options: argparse.Namespace) -> int:
+    if options.figure is not None:
+        raise SettingError(
+            "--figure draws a model, and --presets lists published sets; leave one of both out"
+        )
+    models = damper_models() if options.name is None else (damper(options.name),)
+    presets = sorted(
+        (spec.preset(name) for spec in models for name in spec.presets),
+        key=lambda each: (each.rated_force or inf, each.name, each.spec.name),
+    )
+    listed = Table(
+        columns=("force class", "preset", "model", "force (N)", "stroke (mm)", "command", "status"),
+        rows=[
+            (
+                each.force_class or "not known",
+                each.name,
+                each.spec.name,
+                "-" if each.rated_force is None else f"{each.rated_force:.0f}",
+                "-" if each.rated_stroke is None else f"{1e3 * each.rated_stroke:g}",
+                each.command_in_words or "-",
+                each.status,
+            )
+            for each in presets
+        ],
+        words=(1, 2, 5, 6),
+        note="Force and stroke to either side that one damper is made for; a study tells runs that exceed them.",
+    )
+    document = [asdict(each) | {"force_class": each.force_class or None} for each in presets]
+    print_result(options, {"presets": document}, "\n".join(listed.lines()))
     return 0
 
 

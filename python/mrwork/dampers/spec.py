@@ -6,7 +6,7 @@ import keyword
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import isfinite
+from math import ceil, isfinite, log10
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -37,6 +37,7 @@ class PublishedSet(Summarised):
 
     `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
     are only quoted. `eta` [1/s] is the rate of the lag of the driver; without a command the `note` has that of the set.
+    `rated_force` [N] and `rated_stroke` [m], to either side, are what source or data sheet state of the damper.
     """
 
     name: str
@@ -47,6 +48,8 @@ class PublishedSet(Summarised):
     unit: Literal["A", "V"] | None = None
     largest_command: float | None = None
     eta: float | None = None
+    rated_force: float | None = None
+    rated_stroke: float | None = None
     note: str = ""
 
 
@@ -59,36 +62,44 @@ def _with_loop(
 
 _SPENCER = "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238"
 
+# The prototype of Spencer, Dyke and co-workers, also of Leva and Piroddi: 3000 N, +-25 mm.
+_FORCE, _STROKE = 3000.0, 0.025
+
 PUBLISHED_SETS = (
-    PublishedSet(name="spencer1997", model="bingham", source=_SPENCER,
+    PublishedSet(name="spencer1997", model="bingham", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
         values={"f_c": 670.0, "v_s": 1e-3, "c0": 5000.0, "f0": -95.0},
         note="at 1.5 V; v_s is ours, the paper has sgn(v)"),
-    PublishedSet(name="spencer1997", model="bouc_wen", source=_SPENCER,
+    PublishedSet(name="spencer1997", model="bouc_wen", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
         values=_with_loop({"c0": 5000.0, "k0": 2500.0, "x0": 0.038}, 88e3, gamma=1e6, A=120.0, n=2.0),
         note="at 1.5 V"),
     PublishedSet(name="jansen2000", model="bouc_wen", status="verified",
         values=_with_loop({"c0": (0.64, 0.52), "k0": 0.0, "x0": 0.0}, (866.0, 886.0), gamma=3e6, A=120.0, n=2.0),
-        unit="V", largest_command=5.0, eta=190.0, source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803"),
+        unit="V", largest_command=5.0, eta=190.0, rated_force=29.0,
+        source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803"),
     PublishedSet(name="yoshida2004", model="bouc_wen", note="a damper of 1000 kN",
         values=_with_loop({"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}, (1.0872e7, 4.9616e7), gamma=300.0,
             A=1.2, n=1.0),
-        unit="V", largest_command=10.0, eta=50.0, source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004"),
+        unit="V", largest_command=10.0, eta=50.0, rated_force=1e6,
+        source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004"),
     PublishedSet(name="dyke1996", model="modified_bouc_wen", status="verified",
         values=_with_loop({"c0": (2100.0, 350.0), "k0": 4690.0, "c1": (28300.0, 295.0), "k1": 500.0, "x0": 0.143},
             (14000.0, 69500.0), gamma=3.63e6, A=301.0, n=2.0),
-        unit="V", largest_command=2.25, eta=190.0,
+        unit="V", largest_command=2.25, eta=190.0, rated_force=_FORCE, rated_stroke=_STROKE,
         source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
         note="the prototype; in a building drop the constant force k1 x0. Stiff: the loop yields within 0.02 mm"),
     PublishedSet(name="leva2002", model="modified_bouc_wen",
         values=_with_loop({"c0": (2020.0, 268.0), "k0": 1500.0, "c1": (35000.0, 7070.0), "k1": 537.0, "x0": 0.0},
             (4490.0, 63800.0), gamma=3.93e5, A=47.2, n=2.0),
-        unit="V", largest_command=2.25, eta=251.0, source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
+        unit="V", largest_command=2.25, eta=251.0, rated_force=_FORCE, rated_stroke=_STROKE,
+        source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
         note="the largest command is that of the same prototype in Dyke et al. 1996"),
     PublishedSet(name="kwok2006", model="static_hysteretic",
         values={"c": (1232.0, 1929.0), "k": (5100.0, -1700.0), "alpha": (32.0, 918.0, -244.0), "beta": 100.0,
             "delta": (0.58, 0.30), "x_s": 1e-4, "f0": (57.0, -18.0)},
-        unit="A", largest_command=1.88, source="Kwok, Ha, Nguyen, Li, Samali, Sens. Actuators A 132, 2006, 441-451",
-        note="RD-1005-3; beyond 1.88 A alpha would fall again. x_s is ours, the paper has sgn(x)"),
+        unit="A", largest_command=1.88, rated_force=4448.0, rated_stroke=0.0265,
+        source="Kwok, Ha, Nguyen, Li, Samali, Sens. Actuators A 132, 2006, 441-451",
+        note="RD-1005-3, of which the data sheet has a tensile strength of 4448 N and a stroke of 53 mm; beyond 1.88 A "
+        "alpha would fall again. x_s is ours, the paper has sgn(x)"),
 )  # fmt: skip
 
 
@@ -303,18 +314,30 @@ class Preset(Summarised):
     source: str
     status: Literal["verified", "published"]
     largest_command: float | None
+    rated_force: float | None
+    rated_stroke: float | None
     note: str
+
+    @property
+    def command_in_words(self) -> str:
+        """The range of the command, as "0 to 5 V"; empty without one."""
+        unit = self.spec.command_unit
+        return "" if unit is None or self.largest_command is None else f"0 to {self.largest_command:g} {unit}"
+
+    @property
+    def force_class(self) -> str:
+        """The decade of the rated force, as "up to 10 kN"; empty where that is not known."""
+        if self.rated_force is None:
+            return ""
+        return f"up to {_force_in_words(10.0 ** ceil(log10(self.rated_force)))}"
 
     def _summary(self) -> Summary:
         return Summary(
             title=f"Preset {self.name} of {self.spec.name}, {self.status}: {self.source}",
             facts=(
-                (
-                    "command",
-                    ""
-                    if self.spec.command_unit is None or self.largest_command is None
-                    else f"0 to {self.largest_command:g} {self.spec.command_unit}",
-                ),
+                ("command", self.command_in_words),
+                ("rated force", "" if self.rated_force is None else _force_in_words(self.rated_force)),
+                ("rated stroke", "" if self.rated_stroke is None else f"+-{1e3 * self.rated_stroke:g} mm"),
             ),
             columns=("parameter", "value", "unit"),
             rows=[
@@ -323,6 +346,14 @@ class Preset(Summarised):
             ],
             notes=(self.note,),
         )
+
+
+def _force_in_words(force: float) -> str:
+    """A force with a prefix of its unit, as "4.448 kN"."""
+    for unit, factor in (("MN", 1e6), ("kN", 1e3)):
+        if force >= factor:
+            return f"{force / factor:g} {unit}"
+    return f"{force:g} N"
 
 
 def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
@@ -344,6 +375,8 @@ def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
         source=entry.source,
         status=entry.status,
         largest_command=entry.largest_command,
+        rated_force=entry.rated_force,
+        rated_stroke=entry.rated_stroke,
         note=entry.note,
     )
 

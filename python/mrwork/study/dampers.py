@@ -41,7 +41,7 @@ class ChosenDamper:
     """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
 
     `largest_command` is 1 for a passive damper, which follows no command. `tested` are the ranges of the tests of an
-    identified run.
+    identified run, `rated_force` [N] and `rated_stroke` [m] those of the table or of its published set.
     """
 
     spec: DamperSpec
@@ -49,6 +49,8 @@ class ChosenDamper:
     largest_command: float
     source: str
     tested: OperatingRange | None = None
+    rated_force: float | None = None
+    rated_stroke: float | None = None
 
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
@@ -79,6 +81,8 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         largest_command=largest or 1.0,
         source=source,
         tested=None if known is None else known.tested,
+        rated_force=table.rated_force or (None if known is None else known.rated_force),
+        rated_stroke=table.rated_stroke or (None if known is None else known.rated_stroke),
     )
 
 
@@ -91,6 +95,8 @@ def _known(table: DamperTable, folder: Path, identified: Identified) -> ChosenDa
             theta=np.array(preset.theta),
             largest_command=preset.largest_command or 0.0,
             source=f"{table.preset}, {preset.status}: {preset.source}",
+            rated_force=preset.rated_force,
+            rated_stroke=preset.rated_stroke,
         )
     if table.run is None:
         return None
@@ -306,8 +312,8 @@ def equip_building(
                     largest_command=one.largest_command,
                     tested=one.tested,
                     command=_command_given(table, "command", one.spec.command_unit or "A"),
-                    rated_force=table.rated_force,
-                    rated_stroke=table.rated_stroke,
+                    rated_force=one.rated_force,
+                    rated_stroke=one.rated_stroke,
                 )
             )
             refuse_other_drivers(devices)

@@ -273,7 +273,7 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
     """
     quantities, demands = results.quantities, results.demands(row, motion)
     run = quantities.at(row, motion)
-    known = not demands or any(each.outside.known for each in demands)
+    known = not demands or any(each.outside.known or each.outside.exceedances for each in demands)
     return {
         "controller": results.rows[row].label,
         "kind": results.rows[row].kind,

@@ -289,10 +289,13 @@ class DamperTable(Stated):
         "storey"
     )
     rated_force: float | None = positive(
-        "force that one damper is made for, beyond which runs are told", unit="N"
+        "force that one damper is made for, beyond which runs are told; by default that of the preset",
+        unit="N",
     )
     rated_stroke: float | None = positive(
-        "stroke to either side that one damper is made for", unit="m", usual=(1e-3, 1.0)
+        "stroke to either side that one damper is made for; by default that of the preset",
+        unit="m",
+        usual=(1e-3, 1.0),
     )
     name: str | None = optional("name in tables, by default that of its storey")
     amplitude: tuple[float, ...] | None = positive(

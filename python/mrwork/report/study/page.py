@@ -110,7 +110,7 @@ def demand_section(results: StudyResults) -> Section | None:
     return Section(
         anchor="demand",
         title="Demand on the dampers",
-        summary=summary if known else "the tested ranges of these dampers are not known.",
+        summary=summary if known or outside else "the tested ranges of these dampers are not known.",
         groups=(Group(table=table),),
     )
 
