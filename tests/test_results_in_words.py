@@ -15,7 +15,6 @@ from mrwork.base.numbers import counted
 from mrwork.report.fit.parameters import caution  # the one sentence of the page on standard errors
 from mrwork.search import EfficientGA, StopRules, run_search
 from mrwork.search.rules import ended_in_words
-from mrwork.tuning.results import speed_in_words
 
 pytestmark = pytest.mark.words
 
@@ -48,12 +47,3 @@ def test_only_the_test_of_the_residuals_calls_them_correlated(noise: float) -> N
     test = sinusoidal_test("bingham", (400.0, 1e-3, 900.0, 0.0), (0.01, 1.0), noise=noise)
     fit = mr.identify("bingham", replace(test, name="a"), rng=1, threads=1)
     assert "correlated" not in caution(fit)
-
-
-def test_a_tuning_says_what_its_time_went_into() -> None:
-    results = mr.tuning.TuningResults(
-        title="", status="finished", laws=(), references=(), training=("A",), command_unit="A",
-        candidates_per_second=37.2, seconds=2.0, seconds_outside=1.16,
-    )  # fmt: skip
-    assert speed_in_words(results).startswith("37.2 candidates a second; ")
-    assert " 58 % of the time" in speed_in_words(results)

@@ -118,7 +118,7 @@ def assert_its_score(results: TuningResults, study: mr.Study, folder: Path) -> N
 
 def without_times(results: TuningResults) -> Any:
     """The document of a tuning without what a clock says."""
-    still = replace(results, seconds=0.0, candidates_per_second=0.0, seconds_outside=0.0)
+    still = replace(results, seconds=0.0)
     laws = tuple(replace(each, seconds=0.0) for each in still.laws)
     references = tuple(replace(each, seconds=0.0) for each in still.references)
     return plain(asdict(replace(still, laws=laws, references=references)))

@@ -39,8 +39,8 @@ def place() -> jax.Array:
 
 
 def test_value_and_gradient_are_those_of_the_loop() -> None:
-    plan, benches = plan_of(study(), TuneTable(laws=(LAW,)), 1)
-    slopes = ScoreSlopes(space=plan.space, bench=benches.nominal, objective=plan.objective)
+    plan = plan_of(study(), TuneTable(laws=(LAW,)), 1)
+    slopes = ScoreSlopes(plan)
     names = [each.label for each in plan.space.free if each.name != "largest_command"]
     assert list(score_of().names) == names
     unit = np.append(np.asarray(place()), 0.99)

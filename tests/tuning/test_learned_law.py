@@ -12,9 +12,8 @@ from refusals import refusal
 from mrwork.control import settings_of
 from mrwork.study import TuneTable
 from mrwork.tuning.law_tuning import follow_gradients
-from mrwork.tuning.problem import Clock, benches_of, magnitudes_of, score_candidates
 from mrwork.tuning.results import settings_in_words
-from mrwork.tuning.space import objective_of, space_of
+from mrwork.tuning.run import plan_of
 
 LAW = "signal_network"
 TUNE = f"""
@@ -38,26 +37,18 @@ def test_a_learned_network_stands_in_the_chosen_study_with_its_score(tmp_path: P
 def test_gradients_train_a_network_and_are_the_differences_of_the_loop() -> None:
     motions = tuning_samples.motion("A", 1) + tuning_samples.motion("B", 2).replace("3\n", "1.5\n", 1)
     study = tuning_samples.study_with(motions=motions)
-    table = TuneTable(laws=(LAW,))
-    benches = benches_of(study, journal=None, threads=1, clock=Clock())
-    space = space_of(table, LAW, magnitudes_of(benches.nominal))
-    objective = objective_of(table, "A")
+    plan = plan_of(study, TuneTable(laws=(LAW,)), 1)
+    space = plan.space
     start = np.where(np.array([each.name for each in space.free]) == "largest_command", 0.99, space.start)
-    found = follow_gradients(space, benches.nominal, objective, start, 3)
+    found = follow_gradients(plan, start, 3)
     candidates = [space.candidate(unit) for unit in (start, found.unit)]
-    before, after = score_candidates(benches.nominal, objective, LAW, candidates).objective
+    before, after = plan.bench.scores(plan.objective, LAW, candidates).objective
     assert after < before
 
 
 def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins() -> None:
     """On where the desired force has the direction of the force and is larger, off where it opposes the force."""
-    space = space_of(
-        TuneTable(laws=(LAW,)),
-        LAW,
-        magnitudes_of(
-            benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).nominal
-        ),
-    )
+    space = plan_of(tuning_samples.small_study(), TuneTable(laws=(LAW,)), 1).space
     *units, bias = space.candidate(space.start).settings["network"]
 
     def share(force: float, wanted: float) -> float:

@@ -18,11 +18,11 @@ from mrwork.control import control_laws
 from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
 from mrwork.tuning import law_tuning
-from mrwork.tuning.law_tuning import check_finish, follow_gradients
-from mrwork.tuning.problem import Bench, Clock, benches_of, magnitudes_of, score_candidates
+from mrwork.tuning.law_tuning import follow_gradients
+from mrwork.tuning.problem import LawPlan
 from mrwork.tuning.run import plan_of
 from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
-from mrwork.tuning.space import LARGEST, objective_of, space_of
+from mrwork.tuning.space import LARGEST
 
 SMOOTH = [law.name for law in control_laws() if not law.switches]
 MOTIONS = tuning_samples.motion("A", 1) + tuning_samples.motion("B", 2).replace("3\n", "1.5\n", 1)
@@ -37,25 +37,18 @@ HELD: dict[str, dict[str, Any]] = {
 
 
 def slopes_of(study: mr.Study, table: TuneTable, threads: int = 1) -> ScoreSlopes:
-    plan, benches = plan_of(study, table, threads)
-    return ScoreSlopes(
-        space=plan.space,
-        bench=benches.select(robust=table.robust),
-        objective=plan.objective,
-    )
+    return ScoreSlopes(plan_of(study, table, threads))
 
 
 def inside(slopes: ScoreSlopes) -> np.ndarray[Any, Any]:
     """A point off the middle, at the largest command."""
-    free = slopes.space.free
+    free = slopes.plan.space.free
     places = 0.35 + 0.04 * (np.arange(len(free)) % 7)
     return np.where([each.name == LARGEST for each in free], 0.99, places)
 
 
 def score(slopes: ScoreSlopes, unit: Any) -> float:
-    candidate = slopes.space.candidate(np.asarray(unit), exact=True)
-    scores = score_candidates(slopes.bench, slopes.objective, slopes.space.law, [candidate])
-    return float(scores.penalised_scores[0])
+    return float(slopes.values(np.atleast_2d(unit))[0])
 
 
 def agree_with_differences(slopes: ScoreSlopes, unit: Any, *, settings: int = 3) -> None:
@@ -64,7 +57,7 @@ def agree_with_differences(slopes: ScoreSlopes, unit: Any, *, settings: int = 3)
     assert value == score(slopes, unit)
     largest = np.abs(found).max()
     assert largest > 0.0
-    moved = [place for place, each in enumerate(slopes.space.free) if each.name != LARGEST]
+    moved = [place for place, each in enumerate(slopes.plan.space.free) if each.name != LARGEST]
     for place in moved[:settings]:
         ends = [unit + sign * 1e-6 * np.eye(len(unit))[place] for sign in (1.0, -1.0)]
         difference = (score(slopes, ends[0]) - score(slopes, ends[1])) / 2e-6
@@ -173,13 +166,10 @@ LAW = "proportional_direct"
 def test_gradients_lower_the_objective_of_the_loop() -> None:
     study = tuning_samples.study_with(motions=tuning_samples.motion("A", 1).replace("3\n", "1\n", 1))
     table = TuneTable(laws=(LAW,), free={"slope": (), "largest_command": ()})
-    benches = benches_of(study, journal=None, threads=1, clock=Clock())
-    space = space_of(table, LAW, magnitudes_of(benches.nominal))
-    objective = objective_of(table, "A")
-    start = np.array([0.4, 0.99])
-    found = follow_gradients(space, benches.nominal, objective, start, 3)
-    candidates = [space.candidate(start), space.candidate(found.unit)]
-    before, after = score_candidates(benches.nominal, objective, LAW, candidates).objective
+    plan, start = plan_of(study, table, 1), np.array([0.4, 0.99])
+    found = follow_gradients(plan, start, 3)
+    candidates = [plan.space.candidate(start), plan.space.candidate(found.unit)]
+    before, after = plan.bench.scores(plan.objective, LAW, candidates).objective
     assert after < before
     assert found.unit[1] == start[1]
 
@@ -196,15 +186,18 @@ def test_scores_without_gradients_are_refused() -> None:
         (learned, replace(study, hardware=replace(study.hardware, force_resolution=10.0)), "resolution"),
         (learned, replace(study, devices=own), "these are your own"),
     ):
-        refusal(check_finish, table, changed, match=word)
+        assert word in without_gradient(changed, table)
+    refusal(
+        mr.tune, study, [replace(learned, laws=("clipped_optimal",))], match="or leave gradient_steps out"
+    )
 
 
 @pytest.mark.long
 def test_gradients_that_are_interrupted_keep_what_the_search_found(monkeypatch: pytest.MonkeyPatch) -> None:
     followed = []
 
-    def interrupted(space: object, bench: Bench, *_: object) -> None:
-        followed.append(len(bench.realisations))
+    def interrupted(plan: LawPlan, *_: object) -> None:
+        followed.append(len(plan.bench.realisations))
         raise KeyboardInterrupt
 
     monkeypatch.setattr(law_tuning, "follow_gradients", interrupted)

@@ -19,8 +19,8 @@ from mrwork.study.results import score_band
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.folder import chosen_study, tuning_document
 from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, unjudged, with_tuned_rows
-from mrwork.tuning.problem import Clock, benches_of
-from mrwork.tuning.results import DesignNotes, settings_in_words
+from mrwork.tuning.problem import Bench
+from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.space import LawCandidate
 
 
@@ -161,7 +161,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
     assert found.status == "interrupted"
     assert len(found.references) == 7
     assert found.laws[0].least > 0.0
-    assert found.laws[0].design == DesignNotes()
+    assert found.laws[0].certificate == ""
     partial = unjudged(study, found)
     assert partial.status == tuning_document(partial)["status"] == "interrupted"
     assert partial.tuned is found
@@ -215,9 +215,9 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command() -> Non
 def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_of_single_ones(
     study: mr.Study, law: str
 ) -> None:
-    bench = benches_of(study, journal=None, threads=1, clock=Clock()).nominal
+    bench = Bench.of(study, None, threads=1)
     settings = {"drifts": 1.0, "control_weight": 1e-13} if law == "clipped_optimal" else {}
-    candidates = [LawCandidate(settings=settings, largest_command=largest) for largest in (0.3, 1.0, 1.88)]
+    candidates = [LawCandidate({**settings, "largest_command": largest}) for largest in (0.3, 1.0, 1.88)]
     together, alone = bench.run(law, candidates), [bench.run(law, [each]) for each in candidates]
     for name, array in together.numbers.items():
         single = np.concatenate([each.numbers[name] for each in alone])
@@ -278,15 +278,17 @@ def test_points_of_a_front_are_ratios_whatever_the_limits() -> None:
         assert all(0.0 < ratio < 3.0 for ratio in (*point.train.values(), *point.test.values()))
 
 
-def test_semi_active_weights_are_scanned_by_their_budget_and_are_a_reference(results: TuningResults) -> None:
-    """Each law states its margins, and the reference its ground and the budget of the best scale."""
+def test_semi_active_weights_are_scanned_by_their_budget_and_are_a_reference(
+    study: mr.Study, results: TuningResults
+) -> None:
+    """The study with them as rows states the margins of each law, and ground and budget of the designed weights."""
     (found,) = [each for each in results.references if "budget scanned" in each.label]
     assert found.settings["designed"]["semi_active"] == 0.1
     assert found.settings["control_weight"] == 1.0
     assert found.candidates >= 10
-    assert any("budget_scale" in each for each in found.design.weights)
-    assert "Margins of the linear loop" in results.laws[0].design.loop[-1]
-    assert [labels for labels, _ in results.designs] == [(found.label,)]
+    notes = dict(with_tuned_rows(study, results).design_notes)
+    assert any("budget_scale" in each for each in notes[f"Weights of {found.label}"])
+    assert "Margins of the linear loop" in notes[f"Loop of {results.laws[0].label}"][-1]
 
 
 def test_laws_that_motions_do_not_tell_apart_are_named() -> None:

@@ -13,7 +13,7 @@ import mrwork as mr
 from mrwork.study import TuneTable
 from mrwork.tuning import tune
 from mrwork.tuning.folder import chosen_study
-from mrwork.tuning.problem import Clock, benches_of, magnitudes_of
+from mrwork.tuning.problem import Bench, magnitudes_of
 from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.space import LawCandidate, space_of
 
@@ -48,19 +48,19 @@ def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
     assert isinstance(made, mr.ControlLaw)
     assert (made.dead_zone, made.command_slope) == (0.004, 25.0)
     assert settings_in_words(shaped, "A").endswith("at most 1.5 A, dead zone 0.004 m/s, slope at most 25 A/s")
-    assert law.chosen_candidate.shaping == {"dead_zone": 0.004, "command_slope": 25.0}
-    assert replace(law, settings=settings).chosen_candidate.shaping == {}
+    assert law.candidate.shape == (0.004, 25.0)
+    assert replace(law, settings=settings).candidate.shape == (0.0, np.inf)
 
 
 def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> None:
-    bench = benches_of(tuning_samples.small_study(), journal=None, threads=1, clock=Clock()).nominal
+    bench = Bench.of(tuning_samples.small_study(), None, threads=1)
     shapes = [(0.0, np.inf), (0.002, np.inf), (0.01, 40.0), (0.0, 40.0), (0.05, np.inf)]
     for name, settings in (
         ("clipped_optimal", {"drifts": 1.0, "control_weight": 1e-12}),
         ("maximum_energy_dissipation", {}),
     ):
         candidates = [
-            LawCandidate(settings=settings, largest_command=1.5, dead_zone=zone, command_slope=slope)
+            LawCandidate({**settings, "largest_command": 1.5, "dead_zone": zone, "command_slope": slope})
             for zone, slope in shapes
         ]
         together = bench.run(name, candidates)
@@ -75,7 +75,7 @@ def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> Non
 
 def test_they_are_searched_only_where_asked() -> None:
     study = tuning_samples.small_study()
-    bench = benches_of(study, journal=None, threads=1, clock=Clock()).nominal
+    bench = Bench.of(study, None, threads=1)
     magnitudes = magnitudes_of(bench)
 
     def names(table: TuneTable) -> list[str]:
@@ -87,9 +87,8 @@ def test_they_are_searched_only_where_asked() -> None:
     assert names(asked) == ["crossover", "dead_zone", "command_slope"]
     space = space_of(asked, "mixed_skyhook", magnitudes)
     # A law that is sent as it is begins where its command is shaped least.
-    unshaped = LawCandidate(
-        settings=dict(space.candidate(space.start).settings), largest_command=space.largest_command
-    )
+    candidate = space.candidate(space.start)
+    unshaped = LawCandidate({**candidate.of_law, "largest_command": space.largest_command})
     place = space.unit(unshaped)
     assert place is not None
     np.testing.assert_array_equal(place[1:], [0.0, 1.0])

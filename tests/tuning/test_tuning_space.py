@@ -62,7 +62,7 @@ SEARCHED = [law for law in SETTINGS if law != "inverse_network"]
 def test_every_law_can_be_tuned_by_its_name_alone(law: str) -> None:
     space = space_of(TuneTable(laws=(law,)), law, MAGNITUDES)
     candidates = [space.candidate(np.full(len(space.free), place)) for place in (0.2, 0.5, 0.8)]
-    settings = [settings_of(law, each.settings) for each in candidates]
+    settings = [settings_of(law, each.of_law) for each in candidates]
     designed = design_candidates(law, _problem(), settings)
     assert designed.law is not None
     assert len(designed.designed) == 3, designed.refusals
@@ -104,7 +104,7 @@ def test_held_settings_are_not_searched_and_ranges_of_the_table_are() -> None:
     )
     space = space_of(table, "clipped_optimal", MAGNITUDES)
     assert [each.name for each in space.free] == ["control_weight", LARGEST]
-    assert space.candidate(np.zeros(2)).settings == {"drifts": 2.0, "control_weight": 1e-14}
+    assert space.candidate(np.zeros(2)).of_law == {"drifts": 2.0, "control_weight": 1e-14}
     assert space.candidate(np.ones(2)).largest_command == 1.88
 
 

@@ -125,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
-    from mrwork.cli.study_text import StudyVerb, study_text
+    from mrwork.cli.study_text import StudyVerb, design_lines, study_text
     from mrwork.study.ensemble import dampers_apart
     from mrwork.study.folder import design_document, study_document, write_study
     from mrwork.study.histories import Histories
@@ -175,11 +175,8 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
         return study_document(results) | design_document(study) | further
 
     def text(results: StudyResults, drawn: bool, written: bool) -> str:
-        notes = [
-            "\n".join([heading, *(f"  {sentence}" for sentence in sentences), ""])
-            for heading, sentences in study.design_notes
-        ]
-        return "\n".join([*notes, *lines, study_text(results, place if drawn or not written else None)])
+        found = study_text(results, place if drawn or not written else None)
+        return "\n".join([*design_lines(study), *lines, found])
 
     return StudyVerb(
         compute=compute,

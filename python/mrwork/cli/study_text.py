@@ -122,6 +122,15 @@ def run_on_study(
 _WIDEST = 120
 
 
+def design_lines(study: Study) -> list[str]:
+    """Settings that were taken, designed weights and loops of a study: paragraphs that end with an empty line."""
+    return [
+        line
+        for heading, sentences in study.design_notes
+        for line in (heading, *(f"  {sentence}" for sentence in sentences), "")
+    ]
+
+
 def study_text(results: StudyResults, folder: Path | None) -> str:
     """The summary of a study, and the path of its page."""
     text = study_summary(results).text(whole=True, width=_WIDEST)

@@ -5,11 +5,8 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.base.numbers import counted, with_decimals
-from mrwork.base.table import Table
 from mrwork.cli.command_parser import SEARCH, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_repeated, add_seed, add_threads, end_parser
@@ -81,17 +78,18 @@ def run(options: argparse.Namespace) -> int:
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[TunedStudy]:
     """The tuning of the tables of a study, or of the command line, and the study that judges it."""
-    from mrwork.cli.study_text import StudyVerb
+    from mrwork.cli.study_text import StudyVerb, design_lines, study_text
+    from mrwork.study.folder import design_document
     from mrwork.study.histories import Histories
     from mrwork.tuning.folder import tuning_document, write_tuning
     from mrwork.tuning.judging import judge, unjudged, with_tuned_rows
     from mrwork.tuning.run import tune
 
     tables, place = _tables(study, options), work.destination.path
-    stored = Histories(work, study)
+    wider, stored = study, Histories(work, study)
 
     def compute(journal: Journal, line: ProgressLine[Any]) -> TunedStudy:
-        nonlocal stored
+        nonlocal wider, stored
         try:
             tuned = tune(
                 study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
@@ -111,11 +109,17 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             threads=options.threads,
         )
 
+    def text(results: TunedStudy, drawn: bool, written: bool) -> str:
+        found = results.tuned._summary().text(whole=True)
+        judged = study_text(results, place if drawn or not written else None)
+        settings = f"Settings for mrwork respond: {place / CHOSEN}"
+        return "\n".join([found, "", *design_lines(wider), judged, settings])
+
     return StudyVerb(
         compute=compute,
         write=lambda *given, **named: write_tuning(*given, **named, histories=stored),
-        document=tuning_document,
-        text=lambda results, drawn, written: _text(results, place, page=drawn or not written),
+        document=lambda results: tuning_document(results) | design_document(wider),
+        text=text,
     )
 
 
@@ -131,31 +135,3 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
         replace(each, budget=min(each.budget, budget), population=min(each.population, population))
         for each in tables
     )
-
-
-def _text(results: TunedStudy, place: Path, *, page: bool) -> str:
-    """The settings that were found and how, the results of the study with them, and where everything is."""
-    from mrwork.cli.study_text import study_text
-    from mrwork.tuning.results import places_table, settings_in_words, speed_in_words
-
-    tuned = results.tuned
-    head = ("", "objective", "settings")
-    rows = [
-        (each.label, with_decimals(each.least, 3), settings_in_words(each.settings, tuned.command_unit))
-        for each in (*tuned.laws, *tuned.references)
-    ]
-    lines = [
-        *([] if (places := places_table(tuned)) is None else [places.title, *places.lines("  "), ""]),
-        f"Found on {counted(len(tuned.training), 'training motion')}:",
-        *Table(columns=head, rows=rows).lines("  "),
-        "",
-    ]
-    lines += [f"{each.label}: {each.certificate or 'no certificate'}" for each in tuned.laws]
-    for labels, sentences in tuned.designs:
-        lines += ["", f"Weights of {', '.join(labels)}", *(f"  {sentence}" for sentence in sentences)]
-    for each in tuned.laws:
-        if each.design.loop:
-            lines += ["", f"Loop of {each.label}", *(f"  {sentence}" for sentence in each.design.loop)]
-    lines += ["", study_text(results, place if page else None), speed_in_words(tuned)]
-    lines.append(f"Settings for mrwork respond: {place / CHOSEN}")
-    return "\n".join(lines)

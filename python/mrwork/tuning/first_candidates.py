@@ -11,21 +11,21 @@ import numpy as np
 
 from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
-from mrwork.buildings.matrices import Device
+from mrwork.buildings.groups import largest_command
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, PublishedRegulator, plain_weight
 from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import SettingError
-from mrwork.store.codec import digest_of
 from mrwork.study.constant import LEVELS
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON, TuneTable
 from mrwork.study.study import Kind
-from mrwork.tuning.problem import STUDY_SCORE, Bench, Benches, describe
+from mrwork.tuning.problem import STUDY_SCORE, Bench
 from mrwork.tuning.results import TunedLaw
 from mrwork.tuning.space import (
     BUDGET_SCALE,
+    LARGEST,
     FreeSetting,
     LawCandidate,
     SettingSpace,
@@ -55,11 +55,12 @@ class FirstCandidate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Basis(Summarised):
-    """Inputs of the first candidates: magnitudes of the response, convex and published weights of the building.
+    """Inputs of the first candidates: nominal bench, magnitudes of the response, convex and published weights.
 
     `limits` are those on rms responses by name, of drifts, and of drifts and accelerations.
     """
 
+    bench: Bench
     magnitudes: Magnitudes
     limits: tuple[Mapping[str, float], ...]
     convex: tuple[Mapping[str, Any], ...]
@@ -76,6 +77,7 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
     drift = {"rms_drift": round_to(magnitudes.drift / PEAK_FACTOR)}
     limits = (drift, {**drift, "rms_acceleration": round_to(magnitudes.acceleration / PEAK_FACTOR)})
     return Basis(
+        bench=bench,
         magnitudes=magnitudes,
         limits=limits,
         convex=tuple(_convex(bench, magnitudes, limits)),
@@ -115,13 +117,13 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
     kind = SETTINGS[space.law]
     middle = {
         name: value
-        for name, value in space.candidate(space.start).settings.items()
+        for name, value in space.candidate(space.start).of_law.items()
         if name not in kind.weight_names() and name != _WEIGHT
     }
     candidates: list[FirstCandidate] = []
 
     def add(settings: Mapping[str, Any], origin: str) -> None:
-        candidate = LawCandidate(settings=dict(settings), largest_command=space.largest_command)
+        candidate = LawCandidate({**settings, LARGEST: space.largest_command})
         if all(candidate != each.candidate for each in candidates):
             candidates.append(FirstCandidate(candidate=candidate, origin=origin))
 
@@ -183,93 +185,81 @@ def _sizes(
     return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Reference:
-    label: str
-    law: str
-    candidates: tuple[LawCandidate, ...]
-    origin: str
-    kind: Kind = "controller"
+def constant_commands(bench: Bench) -> Iterator[TunedLaw]:
+    """References at a constant command: none, the best by the score of a study, and the largest."""
+    devices = bench.problem.devices
+    largest = largest_command(bench.study.devices)
+    alike = len({device.largest_command for device in devices}) == 1
+
+    def commands(*shares: float) -> list[LawCandidate]:
+        of_devices = [tuple(round_to(share * each.largest_command) for each in devices) for share in shares]
+        return [LawCandidate({"command": each[0] if alike else each, LARGEST: largest}) for each in of_devices]
+
+    levels = np.linspace(0.0, 1.0, LEVELS).tolist()
+    best = f"best of {LEVELS} on the training motions"
+    rows: tuple[tuple[str, Kind, list[LawCandidate], str], ...] = (
+        (PASSIVE_OFF, "passive_off", commands(0.0), "no command"),
+        (OPTIMAL_PASSIVE, "best_passive", commands(*levels), best),
+        (PASSIVE_ON, "passive", commands(1.0), "largest command"),
+    )
+    for label, kind, candidates, origin in rows:
+        yield _reference(bench, STUDY_SCORE, "passive", candidates, label=label, kind=kind, origin=origin)
 
 
-def references_of(benches: Benches, objective: TuningObjective, basis: Basis) -> Iterator[TunedLaw]:
-    """The references, each the best of its candidates on the training motions, in the nominal study.
+def weights_of_regulators(basis: Basis, objective: TuningObjective) -> Iterator[TunedLaw]:
+    """References with weights that no search has touched: of each shape the best R, or the best budget.
 
-    Constant commands are compared by the score of a study, whatever laws minimise. All are compared to i = 0, also
-    where the laws are to the best constant command, which is one of them.
+    They are compared to i = 0, also where laws are compared to the best constant command, and without realisations.
     """
-    objective, bench = replace(objective, relative_to="passive_off"), benches.nominal
-    taken = {row.label for row in bench.study.rows if row.kind == "controller"}
-    for each in _declare_references(basis, bench.problem.devices):
-        began = time.perf_counter()
-        own = objective if each.kind == "controller" else STUDY_SCORE
-        inputs = digest_of(each.law, each.candidates)
-        scores = bench.recall_or_score("reference", inputs, own, each.law, each.candidates)
-        best = each.candidates[scores.best]
-        yield TunedLaw(
-            law=each.law,
-            label=f"{each.label}, reference" if each.label in taken else each.label,
-            kind=each.kind,
-            settings=dict(describe(best)),
-            origin=each.origin,
-            objective=own,
-            least=float(scores.objective[scores.best]),
-            violation=float(scores.violation[scores.best]),
-            candidates=len(each.candidates),
-            seconds=time.perf_counter() - began,
-            certificate=bench.certificate(each.law, best),
-            design=bench.design_notes(each.law, best),
-        )
-
-
-def best_constant(references: Sequence[TunedLaw]) -> LawCandidate:
-    """The best constant command among references."""
-    return next(each.chosen_candidate for each in references if each.kind == "best_passive")
-
-
-def _declare_references(basis: Basis, devices: Sequence[Device]) -> Iterator[_Reference]:
-    largest = basis.magnitudes.command
-
-    def constant(share: float) -> LawCandidate:
-        commands = tuple(round_to(share * device.largest_command) for device in devices)
-        alike = len({device.largest_command for device in devices}) == 1
-        return LawCandidate(settings={"command": commands[0] if alike else commands}, largest_command=largest)
-
-    yield _Reference(
-        label=PASSIVE_OFF,
-        law="passive",
-        candidates=(constant(0.0),),
-        origin="no command",
-        kind="passive_off",
-    )
-    yield _Reference(
-        label=OPTIMAL_PASSIVE,
-        law="passive",
-        candidates=tuple(constant(share) for share in np.linspace(0.0, 1.0, LEVELS)),
-        origin=f"best of {LEVELS} on the training motions",
-        kind="best_passive",
-    )
-    yield _Reference(
-        label=PASSIVE_ON,
-        law="passive",
-        candidates=(constant(1.0),),
-        origin="largest command",
-        kind="passive",
-    )
-    space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", basis.magnitudes)
+    objective, law = replace(objective, relative_to="passive_off"), "clipped_optimal"
+    taken = {row.label for row in basis.bench.study.rows if row.kind == "controller"}
     shapes: dict[str, list[LawCandidate]] = {}
-    for first in first_candidates(space, basis):
+    for first in first_candidates(space_of(TuneTable(laws=(law,)), law, basis.magnitudes), basis):
         shapes.setdefault(first.origin, []).append(first.candidate)
     of_R, of_budget = ("R scanned", "sizes of R"), ("budget scanned", "limits and budgets")
     for origin in (EQUAL, CONVEX, DASHPOTS, SEMI_ACTIVE):
+        if origin not in shapes:
+            continue
         scanned, choices = of_budget if origin == SEMI_ACTIVE else of_R
-        if origin in shapes:
-            yield _Reference(
-                label=f"{origin[:1].upper()}{origin[1:]}, {scanned}",
-                law="clipped_optimal",
-                candidates=distinct(shapes[origin]),
-                origin=f"{origin}, best of {len(shapes[origin])} {choices} on the training motions",
-            )
+        label = f"{origin[:1].upper()}{origin[1:]}, {scanned}"
+        yield _reference(
+            basis.bench,
+            objective,
+            law,
+            distinct(shapes[origin]),
+            label=f"{label}, reference" if label in taken else label,
+            kind="controller",
+            origin=f"{origin}, best of {len(shapes[origin])} {choices} on the training motions",
+        )
+
+
+def _reference(
+    bench: Bench,
+    objective: TuningObjective,
+    law: str,
+    candidates: Sequence[LawCandidate],
+    *,
+    label: str,
+    kind: Kind,
+    origin: str,
+) -> TunedLaw:
+    """The best of the candidates of a law on the training motions."""
+    began = time.perf_counter()
+    scores = bench.recalled_scores("reference", objective, law, candidates)
+    best = candidates[scores.best]
+    return TunedLaw(
+        law=law,
+        label=label,
+        kind=kind,
+        settings=dict(best.settings),
+        origin=origin,
+        objective=objective,
+        least=float(scores.objective[scores.best]),
+        violation=float(scores.violation[scores.best]),
+        candidates=len(candidates),
+        seconds=time.perf_counter() - began,
+        certificate=bench.certificate(law, best),
+    )
 
 
 def distinct(candidates: Sequence[LawCandidate]) -> tuple[LawCandidate, ...]:

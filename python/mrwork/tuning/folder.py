@@ -22,8 +22,8 @@ from mrwork.study.histories import Histories
 from mrwork.study.placements import placed_document
 from mrwork.study.study import StudyFile
 from mrwork.tuning.judging import TunedStudy, with_tuning
-from mrwork.tuning.results import TunedLaw, TuningResults, part_settings
-from mrwork.tuning.space import LARGEST
+from mrwork.tuning.results import TunedLaw, TuningResults
+from mrwork.tuning.space import LARGEST, follows_command
 
 
 def write_tuning(
@@ -113,8 +113,8 @@ def _without_folder(text: str) -> str:
 
 
 def _controller(law: TunedLaw) -> str:
-    settings, of_command = part_settings(law.settings)
-    if not law.limited:
+    settings, of_command = law.candidate.of_law, law.candidate.of_command
+    if not follows_command(law.law):
         of_command.pop(LARGEST, None)
     own = {"law": law.law, "label": law.label, **({"settings": settings} if settings else {})}
     return toml_text({"controller": [own | of_command]})

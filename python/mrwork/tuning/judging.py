@@ -22,7 +22,7 @@ from mrwork.study.results import RealisationBand, StudyResults, ratio_band, scor
 from mrwork.study.run import run_study
 from mrwork.study.runs import Runs
 from mrwork.study.schema import Use
-from mrwork.study.study import Arrangement, Study
+from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.problem import arrange_law, check_controllable
 from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults
 from mrwork.workers.engine import Workers, on_executor
@@ -244,9 +244,9 @@ def _judge_front(
     constant = next(each for each in tuned.references if each.kind == "best_passive")
     rows = [
         study.at_zero,
-        _arrange(study, constant),
+        _arrange_found(study, constant),
         *(
-            arrange_law(study, front.law, point.candidate, f"{front.label}, point {number}")
+            arrange_law(study, front.law, point.candidate, Row(label=f"point {number}", kind="controller"))
             for number, point in enumerate(front.points, start=1)
         ),
     ]
@@ -284,13 +284,13 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
             continue
         # Settings that make no law have no row, which the tuning warns of.
         with suppress(SettingError):
-            rows.append(_arrange(study, each))
+            rows.append(_arrange_found(study, each))
     return replace(study, is_whole=False, arrangements=(*study.arrangements, *rows))
 
 
-def _arrange(study: Study, law: TunedLaw) -> Arrangement:
-    made = arrange_law(study, law.law, law.chosen_candidate, law.label)
-    return replace(made, row=replace(made.row, kind=law.kind, description=law.origin))
+def _arrange_found(study: Study, law: TunedLaw) -> Arrangement:
+    row = Row(label=law.label, kind=law.kind, description=law.origin)
+    return arrange_law(study, law.law, law.candidate, row)
 
 
 @checked
@@ -324,11 +324,11 @@ def with_tuned_law(
     if isinstance(found, TunedLaw):
         if point is not None:
             raise SettingError(f"`point` is of a front, and `found` is the law {found.label}; leave it out")
-        candidate = found.chosen_candidate
+        candidate = found.candidate
     else:
         candidate = (found.pick() if point is None else point).candidate
     name = label or found.label
     if name in (row.label for row in study.rows):
         raise SettingError(f"the study has a row called {name!r} already; give another `label`")
-    arrangement = arrange_law(study, found.law, candidate, name)
+    arrangement = arrange_law(study, found.law, candidate, Row(label=name, kind="controller"))
     return replace(study, is_whole=False, arrangements=(*study.arrangements, arrangement))

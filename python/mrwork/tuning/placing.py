@@ -6,20 +6,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from mrwork.closed_loop.evaluation import searched
 from mrwork.motions import GroundMotion
-from mrwork.store.codec import digest_of
-from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 from mrwork.study.constant import ConstantSearch
 from mrwork.study.dampers import ChosenDamper, equip_building
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.placements import Placed, placed_tables, placements_of
 from mrwork.study.realisations import nominal
-from mrwork.study.runs import Runs, recall_or_compute
+from mrwork.study.runs import Runs
 from mrwork.study.study import (
     Arrangement,
     Row,
@@ -35,7 +34,11 @@ _JUDGED: Final = 5
 
 
 def compare_places(
-    study: Study, *, journal: Journal | None, threads: int, on_compared: Callable[[int, int, float], None]
+    study: Study,
+    *,
+    call: LongCall[Any, Any],
+    threads: int,
+    on_compared: Callable[[int, int, float], None],
 ) -> list[Placement]:
     """The placements of a study that has a table of them, by the score of their best constant command, best first.
 
@@ -91,16 +94,14 @@ def compare_places(
     ranked: list[Placement] = []
     compared = placements if given in placements else [*placements, given]
     for placed in compared:
-        inputs = digest_of(list(placed.items()), digest_of_run(arranged(placed), *study.chosen_on))
-        ranked.append(recall_or_compute(journal, "placement", inputs, Placement, partial(best_of, placed)))
+        run = digest_of_run(arranged(placed), *study.chosen_on)
+        ranked.append(call.step("placement", Placement, partial(best_of, placed), [*placed.items()], run))
         on_compared(len(ranked), len(compared), min(each.train for each in ranked))
     # That of the study comes last where it is not one that may be chosen.
     ranked.sort(key=lambda each: (each.storeys not in placements, math.isnan(each.train), each.train))
     held_out = 0 < len(testing) < len(study.motions)
     for number, each in enumerate(ranked if held_out else ()):
         if number < _JUDGED or each.given:
-            inputs = digest_of(list(each.storeys.items()), each.command)
-            ranked[number] = recall_or_compute(
-                journal, "judged placement", inputs, Placement, partial(judged, each)
-            )
+            inputs = ([*each.storeys.items()], each.command)
+            ranked[number] = call.step("judged placement", Placement, partial(judged, each), *inputs)
     return ranked

@@ -1,11 +1,11 @@
-"""Benches of a tuning: simulate candidates in batches, and return their criteria and judgements."""
+"""Benches of a tuning: simulate candidates in batches, and return their criteria, scores and certificates."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,40 +20,40 @@ from mrwork.control.laws.law_settings import SETTINGS, design_candidates, design
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
-from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.realisations import Realisations, nominal
-from mrwork.study.runs import (
-    Axes,
-    Runs,
-    candidate_axes,
-    recall_or_compute,
-    recall_or_simulate,
-    study_criteria,
-)
+from mrwork.study.runs import Axes, Runs, candidate_axes, recall_or_simulate, study_criteria
+from mrwork.study.schema import TuneTable
 from mrwork.study.study import Arrangement, Row, Study
-from mrwork.tuning.results import DesignNotes
-from mrwork.tuning.space import PENALTY, LawCandidate, TuningObjective
+from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective
+
+STUDY_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
+"""That of a study, whatever a table minimises, so that all laws are compared by one number."""
 
 
-@dataclass(slots=True, kw_only=True)
-class Clock:
-    """Seconds spent in the simulation and in all, and the candidates that were simulated."""
+@array_dataclass(repr=False)
+class Scores(Summarised):
+    """Objective of candidates, by how much they exceed their limits, and both together, shape (n,) each."""
 
-    began: float = field(default_factory=time.perf_counter)
-    simulating: float = 0.0
-    candidates: int = 0
+    objective: Floats
+    violation: Floats
 
     @property
-    def seconds_outside(self) -> float:
-        """Time that was spent outside the simulation [s]."""
-        return max(0.0, time.perf_counter() - self.began - self.simulating)
+    def penalised_scores(self) -> Floats:
+        """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
+        return np.asarray(self.objective + PENALTY * self.violation)
+
+    @property
+    def best(self) -> int:
+        """The candidate of the least penalised objective; the first of equal ones."""
+        return int(np.argmin(self.penalised_scores))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Bench(Summarised):
-    """Motions and realisations under which candidates are simulated, and the criteria of baselines under them.
+    """Training motions and realisations under which candidates are simulated, and the criteria of baselines under them.
 
     `passive` are those at i = 0, `constant` those of the best constant command where an objective takes them.
     """
@@ -62,43 +62,73 @@ class Bench(Summarised):
     problem: DesignProblem
     motions: tuple[GroundMotion, ...]
     realisations: Realisations
-    passive: Runs
-    journal: Journal | None
+    call: LongCall[Any, Any]
     threads: int
-    clock: Clock
+    passive: Runs
     constant: Runs | None = None
 
-    def baseline(self, objective: TuningObjective) -> Runs:
-        """What the criteria of an objective are divided by."""
-        if objective.relative_to == "passive_off":
-            return self.passive
-        assert self.constant is not None
-        return self.constant
+    @staticmethod
+    def of(
+        study: Study,
+        realisations: Realisations | None,
+        call: LongCall[Any, Any] | None = None,
+        threads: int = 0,
+    ) -> Bench:
+        """The bench of a study with these realisations, by default the nominal one; i = 0 is simulated on it."""
+        check_controllable(study)
+        problem, motions, law = study.problem, study.chosen_on, study.at_zero.law
+        assert problem is not None
+        assert law is not None
+        call = LongCall() if call is None else call
+        realised = nominal(study.devices) if realisations is None else realisations
+        passive = recall_or_simulate(
+            call.journal,
+            "passive",
+            digest_of([motion.name for motion in motions], len(realised)),
+            candidate_axes(1, motions, len(realised)),
+            study_criteria(study.command_unit),
+            lambda: simulate_criteria(
+                study.at_zero, law, motions, study.hardware, realised, bare=study.building, threads=threads
+            ),
+        )
+        return Bench(
+            study=study,
+            problem=problem,
+            motions=motions,
+            realisations=realised,
+            call=call,
+            threads=threads,
+            passive=passive,
+        )
+
+    def with_constant(self, constant: LawCandidate) -> Bench:
+        """The bench with the criteria under the best constant command, a baseline of objectives."""
+        return replace(self, constant=self.recalled("baseline", "passive", [constant]))
 
     def run(self, law: str, candidates: Sequence[LawCandidate]) -> Runs:
         """Criteria of candidates, none for those that make no law."""
         runs = Runs.empty(self._axes(len(candidates)), study_criteria(self.study.command_unit))
-        seconds = 0.0
         for members, together in self._batches(law, candidates):
             problem = (
                 self.problem if together else self.problem.limited_to(candidates[members[0]].largest_command)
             )
-            known = [settings_of(law, candidates[n].settings) for n in members]
-            designed = design_candidates(law, problem, known)
+            designed = design_candidates(
+                law, problem, [settings_of(law, candidates[n].of_law) for n in members]
+            )
             if designed.law is None:
                 continue
             places = [members[index] for index in designed.designed]
             commands = np.array([candidates[n].largest_command for n in places]) if together else None
-            shaping = _shaping_of([candidates[n] for n in places])
-            batch = self.simulate(problem, designed.law, largest_commands=commands, shaping=shaping)
+            shapes = np.array([candidates[n].shape for n in places])
+            shaped = np.any(shapes != LawCandidate({}).shape)
+            batch = self.simulate(
+                problem, designed.law, largest_commands=commands, shaping=shapes if shaped else None
+            )
             # A law without gains has one candidate, whatever the number of its settings.
             runs.outcome[places] = batch.outcome
             for name, array in batch.numbers.items():
                 runs.numbers[name][places] = array
-            seconds += batch.seconds
-        self.clock.simulating += seconds
-        self.clock.candidates += len(candidates)
-        return replace(runs, seconds=seconds)
+        return runs
 
     def simulate(
         self,
@@ -123,27 +153,42 @@ class Bench(Summarised):
             changes=changes,
         )
 
-    def recall_or_run(self, step: str, inputs: str, law: str, candidates: Sequence[LawCandidate]) -> Runs:
+    def recalled(self, step: str, law: str, candidates: Sequence[LawCandidate]) -> Runs:
         """The criteria of candidates, from the journal if it has them."""
-        axes, declared = self._axes(len(candidates)), study_criteria(self.study.command_unit)
         return recall_or_simulate(
-            self.journal, step, inputs, axes, declared, lambda: self.run(law, candidates)
+            self.call.journal,
+            step,
+            digest_of(law, candidates, len(self.realisations)),
+            self._axes(len(candidates)),
+            study_criteria(self.study.command_unit),
+            lambda: self.run(law, candidates),
         )
 
     def _axes(self, n_candidates: int) -> Axes:
         return candidate_axes(n_candidates, self.motions, len(self.realisations))
 
-    def recall_or_score(
-        self, step: str, inputs: str, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
+    def scores(self, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]) -> Scores:
+        """The scores of candidates."""
+        return self.scores_of(objective, self.run(law, candidates))
+
+    def scores_of(self, objective: TuningObjective, runs: Runs) -> Scores:
+        """The scores of candidates whose criteria are known."""
+        value = objective.value(objective.run_scores(runs, self.baseline(objective)))
+        violation = objective.violation(runs)
+        return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
+
+    def recalled_scores(
+        self, step: str, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
     ) -> Scores:
         """The scores of candidates, from the journal if it has them."""
-        return recall_or_compute(
-            self.journal,
-            step,
-            inputs,
-            Scores,
-            lambda: score_candidates(self, objective, law, candidates),
-        )
+        return self.call.step(step, Scores, lambda: self.scores(objective, law, candidates), law, candidates)
+
+    def baseline(self, objective: TuningObjective) -> Runs:
+        """What the criteria of an objective are divided by."""
+        if objective.relative_to == "passive_off":
+            return self.passive
+        assert self.constant is not None
+        return self.constant
 
     def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
         """Indices of candidates that are simulated together, and whether their largest commands may differ.
@@ -152,7 +197,7 @@ class Bench(Summarised):
         """
         hardware = self.study.hardware
         sound = not any(fault.channel == "command" for fault in hardware.faults)
-        slopes = (hardware.command_rate, *(each.command_slope for each in candidates))
+        slopes = (hardware.command_rate, *(each.shape[1] for each in candidates))
         alike = control_law(law).sends_share and sound and all(map(math.isinf, slopes))
         if alike and len(candidates) > 1:
             return [(list(range(len(candidates))), True)]
@@ -165,41 +210,41 @@ class Bench(Summarised):
     def certificate(self, law: str, candidate: LawCandidate) -> str:
         """Stability certificate of a law with these settings, in words."""
         try:
-            return settings_of(law, candidate.settings).certificate(
+            return settings_of(law, candidate.of_law).certificate(
                 self.problem.limited_to(candidate.largest_command)
             )
         except SettingError:
             return NO_CERTIFICATE
 
-    def design_notes(self, law: str, candidate: LawCandidate) -> DesignNotes:
-        """Sentences on the designed weights of a law with these settings, and on its gain; none if it has no design."""
-        try:
-            made = arrange_law(self.study, law, candidate, law).law
-        except SettingError:
-            return DesignNotes()
-        assert isinstance(made, ControlLaw)
-        weights = () if made.weights is None else (*made.weights.in_words, made.weights.advice)
-        return DesignNotes(weights=weights, loop=(*made.notes, *made.shaping_notes))
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawPlan:
+    """A law to be tuned: its table, the space of its settings, and the bench and objective that score them."""
+
+    table: TuneTable
+    label: str
+    space: SettingSpace
+    objective: TuningObjective
+    bench: Bench
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+        return self.space.law
 
 
-def arrange_law(study: Study, law: str, candidate: LawCandidate, label: str) -> Arrangement:
+def arrange_law(study: Study, law: str, candidate: LawCandidate, row: Row) -> Arrangement:
     """The dampers of a study under a law with these settings, as `mrwork respond` simulates it."""
     assert study.problem is not None
     limited = study.problem.limited_to(candidate.largest_command)
-    designed = design_law(law, limited, settings_of(law, candidate.settings))
+    designed = design_law(law, limited, settings_of(law, candidate.of_law))
+    dead_zone, slope = candidate.shape
     return replace(
         study.at_zero,
-        row=Row(label=label, kind="controller"),
+        row=row,
         devices=limited.all_devices,
-        law=replace(designed, dead_zone=candidate.dead_zone, command_slope=candidate.command_slope),
+        law=replace(designed, dead_zone=dead_zone, command_slope=slope),
     )
-
-
-def _shaping_of(candidates: Sequence[LawCandidate]) -> Floats | None:
-    """Dead zone and slope of each candidate; `None` where no command is shaped."""
-    if not any(each.shaping for each in candidates):
-        return None
-    return np.array([(each.dead_zone, each.command_slope) for each in candidates])
 
 
 def check_controllable(study: Study) -> None:
@@ -213,44 +258,6 @@ def check_controllable(study: Study) -> None:
         )
 
 
-@array_dataclass(repr=False)
-class Scores(Summarised):
-    """Objective of candidates, by how much they exceed their limits, and both together, shape (n,) each."""
-
-    objective: Floats
-    violation: Floats
-
-    def __post_init__(self) -> None:
-        if self.objective.shape != self.violation.shape:
-            raise ValueError(
-                f"objectives of the shape {self.objective.shape} with violations of the shape {self.violation.shape}"
-            )
-
-    @property
-    def penalised_scores(self) -> Floats:
-        """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
-        return np.asarray(self.objective + PENALTY * self.violation)
-
-    @property
-    def best(self) -> int:
-        """The candidate of the least penalised objective; the first of equal ones."""
-        return int(np.argmin(self.penalised_scores))
-
-
-def score_candidates(
-    bench: Bench, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
-) -> Scores:
-    """The scores of candidates on a bench."""
-    return scores_of(objective, bench.run(law, candidates), bench)
-
-
-def scores_of(objective: TuningObjective, runs: Runs, bench: Bench) -> Scores:
-    """The scores of candidates whose criteria are known."""
-    value = objective.value(objective.run_scores(runs, bench.baseline(objective)))
-    violation = objective.violation(runs)
-    return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
-
-
 def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     """Typical peaks of the response, medians over the motions, from i = 0 and the largest command.
 
@@ -258,91 +265,10 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     """
     study = bench.study
     largest = largest_command(study.devices)
-    on = bench.run("passive", [LawCandidate(settings={"command": largest}, largest_command=largest)])
-    bench.clock.candidates -= 1
+    on = bench.run("passive", [LawCandidate({"command": largest, LARGEST: largest})])
     constant = None
     if bench.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
         constant = bench.problem.reference_peaks()
     return magnitudes_of_runs(
         study.building, bench.motions, bench.passive, on, command=largest, constant=constant
-    )
-
-
-def describe(candidate: LawCandidate) -> Mapping[str, object]:
-    """The settings of a candidate with those of its command, as a study file states them."""
-    return {**candidate.settings, "largest_command": candidate.largest_command, **candidate.shaping}
-
-
-STUDY_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
-"""That of a study, whatever a table minimises, so that all laws are compared by one number."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Benches(Summarised):
-    """Benches with the training motions: of the nominal study, and with its realisations where a table is robust."""
-
-    nominal: Bench
-    varied: Bench | None
-
-    def select(self, *, robust: bool) -> Bench:
-        """The bench on which candidates are scored."""
-        return self.varied if robust and self.varied is not None else self.nominal
-
-    def with_constant(self, constant: LawCandidate) -> Benches:
-        """Benches with the criteria under the best constant command, a baseline of objectives."""
-
-        def with_own(bench: Bench) -> Bench:
-            inputs = digest_of(len(bench.realisations), constant)
-            return replace(bench, constant=bench.recall_or_run("baseline", inputs, "passive", [constant]))
-
-        return Benches(
-            nominal=with_own(self.nominal), varied=None if self.varied is None else with_own(self.varied)
-        )
-
-
-def benches_of(
-    study: Study, *, journal: Journal | None, threads: int, clock: Clock, robust: bool = True
-) -> Benches:
-    """The benches of a study; the dampers at i = 0 are simulated on each."""
-    check_controllable(study)
-    problem, motions, law = study.problem, study.chosen_on, study.at_zero.law
-    assert problem is not None
-    assert law is not None
-
-    def bench(realisations: Realisations) -> Bench:
-        def passive() -> Runs:
-            criteria = simulate_criteria(
-                study.at_zero,
-                law,
-                motions,
-                study.hardware,
-                realisations,
-                bare=study.building,
-                threads=threads,
-            )
-            clock.simulating += criteria.seconds
-            return criteria
-
-        inputs = digest_of([motion.name for motion in motions], len(realisations))
-        return Bench(
-            study=study,
-            problem=problem,
-            motions=motions,
-            realisations=realisations,
-            passive=recall_or_simulate(
-                journal,
-                "passive",
-                inputs,
-                candidate_axes(1, motions, len(realisations)),
-                study_criteria(study.command_unit),
-                passive,
-            ),
-            journal=journal,
-            threads=threads,
-            clock=clock,
-        )
-
-    wide = study.realisations
-    return Benches(
-        nominal=bench(nominal(study.devices)), varied=bench(wide) if robust and wide is not None else None
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from mrwork.base.arguments import Count, NotNegative, Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
-from mrwork.base.numbers import counted, format_rounded, percent, with_decimals
+from mrwork.base.numbers import counted, duration_in_words, format_rounded, percent, with_decimals
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
@@ -22,7 +22,6 @@ from mrwork.tuning.space import (
     COMMAND_SLOPE,
     DEAD_ZONE,
     LARGEST,
-    SHAPING_SPANS,
     FreeSetting,
     LawCandidate,
     TuningObjective,
@@ -41,23 +40,15 @@ class TracePoint:
     least: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DesignNotes:
-    """Sentences on the designed weights of a law, and on its gain: stability margins, a law that asks for no force."""
-
-    weights: tuple[str, ...] = ()
-    loop: tuple[str, ...] = ()
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class TunedLaw(Summarised):
     """A law with the settings that were chosen for it on the training motions, or a reference.
 
-    `kind` is what it is as a row of a study. `settings` include the largest command. `origin` says where the settings
+    `kind` is what it is as a row of a study. `settings` include those of the command. `origin` says where the settings
     are from. `least` is the value of the `objective` with these settings, over the realisations where it is `robust`,
     and `violation` by how much they exceed its limits, relative to these. `free` are the free settings with their
-    ranges. `certificate` says what is proved of the law, `limited` whether the largest command is one of its settings,
-    `design` what its weights and its gain are.
+    ranges, `refused` is the number of first candidates that could not be simulated, and `certificate` says what is
+    proved of the law.
     """
 
     _made_by: ClassVar[str] = "mr.tune(study).laws"
@@ -70,20 +61,26 @@ class TunedLaw(Summarised):
     objective: TuningObjective
     robust: bool = False
     least: float
-    violation: float
+    violation: float = 0.0
     candidates: Whole
-    seconds: NotNegative
+    seconds: NotNegative = 0.0
     certificate: str = ""
-    limited: bool = False
     refused: Whole = 0
     free: tuple[FreeSetting, ...] = ()
     trace: tuple[TracePoint, ...] = ()
-    design: DesignNotes = field(default_factory=DesignNotes)
 
     @property
-    def chosen_candidate(self) -> LawCandidate:
+    def candidate(self) -> LawCandidate:
         """The settings as a candidate."""
-        return candidate_of(self.settings)
+        return LawCandidate(self.settings)
+
+    def after(self, candidates: int, misfit: float, best: LawCandidate, origin: str) -> TunedLaw:
+        """The law after a search went on to so many candidates: with the best of these, if it is better."""
+        found = self
+        if misfit < self.least:
+            found = replace(self, settings=dict(best.settings), origin=origin, least=misfit)
+        point = TracePoint(candidates=candidates, least=found.least)
+        return replace(found, candidates=candidates, trace=(*self.trace, point))
 
     @property
     def at_bounds(self) -> list[tuple[str, str]]:
@@ -97,21 +94,6 @@ class TunedLaw(Summarised):
             if place is not None and not _MARGIN < place < 1.0 - _MARGIN:
                 at_ends.append((setting.name, "the lower" if place <= _MARGIN else "the upper"))
         return at_ends
-
-
-_OF_COMMAND = (LARGEST, *SHAPING_SPANS)
-
-
-def part_settings(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Settings of the law itself, and those of the command, which any law has."""
-    of_law = {name: value for name, value in settings.items() if name not in _OF_COMMAND}
-    return of_law, {name: settings[name] for name in _OF_COMMAND if name in settings}
-
-
-def candidate_of(settings: Mapping[str, Any]) -> LawCandidate:
-    """Settings with those of the command as a candidate."""
-    of_law, of_command = part_settings(settings)
-    return LawCandidate(settings=of_law, **of_command)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +133,7 @@ class FrontPoint:
     @property
     def candidate(self) -> LawCandidate:
         """The settings as a candidate."""
-        return candidate_of(self.settings)
+        return LawCandidate(self.settings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -223,8 +205,7 @@ class TuningResults(Plotted, WithAxes, Summarised):
 
     The study judges them, see `judge`. The arrays are `least`, `violation`, the number of candidates, and the settings
     that are numbers, over law, laws before references. `training` are the names of the motions. `places` are placements
-    of the dampers, the best first, at which the laws are tuned. `seconds_outside` is the time outside the simulation
-    [s]: design of gains, search, scores.
+    of the dampers, the best first, at which the laws are tuned.
     """
 
     _made_by: ClassVar[str] = "mr.tune(study)"
@@ -238,8 +219,6 @@ class TuningResults(Plotted, WithAxes, Summarised):
     fronts: tuple[Front, ...] = ()
     places: tuple[Placement, ...] = ()
     seconds: NotNegative = 0.0
-    candidates_per_second: NotNegative = 0.0
-    seconds_outside: NotNegative = 0.0
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -261,15 +240,6 @@ class TuningResults(Plotted, WithAxes, Summarised):
             ]
         return tuple(sentences)
 
-    @property
-    def designs(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
-        """Sentences of each design of weights once, with the labels of the laws and references that have it."""
-        labels_of_design: dict[tuple[str, ...], list[str]] = {}
-        for law in (*self.laws, *self.references):
-            if law.design.weights:
-                labels_of_design.setdefault(law.design.weights, []).append(law.label)
-        return tuple((tuple(labels), sentences) for sentences, labels in labels_of_design.items())
-
     def _named_arrays(self) -> NamedArrays:
         found = (*self.laws, *self.references)
         numbers = {
@@ -289,23 +259,30 @@ class TuningResults(Plotted, WithAxes, Summarised):
         )
 
     def _summary(self) -> Summary:
+        places = places_table(self)
+        columns = ("law", "objective", "settings")
+        rows = tuple(
+            (law.label, with_decimals(law.least, 4), settings_in_words(law.settings, self.command_unit))
+            for law in (*self.laws, *self.references)
+        )
         return Summary(
             title=f"Tuning of {self.title}: {self.status}",
             facts=(
                 ("training motions", list_names(self.training)),
-                ("candidates", f"{self.candidates_per_second:.3g} a second"),
+                ("searches", self.effort_in_words),
                 *(("best placement", each.in_words) for each in self.places[:1]),
+                *((f"certificate of {law.label}", law.certificate) for law in self.laws),
             ),
-            columns=("law", "objective", "settings"),
-            rows=[
-                (law.label, with_decimals(law.least, 4), settings_in_words(law.settings, self.command_unit))
-                for law in (*self.laws, *self.references)
-            ],
-            notes=[
-                *(f"warning: {warning}" for warning in self.warnings),
-                "What the settings are worth on other motions: mr.tuning.judge(study, tuned).",
-            ],
+            tables=(*([] if places is None else [places]), Table(columns=columns, rows=rows, words=(2,))),
+            cautions=self.warnings,
+            notes=["What the settings are worth on other motions: mr.tuning.judge(study, tuned)."],
         )
+
+    @property
+    def effort_in_words(self) -> str:
+        """The candidates of all searches, and the time of the tuning."""
+        count = sum(law.candidates for law in self.laws) + sum(front.candidates for front in self.fronts)
+        return f"{counted(count, 'candidate')} in {duration_in_words(self.seconds)}"
 
 
 # Placements that are listed, beside that of the study.
@@ -337,37 +314,29 @@ def places_table(results: TuningResults) -> Table | None:
     )
 
 
-def speed_in_words(results: TuningResults) -> str:
-    """Candidates per second, and what the time went into."""
-    share = percent(results.seconds_outside / results.seconds if results.seconds else 0.0, 0)
-    return (
-        f"{results.candidates_per_second:.3g} candidates a second; design of gains, search and scores took {share} % "
-        "of the time, simulations the rest"
-    )
-
-
 def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
     """Settings in one line, those of the command last."""
-    of_law, of_command = part_settings(settings)
-    parts = [f"{name} {_value(value)}" for name, value in of_law.items()]
+    candidate = LawCandidate(settings)
     words = {
         LARGEST: ("at most", command_unit),
         DEAD_ZONE: ("dead zone", "m/s"),
         COMMAND_SLOPE: ("slope at most", f"{command_unit}/s"),
     }
-    for name, value in of_command.items():
+    parts = [f"{name} {setting_in_words(value)}" for name, value in candidate.of_law.items()]
+    for name, value in candidate.of_command.items():
         word, unit = words[name]
         parts.append(f"{word} {format_rounded(value)} {unit}")
     return ", ".join(parts)
 
 
-def _value(value: Any) -> str:
+def setting_in_words(value: Any) -> str:
+    """The value of a setting in a line; of a long array the number of its entries."""
     if value is None or isinstance(value, str):
         return value or "-"
     if isinstance(value, int | float):
         return format_rounded(float(value))
     if isinstance(value, Mapping):
-        return f"({', '.join(f'{name} {_value(item)}' for name, item in value.items())})"
+        return f"({', '.join(f'{name} {setting_in_words(item)}' for name, item in value.items())})"
     if len(value) > _MOST_IN_WORDS:
         return f"{len(value)} numbers"
-    return f"[{', '.join(_value(item) for item in value)}]"
+    return f"[{', '.join(setting_in_words(item) for item in value)}]"

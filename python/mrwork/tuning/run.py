@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import fields, replace
 from functools import partial
-from itertools import islice
-from typing import Literal
+from typing import Any, Literal
 
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.keys import given_in, suggestion
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.control_law import control_law
-from mrwork.control.laws.law_problem import Magnitudes
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import SettingError
 from mrwork.search.registry import ALL_OPTIMISERS, library
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 from mrwork.study.arrangements import check_law, refuse_within
 from mrwork.study.named_laws import designed
 from mrwork.study.reading import placed_study
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.tuning.first_candidates import basis_of, best_constant, references_of
-from mrwork.tuning.law_tuning import LawPlan, TuningProgress, check_finish, check_settings, front_of, tune_law
+from mrwork.tuning.first_candidates import Basis, basis_of, constant_commands, weights_of_regulators
+from mrwork.tuning.law_tuning import TuningProgress, check_settings, front_of, tune_law
 from mrwork.tuning.placing import compare_places
-from mrwork.tuning.problem import STUDY_SCORE, Benches, Clock, benches_of, check_controllable, magnitudes_of
+from mrwork.tuning.problem import Bench, LawPlan, check_controllable, magnitudes_of
 from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
+from mrwork.tuning.score_slopes import without_gradient
 from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, space_of
 from mrwork.workers.engine import Workers, by_whom, on_executor
 
@@ -45,7 +45,7 @@ def tune(
     rng: Seed = 0,
     journal: Journal | None = None,
     threads: Threads = 0,
-    on_progress: Callable[[TuningProgress], None] = lambda progress: None,
+    on_progress: Callable[[TuningProgress], bool | None] | None = None,
     executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> TuningResults:
     """Tune the settings of control laws on the training motions of a study; `mr.tuning.judge` judges them.
@@ -68,6 +68,8 @@ def tune(
         Records every generation, and recalls those of a tuning that was interrupted.
     threads
         Threads to use, 0 for all; they change no bit of the result.
+    on_progress
+        Called with the progress after every generation; where it returns true the tuning is interrupted.
     executor
         Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
         have the same bits. By default this process does them, as always those of laws in Python.
@@ -93,35 +95,36 @@ def tune(
     """
     check_controllable(study)
     study = designed(study, journal=journal)
-    placing = study.table.places
     tables = _tables(study, tables, laws, risk, budget)
     objectives = [_check_table(table, study) for table in tables]
-    clock = Clock()
     if journal is not None:
         journal.agree("tuning", _fingerprint(study, tables, rng))
     tuned: list[TunedLaw] = []
     fronts: list[Front] = []
     places: list[Placement] = []
     references: list[TunedLaw] = []
+    # The law whose settings are being searched.
+    present: list[TunedLaw] = []
 
     def results(status: Literal["finished", "interrupted"]) -> TuningResults:
-        seconds = time.perf_counter() - clock.began
         return TuningResults(
             title=study.title,
             status=status,
-            laws=tuple(tuned),
+            laws=(*tuned, *present),
             references=tuple(references),
             training=tuple(motion.name for motion in study.chosen_on),
             command_unit=study.command_unit,
-            seconds=seconds,
-            candidates_per_second=clock.candidates / seconds,
-            seconds_outside=clock.seconds_outside,
+            seconds=call.seconds,
             fronts=tuple(fronts),
             places=tuple(places),
         )
 
-    def report_on(label: str, searches: int, candidates: int, most: int, least: float) -> None:
-        on_progress(
+    call = LongCall[TuningProgress, TuningResults](
+        journal=journal, on_progress=on_progress, so_far=lambda: results("interrupted")
+    )
+
+    def report(label: str, searches: int, candidates: int, most: int, least: float) -> None:
+        call.report(
             TuningProgress(
                 label=f"{label}{by_whom()}",
                 candidates=candidates,
@@ -129,73 +132,75 @@ def tune(
                 least=least,
                 done=len(tuned),
                 total=sum(len(table.laws) for table in tables),
-                seconds=time.perf_counter() - clock.began,
+                seconds=call.seconds,
                 share=(len(tuned) + len(fronts) + min(candidates / most, 1.0)) / searches,
             )
         )
 
-    try:
-        if placing is not None:
-            report = partial(report_on, "placements", 1)
-            places.extend(compare_places(study, journal=journal, threads=threads, on_compared=report))
+    with call.keeping("tuning"):
+        if study.table.places is not None:
+            compare = partial(report, "placements", 1)
+            places.extend(compare_places(study, call=call, threads=threads, on_compared=compare))
             study = placed_study(study, places[0].storeys)
-        robust = any(table.robust for table in tables)
-        benches = benches_of(study, journal=journal, threads=threads, clock=clock, robust=robust)
-        basis = basis_of(
-            benches.nominal, magnitudes_of(benches.nominal, [law for table in tables for law in table.laws])
-        )
-        plans = _plans(study, tables, objectives, basis.magnitudes)
-        for plan in plans:
-            check_settings(plan, benches.nominal)
-        # The first three are constant commands, which is all where no law is tuned.
-        found = references_of(benches, [*objectives, STUDY_SCORE][0], basis)
-        references.extend(islice(found, None if plans else 3))
-        if any(each.relative_to == "best_passive" for each in objectives):
-            benches = benches.with_constant(best_constant(references))
+        plans, basis, constants = _plan(study, tables, objectives, call, threads)
+        references.extend(constants)
+        if plans:
+            references.extend(weights_of_regulators(basis, objectives[0]))
         searches = sum(1 + bool(plan.table.objectives) for plan in plans)
         for plan in plans:
-            report = partial(report_on, plan.label, searches)
-            tuned.append(tune_law(plan, benches, basis, rng=rng, report=report))
+
+            def advance(law: TunedLaw, most: int, label: str = plan.label) -> None:
+                present[:] = [law]
+                report(label, searches, law.candidates, most, law.least)
+
+            law = tune_law(plan, basis, rng=rng, advance=advance)
+            present.clear()
+            tuned.append(law)
             if plan.table.objectives:
-                fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
-    except Interrupted as interrupt:
-        tuned.append(interrupt.result)
-        raise Interrupted(results("interrupted"), "tuning") from None
-    except KeyboardInterrupt:
-        raise Interrupted(results("interrupted"), "tuning") from None
+                of_front = partial(report, plan.label, searches, least=math.nan)
+                fronts.append(front_of(plan, basis, rng=rng, report=of_front))
     return results("finished")
 
 
-def plan_of(study: Study, table: TuneTable, threads: int) -> tuple[LawPlan, Benches]:
-    """The one law of a table as `tune` plans it, and the benches that it is scored on."""
+def plan_of(study: Study, table: TuneTable, threads: int) -> LawPlan:
+    """The one law of a table as `tune` plans it."""
     check_controllable(study)
-    objective = _check_table(table, study)
-    benches = benches_of(study, journal=None, threads=threads, clock=Clock(), robust=table.robust)
-    basis = basis_of(benches.nominal, magnitudes_of(benches.nominal, table.laws))
-    if objective.relative_to == "best_passive":
-        benches = benches.with_constant(
-            best_constant(list(islice(references_of(benches, objective, basis), 3)))
-        )
-    (plan,) = _plans(study, [table], [objective], basis.magnitudes)
-    return plan, benches
+    plans, _, _ = _plan(study, [table], [_check_table(table, study)], LongCall(), threads)
+    return plans[0]
 
 
-def _plans(
-    study: Study, tables: Sequence[TuneTable], objectives: Sequence[TuningObjective], magnitudes: Magnitudes
-) -> list[LawPlan]:
+def _plan(
+    study: Study,
+    tables: Sequence[TuneTable],
+    objectives: Sequence[TuningObjective],
+    call: LongCall[Any, Any],
+    threads: int,
+) -> tuple[list[LawPlan], Basis, list[TunedLaw]]:
+    """The laws of tables, the basis of their first candidates, and the references at a constant command."""
+    bench = Bench.of(study, None, call, threads)
+    basis = basis_of(bench, magnitudes_of(bench, [law for table in tables for law in table.laws]))
+    constants = [*constant_commands(bench)]
+    benches = [bench]
+    if any(table.robust for table in tables):
+        benches.append(Bench.of(study, study.realisations, call, threads))
+    if any(each.relative_to == "best_passive" for each in objectives):
+        (best,) = (each.candidate for each in constants if each.kind == "best_passive")
+        benches = [each.with_constant(best) for each in benches]
     plans = [
         LawPlan(
             table=table,
-            law=law,
-            objective=objective,
-            space=space_of(table, law, magnitudes),
             label=f"{control_law(law).title}, {table.label or 'tuned'}",
+            space=space_of(table, law, basis.magnitudes),
+            objective=objective,
+            bench=benches[table.robust],
         )
         for table, objective in zip(tables, objectives, strict=True)
         for law in table.laws
     ]
     _check_labels(plans, [each.row.label for each in study.arrangements])
-    return plans
+    for plan in plans:
+        check_settings(plan)
+    return plans, basis, constants
 
 
 def _tables(
@@ -238,7 +243,8 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
     for law in table.laws:
         if lacking := beyond_twin(base.building, base.devices, study.hardware, law):
             refuse_within(table, lacking, "laws")
-    check_finish(table, study)
+    if table.gradient_steps and (lacking := without_gradient(study, table)):
+        refuse_within(table, f"{lacking}, or leave gradient_steps out", "gradient_steps")
     objective = objective_of(table, study.command_unit)
     scales = Scales.of(study.building)
     for key in ("criteria", "objectives", "constraints"):

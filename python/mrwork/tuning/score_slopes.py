@@ -21,8 +21,8 @@ from mrwork.control.laws.law_settings import design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
-from mrwork.tuning.problem import Bench, score_candidates, scores_of
-from mrwork.tuning.space import LARGEST, SHAPING_SPANS, FreeSetting, SettingSpace, TuningObjective
+from mrwork.tuning.problem import LawPlan
+from mrwork.tuning.space import LARGEST, SHAPING_SPANS, FreeSetting
 
 # Step of the differences of designs, of a value or of a place in its range: far above rounding, and short, because
 # designs have kinks where another limit binds.
@@ -56,18 +56,17 @@ def without_gradient(study: Study, table: TuneTable) -> str:
     return ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class ScoreSlopes:
-    """The score of a law on a bench with its derivatives in the free settings; the largest command stays."""
+    """The score of a law with its derivatives in the free settings; the largest command stays."""
 
-    space: SettingSpace
-    bench: Bench
-    objective: TuningObjective
+    plan: LawPlan
 
     def values(self, units: Floats) -> Floats:
         """Penalised objectives at points of the unit cube, shape (n, n_free); infinite where a point makes no law."""
-        candidates = [self.space.candidate(unit, exact=True) for unit in units]
-        return score_candidates(self.bench, self.objective, self.space.law, candidates).penalised_scores
+        plan = self.plan
+        candidates = [plan.space.candidate(unit, exact=True) for unit in units]
+        return plan.bench.scores(plan.objective, plan.law, candidates).penalised_scores
 
     def at(self, unit: Floats) -> tuple[float, Floats]:
         """Penalised objective at a point, shape (n_free,), and its derivatives there.
@@ -81,8 +80,9 @@ class ScoreSlopes:
         except SettingError:
             return math.inf, slopes
         changes = GainChanges(rows=moved.changes, reach=_REACH)
-        runs = self.bench.simulate(moved.problem, moved.law, changes=changes)
-        values = scores_of(self.objective, runs, self.bench).penalised_scores
+        bench = self.plan.bench
+        runs = bench.simulate(moved.problem, moved.law, changes=changes)
+        values = bench.scores_of(self.plan.objective, runs).penalised_scores
         if not math.isfinite(values[0]):
             return math.inf, slopes
         with np.errstate(invalid="ignore"):
@@ -97,23 +97,24 @@ class ScoreSlopes:
         SettingError
             For the first of them.
         """
-        for label, refusal in self._move(self.space.start).refusals.items():
-            raise SettingError(f"{self.space.law} has no gradient in {label}: {refusal}; hold that setting")
+        for label, refusal in self._move(self.plan.space.start).refusals.items():
+            raise SettingError(f"{self.plan.law} has no gradient in {label}: {refusal}; hold that setting")
 
     @property
     def _places(self) -> list[int]:
         """Places of the settings with derivatives: all but the largest command."""
-        return [place for place, each in enumerate(self.space.free) if each.name != LARGEST]
+        return [place for place, each in enumerate(self.plan.space.free) if each.name != LARGEST]
 
     def _move(self, unit: Floats) -> _Moved:
-        candidate, name = self.space.candidate(unit, exact=True), self.space.law
-        problem = self.bench.problem.limited_to(candidate.largest_command)
+        space, name = self.plan.space, self.plan.law
+        largest = space.candidate(unit, exact=True).largest_command
+        problem = self.plan.bench.problem.limited_to(largest)
         points, weights = [unit], []
         for place in self._places:
-            nodes, own = _differences(self.space.free[place], float(unit[place]))
+            nodes, own = _differences(space.free[place], float(unit[place]))
             weights.append(own)
             points += [np.where(np.arange(len(unit)) == place, node, unit) for node in nodes]
-        settings = [settings_of(name, self.space.candidate(point, exact=True).settings) for point in points]
+        settings = [settings_of(name, space.candidate(point, exact=True).of_law) for point in points]
         designed = design_candidates(name, problem, settings)
         if 0 in designed.refusals:
             raise SettingError(f"{name} has no score here: {designed.refusals[0]}; choose other settings")
@@ -123,7 +124,7 @@ class ScoreSlopes:
         gains = np.full((len(points), rows.shape[1]), np.nan)
         gains[list(designed.designed)] = rows
         around = gains[1:].reshape(len(weights), len(_NODES), -1)
-        labels = [self.space.free[place].label for place in self._places]
+        labels = [space.free[place].label for place in self._places]
         return _Moved(
             problem=problem,
             law=replace(

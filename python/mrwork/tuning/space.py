@@ -172,30 +172,44 @@ _SHARES = 10
 _WIDEST = 1e100
 
 
-_UNSHAPED = {DEAD_ZONE: 0.0, COMMAND_SLOPE: math.inf}
+_OF_COMMAND = (LARGEST, *SHAPING_SPANS)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class LawCandidate:
-    """Settings of a law, in SI, its largest command [A or V], and dead zone [m/s] and slope of its command."""
+    """Settings of a law, in SI, with those of its command.
+
+    These are the largest command [A or V], and where they change it the dead zone [m/s] and the slope [A/s or V/s].
+    """
 
     _made_by: ClassVar[str] = "mr.tune(study)"
 
     settings: Mapping[str, Any]
-    largest_command: float
-    dead_zone: float = 0.0
-    command_slope: float = math.inf
-
-    def __repr__(self) -> str:
-        # Digests of journals have this word.
-        shaping = "".join(f", {name}={value!r}" for name, value in self.shaping.items())
-        return f"Candidate(settings={self.settings!r}, largest_command={self.largest_command!r}{shaping})"
 
     @property
-    def shaping(self) -> dict[str, float]:
-        """Dead zone and slope of the command by name, where they change it."""
-        shaping = {DEAD_ZONE: self.dead_zone, COMMAND_SLOPE: self.command_slope}
-        return {name: value for name, value in shaping.items() if value != _UNSHAPED[name]}
+    def of_law(self) -> dict[str, Any]:
+        """The settings that only this law has."""
+        return {name: value for name, value in self.settings.items() if name not in _OF_COMMAND}
+
+    @property
+    def of_command(self) -> dict[str, float]:
+        """The settings of the command, which any law has."""
+        return {name: self.settings[name] for name in _OF_COMMAND if name in self.settings}
+
+    @property
+    def largest_command(self) -> float:
+        """Largest command [A or V]."""
+        return float(self.settings[LARGEST])
+
+    @property
+    def shape(self) -> tuple[float, float]:
+        """Dead zone [m/s] and slope of the command [A/s or V/s]; 0 and infinite where they change nothing."""
+        return self.settings.get(DEAD_ZONE, 0.0), self.settings.get(COMMAND_SLOPE, math.inf)
+
+
+def follows_command(law: str) -> bool:
+    """Whether the dampers follow a current or voltage that the law chooses, so that it has a largest one."""
+    return not (control_law(law).commands_force or SETTINGS[law].constant)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,9 +281,9 @@ class SettingSpace(Summarised):
         for each, place in zip(self.free, unit, strict=True):
             value = each.value(float(place), exact=exact)
             values[each.name] = value if each.entry is None else (*values.get(each.name, ()), value)
-        largest = values.pop(LARGEST, self.largest_command)
-        shaping = {name: values.pop(name) for name in SHAPING_SPANS if name in values}
-        return LawCandidate(settings={**self.held, **values}, largest_command=largest, **shaping)
+        of_command = {LARGEST: values.pop(LARGEST, self.largest_command)}
+        of_command |= {name: values.pop(name) for name in SHAPING_SPANS if name in values}
+        return LawCandidate({**self.held, **values, **of_command})
 
     def unit(self, candidate: LawCandidate) -> Floats | None:
         """The point of a candidate, shape (n_free,); `None` where it is outside of the space.
@@ -277,11 +291,10 @@ class SettingSpace(Summarised):
         A weight or dead zone that is free and that the candidate does not have is taken for the least of its range, a
         slope for the largest.
         """
-        held = {name: value for name, value in candidate.settings.items() if name not in self._names}
+        held = {name: value for name, value in candidate.of_law.items() if name not in self._names}
         if held != {name: value for name, value in self.held.items() if name not in self._names}:
             return None
-        given = {**candidate.settings, LARGEST: candidate.largest_command, **candidate.shaping}
-        places = []
+        given, places = candidate.settings, []
         for each in self.free:
             value = given.get(each.name, each.upper if each.name == COMMAND_SLOPE else each.lower)
             if each.entry is not None and isinstance(value, tuple) and each.entry < len(value):
@@ -313,7 +326,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     spans: dict[str, Span] = {
         entry.name: span for entry in keys_of(kind) if (span := entry.says.span) is not None
     }
-    if not (control_law(law).commands_force or kind.constant):
+    if follows_command(law):
         spans |= SHAPING_SPANS
     magnitudes = replace(magnitudes, cost=kind.cost(held, magnitudes))
     free = []
@@ -364,7 +377,7 @@ def _free_names(
     table: TuneTable, law: str, kind: type[LawSettings], spans: Mapping[str, Span], held: Mapping[str, Any]
 ) -> list[str]:
     """Names of the free settings: those of the table, or those that the law frees by itself."""
-    commands = not (control_law(law).commands_force or kind.constant or kind.chooses_levels)
+    commands = follows_command(law) and not kind.chooses_levels
     if table.free is not None:
         known = [*spans, *([LARGEST] if commands else [])]
         for name in table.free:

@@ -98,11 +98,11 @@ class StudyScore(TracedFunction):
                 f"the point {np.asarray(point).tolist()} is not one inside the ranges; give {len(self.names)} numbers "
                 "from `lower` to `upper`"
             )
-        return dict(self.compute.slopes.space.candidate(units[0], exact=True).settings)
+        return self.compute.slopes.plan.space.candidate(units[0], exact=True).of_law
 
     def law(self, point: ArrayLike) -> dict[str, Any]:
         """The law of a point, shape (n_free,), as `mr.study_of(laws=[...])` takes it; see `settings`."""
-        return {"law": self.compute.slopes.space.law, "settings": self.settings(point)}
+        return {"law": self.compute.slopes.plan.law, "settings": self.settings(point)}
 
 
 def _numbers(shape: tuple[int, ...]) -> Any:
@@ -188,13 +188,13 @@ def study_score(
         raise SettingError(f"the table has {len(given.laws)} laws; give one")
     if lacking := without_gradient(study, given):
         raise SettingError(lacking)
-    plan, benches = plan_of(study, replace(given, gradient_steps=0), threads)
-    space = replace(plan.space, free=tuple(each for each in plan.space.free if each.name != LARGEST))
-    if not space.free:
+    plan = plan_of(study, replace(given, gradient_steps=0), threads)
+    free = tuple(each for each in plan.space.free if each.name != LARGEST)
+    if not free:
         raise SettingError(f"{plan.law} has no free setting but the largest command; free one that it has")
-    slopes = ScoreSlopes(space=space, bench=benches.select(robust=given.robust), objective=plan.objective)
+    space = replace(plan.space, free=free)
+    slopes = ScoreSlopes(replace(plan, space=space))
     slopes.check()
-    free = space.free
     box = Box(
         names=tuple(each.label for each in free),
         lower=tuple(each.lower for each in free),

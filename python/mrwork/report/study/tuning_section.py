@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 from matplotlib.figure import Figure
 
-from mrwork.base.numbers import NOTHING, format_fixed, shortest, significant
+from mrwork.base.numbers import NOTHING, format_fixed, shortest
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.plots import style
@@ -15,7 +14,15 @@ from mrwork.plots.canvas import column_axes, legend
 from mrwork.plots.of_studies import fronts, short
 from mrwork.report.section import Group, Section, panel
 from mrwork.tuning.judging import TunedStudy
-from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults, places_table, speed_in_words
+from mrwork.tuning.results import (
+    Front,
+    FrontPoint,
+    TunedLaw,
+    TuningResults,
+    places_table,
+    setting_in_words,
+    settings_in_words,
+)
 
 # Letters of a label in a figure.
 _LONGEST = 30
@@ -25,7 +32,8 @@ def tuning_sections(results: TunedStudy) -> Iterator[Section | None]:
     """How the settings of the laws were found, and what each is worth on the motions that it was tuned on."""
     yield _places_section(results.tuned)
     yield _settings_section(results)
-    yield from (_front_section(number, front) for number, front in enumerate(results.tuned.fronts))
+    tuned = results.tuned
+    yield from (_front_section(number, each, tuned.command_unit) for number, each in enumerate(tuned.fronts))
     yield _search_section(results.tuned) if results.tuned.laws else None
 
 
@@ -101,34 +109,20 @@ def _settings_section(results: TunedStudy) -> Section | None:
             f"Minimised: {each.objective.in_words(robust=each.robust)}.",
             f"Settings from: {each.origin}; {each.candidates} candidates in {each.seconds:.3g} s{refused}.",
             f"Certificate: {each.certificate or 'none'}.",
-            *each.design.loop,
         )
         table = Table(
             label=f"Settings of {each.label}",
             columns=("Setting", "Value", "Searched"),
             rows=tuple(
-                (name, _format_value(own), ranges.get(name, "held")) for name, own in each.settings.items()
+                (name, setting_in_words(own), ranges.get(name, "held")) for name, own in each.settings.items()
             ),
             words=(2,),
         )
         groups.append(Group(title=each.label, prose=prose, table=table))
-    groups += [
-        Group(title=f"Weights of {', '.join(labels)}", prose=sentences) for labels, sentences in tuned.designs
-    ]
     return Section(anchor="tuning", title="How the settings were found", groups=tuple(groups))
 
 
-def _format_value(value: Any) -> str:
-    if isinstance(value, int | float):
-        return significant(float(value), 4)
-    if isinstance(value, str):
-        return value
-    if isinstance(value, Mapping):
-        return f"({_in_line(value)})"
-    return f"{len(value)} numbers"
-
-
-def _front_section(number: int, front: Front) -> Section:
+def _front_section(number: int, front: Front, command_unit: str) -> Section:
     title, names = f"Pareto front of {front.label}", front.objectives
     uses = ("Training", "Test") if any(each.test is not None for each in front.points) else ("Training",)
     heads = [criterion(name).title for name in names] * len(uses)
@@ -141,7 +135,7 @@ def _front_section(number: int, front: Front) -> Section:
         label=title,
         columns=("Point", *heads, "Settings", "Certificate"),
         rows=tuple(
-            (str(place), *numbers(each), _in_line(each.settings), each.certificate)
+            (str(place), *numbers(each), settings_in_words(each.settings, command_unit), each.certificate)
             for place, each in enumerate(front.points, start=1)
         ),
         over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
@@ -157,13 +151,8 @@ def _front_section(number: int, front: Front) -> Section:
     )
 
 
-def _in_line(settings: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {_format_value(value)}" for name, value in settings.items())
-
-
 def _search_section(results: TuningResults) -> Section:
     laws = [each for each in results.laws if len(each.trace) > 1]
-    count = format_fixed(sum(each.candidates for each in results.laws), 0)
     figure = panel(
         "searches",
         "Course of the searches",
@@ -174,6 +163,6 @@ def _search_section(results: TuningResults) -> Section:
     return Section(
         anchor="searches",
         title="Searches",
-        summary=f"{count} candidates; {speed_in_words(results)}.",
+        summary=f"{results.effort_in_words}.",
         groups=(Group(panels=(figure,) if laws else ()),),
     )
