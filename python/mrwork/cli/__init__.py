@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import NoReturn
 
-# Objects made since the last look for garbage in cycles; 700 by default, which takes a tenth of the time of a page.
-_OBJECTS_PER_COLLECTION = 20_000
+# Objects made since the last look for garbage in cycles; 700 by default, which takes a tenth of the time of a page. A
+# help makes fewer.
+_OBJECTS_PER_COLLECTION = 100_000
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

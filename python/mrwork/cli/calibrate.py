@@ -12,9 +12,6 @@ from mrwork.cli.output import end_addition, is_quiet, progress_line, told_findin
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, add_observation, nuisances_of, observation_of, opened_run, read_tests
 from mrwork.cli.workers import add_workers, on_workers
-from mrwork.identification.fit_file import read_fit
-from mrwork.identification.progress import IdentificationInWords
-from mrwork.records import observed
 from mrwork.store.run_folder import CALIBRATION, FOLDS
 from mrwork.store.run_writer import adding
 from mrwork.uncertainty.bands.calibration_files import FoldProgress, StoredBands, cross_validated, write_bands
@@ -59,6 +56,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], Sequence[object]]:
     """Predictions of the files by the fit of the run, for which they must not have been used; what checks found."""
+    from mrwork.identification.fit_file import read_fit
+    from mrwork.records import observed
+
     fit = read_fit(options.run_folder)
     words = observation_of(options, fit.settings.observe)
     _, read = read_tests(options, "calibration", fit)
@@ -71,6 +71,8 @@ def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], 
 
 def _predict_held_out(options: argparse.Namespace) -> tuple[Sequence[Prediction], Sequence[object]]:
     """Cross-validated predictions of the tests of the run, each by a fit to the other tests; what checks found."""
+    from mrwork.identification.progress import IdentificationInWords
+
     opened = opened_run(options)
     findings = told_findings("calibrate", opened.tests, options)
     in_words = IdentificationInWords()

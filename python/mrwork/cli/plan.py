@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
@@ -13,12 +14,14 @@ from mrwork.cli.output import end_addition, told_findings
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import SettingError
-from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import PLAN, REPORT
 from mrwork.store.run_writer import add_to_run, adding
 from mrwork.uncertainty.candidate_tests import Candidate, Limits, candidate_grid, read_candidates
 from mrwork.uncertainty.planning import plan
+
+if TYPE_CHECKING:
+    from mrwork.identification.fit_file import OpenedRun
 
 
 def add_options(parser: CommandParser) -> None:

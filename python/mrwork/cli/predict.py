@@ -9,11 +9,7 @@ from mrwork.cli.derived import add_option_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import is_quiet, renew_page, show_results, told_findings
 from mrwork.cli.tests import add_files, add_observation, nuisances_of, observation_of, read_tests
-from mrwork.identification.fit_file import fit_of, read_others
-from mrwork.records import observed
 from mrwork.store.run_folder import FIT_RUN, HELD_OUT, RunFolder
-from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
-from mrwork.uncertainty.bands.held_out import keep_held_out
 from mrwork.uncertainty.bands.predictions import Predictions
 
 
@@ -42,6 +38,12 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Predict every test, keep what the fit has not seen for its page, and print how the forces compare."""
+    # Readers of runs and of tests are slow to load.
+    from mrwork.identification.fit_file import fit_of, read_others
+    from mrwork.records import observed
+    from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
+    from mrwork.uncertainty.bands.held_out import keep_held_out
+
     folder = RunFolder.open(options.run_folder, FIT_RUN)
     fit = fit_of(folder)
     nuisances = nuisances_of(options, fit.nuisances)

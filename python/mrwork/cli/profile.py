@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of, arguments_of
@@ -20,11 +21,13 @@ from mrwork.cli.output import (
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted, RecordError
-from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import PROFILES, REPORT
 from mrwork.store.run_writer import add_to_run, adding
 from mrwork.uncertainty.identifiability.profile import Profiles, profile
+
+if TYPE_CHECKING:
+    from mrwork.identification.fit_file import OpenedRun
 
 
 def add_options(parser: CommandParser) -> None:

@@ -21,7 +21,6 @@ from mrwork.cli.output import (
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted
-from mrwork.identification.fit_file import OpenedRun
 from mrwork.store.run_folder import CHAIN, DRAWS
 from mrwork.store.run_writer import add_to_run, addition_journal, nothing_to_resume
 from mrwork.uncertainty.noise import NOISES
@@ -29,6 +28,7 @@ from mrwork.uncertainty.posterior.sample import SamplingProgress, sample
 from mrwork.uncertainty.posterior.target import PRIORS_IN_WORDS, prior_of_text
 
 if TYPE_CHECKING:
+    from mrwork.identification.fit_file import OpenedRun
     from mrwork.store.journal import Journal
     from mrwork.uncertainty.posterior.draws import Draws
 
