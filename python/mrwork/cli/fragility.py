@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.numbers import DISPERSION, SHARE, add_number, named_path
+from mrwork.cli.numbers import DISPERSION, LEVEL, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result, undrawn_warned
 from mrwork.errors import SettingError
@@ -38,7 +38,7 @@ def add_options(parser: CommandParser) -> None:
         help="criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%%; default: limit of "
         "[report] or drift_limit of [building] of the study, else collapse, peak_drift_ratio=10%%",
     )
-    add_number(found, "--level", SHARE, "level of the bands, default 0.9", default=0.9, metavar="P")
+    add_number(found, "--level", LEVEL, "level of the bands, default 0.9", default=0.9, metavar="P")
     add_number(
         found,
         "--modelling-dispersion",

@@ -11,7 +11,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from mrwork.base.arguments import Threads
+from mrwork.base.arguments import Count, Level, NotNegative, Threads
 from mrwork.base.hints import InUnit, Node, Within, instead_of, node_of
 from mrwork.base.keys import LARGEST_SEED
 
@@ -114,9 +114,7 @@ THREADS = Range.of(node_of(Threads))
 # Instants of a record may count from a far epoch, in seconds.
 INSTANT = Range(within=Within(least=-1e10, most=1e10), unit="s")
 SETTLE = Range(within=Within(least=0.0, most=1e6), unit="s")
-EVERY = Range(within=Within(least=1, most=1_000_000), whole=True)
-SHARE = Range(within=Within(least=0.001, most=0.999999))
-DISPERSION = Range(within=Within(least=0.0, most=10.0))
+EVERY, LEVEL, DISPERSION = (Range.of(node_of(each)) for each in (Count, Level, NotNegative))
 
 
 def add_number(

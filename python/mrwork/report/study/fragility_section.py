@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from matplotlib.figure import Figure
 
 from mrwork.base.numbers import counted
-from mrwork.base.table import Table
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, grid_of_axes
 from mrwork.plots.of_studies import fragility as draw_fragility
@@ -50,7 +51,7 @@ def fragilities_of_page(results: StudyResults) -> Fragilities | None:
 
 def fragility_section(results: StudyResults, found: Fragilities) -> Section:
     """Median intensities at the limit of the study, with both figures."""
-    at = results.record_levels
+    at, (table,) = results.record_levels, found._summary().shown_tables
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
     curves = panel(
         "fragility",
@@ -71,19 +72,11 @@ def fragility_section(results: StudyResults, found: Fragilities) -> Section:
         title="Records at several levels",
         summary=f"the {at.measure} at which {found.limit_in_words}, of {words}.",
         groups=(
-            Group(points=found.in_words(), table=_table(found)),
+            Group(
+                points=found.in_words(),
+                table=replace(table, note=" ".join(f"{each}." for each in found.cautions)),
+            ),
             Group(panels=(curves,)),
             Group(panels=(lines,), layout="whole"),
         ),
-    )
-
-
-def _table(found: Fragilities) -> Table:
-    """The summary of the fragilities."""
-    summary = found._summary()
-    return Table(
-        label=summary.title,
-        columns=tuple(summary.columns),
-        rows=tuple(map(tuple, summary.rows)),
-        note=" ".join(f"{each}." for each in found.cautions),
     )
