@@ -186,7 +186,6 @@ def test_what_cannot_stand_side_by_side_is_refused() -> None:
     passive = replace(group("linear"), name="plain", spec=PLAIN, theta=[400.0, 0.02, 200.0, 0.0])
     held, _ = held_and_constant()
     for one, other, word in (
-        (group("linear"), group("quadratic", unit="V"), "in V"),
         (passive, group("linear"), "first"),
         (held, group("linear"), "first"),
     ):
@@ -194,6 +193,29 @@ def test_what_cannot_stand_side_by_side_is_refused() -> None:
         refusal(simulate_loop, building, loop, law, [sweep()], match=word)
     refusal(replace, held, command=1.5, match="1 at most")
     refusal(replace, passive, command=0.5, match="takes no command")
+
+
+def test_largest_commands_are_shares_where_dampers_follow_currents_and_voltages() -> None:
+    loop = [group("linear"), group("quadratic", storey=1, largest=0.8, unit="V")]
+    law = ControlLaw(name="decentralised_bang_bang", gains={})
+    many = simulate_loop(five_storeys(), loop, law, [sweep()], largest_commands=[0.5, 1.0])
+    for candidate, share in enumerate((0.5, 1.0)):
+        limited = [replace(each, largest_command=share * each.largest_command) for each in loop]
+        alone = simulate_loop(five_storeys(), limited, law, [sweep()])
+        np.testing.assert_allclose(many.peak_drift[candidate], alone.peak_drift[0], rtol=1e-9)
+        np.testing.assert_allclose(many.peak_current[candidate], [share * 1.5, share * 0.8])
+    for largest in (1.5, 0.0):
+        refusal(
+            simulate_loop,
+            five_storeys(),
+            loop,
+            law,
+            [sweep()],
+            largest_commands=[largest],
+            match="largest_commands",
+        )
+    hardware = mr.Hardware(command_rate=10.0)
+    refusal(simulate_loop, five_storeys(), loop, law, [sweep()], hardware, match="command_rate")
 
 
 def test_a_device_gets_no_more_than_its_own_largest_command() -> None:

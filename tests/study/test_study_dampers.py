@@ -228,9 +228,59 @@ def test_groups_of_different_dampers_have_a_best_constant_command_each() -> None
     np.testing.assert_array_equal(passive.quantities.peak_drift[-1], results.quantities.peak_drift[by_group])
 
 
-def test_laws_and_units_of_single_groups_are_refused() -> None:
+def test_currents_and_voltages_stand_side_by_side_and_a_command_of_all_is_a_share() -> None:
+    """A damper in V is that in A with another driver: its responses have the same bits."""
     one, other = GROUPS
-    refusal(grouped, one, {**other, "unit": "V"}, match="a command in V")
+    in_volt = {**other, "unit": "V"}
+    rollout = {"law": "predictive_rollout", "settings": {"horizon": 0.1}}
+    in_a, in_v = (mr.run_study(grouped(one, each, **rollout), threads=1) for each in (other, in_volt))
+    np.testing.assert_array_equal(in_v.quantities.peak_drift, in_a.quantities.peak_drift)
+    np.testing.assert_array_equal(in_v.quantities.peak_current, in_a.quantities.peak_current)
+    assert in_v.command_unit == "A and V"
+    assert [each.command_unit for each in in_v.dampers] == ["A", "V"]
+    assert in_v.rows[2].label == in_a.rows[2].label
+    assert in_v.rows[3].label.endswith(" V")
+    # One number of commands in both units is not known; those of each damper and their switchings are.
+    found = in_v.criteria(4, 0)
+    assert found is not None
+    assert "rms_current" not in found
+    assert found["switching_rate"] >= 0.0
+    assert "RMS command" not in str(in_v)
+    clipped = {"law": "clipped_optimal", "settings": {"drifts": 1, "control_weight": 1e-12}}
+    half = mr.run_study(grouped(one, in_volt, **clipped, largest_command="50 %", label="half"), threads=1)
+    row = [each.label for each in half.rows].index("half")
+    np.testing.assert_array_equal(half.quantities.peak_current[row, 0, 0], [0.75, 0.4])
+    passive = grouped(one, in_volt, law="passive", settings={"command": [0.3, 0.8]})
+    assert mr.run_study(passive, threads=1).quantities.peak_current[-1, 0, 0].tolist() == [0.3, 0.8]
+
+
+@pytest.mark.parametrize(
+    ("controller", "word"),
+    [
+        (
+            {"law": "clipped_optimal", "largest_command": "0.5 A"},
+            "is '0.5 A', where a number .1. is expected",
+        ),
+        ({"law": "clipped_optimal", "largest_command": 1.2}, "a share of the largest command of each"),
+        ({"law": "clipped_optimal", "command_slope": 10.0}, "per second in one unit"),
+        ({"law": "passive", "settings": {"command": 0.5}}, "give one for each damper"),
+        ({"law": "inverse_direct", "settings": {"drifts": 1, "control_weight": 1e-9}}, "one command to all"),
+    ],
+)
+def test_what_is_in_one_unit_is_refused_for_dampers_of_both(controller: dict[str, Any], word: str) -> None:
+    refusal(grouped, GROUPS[0], {**GROUPS[1], "unit": "V"}, label="x", **controller, match=word)
+
+
+def test_laws_and_limits_of_single_groups_are_refused() -> None:
+    one, other = GROUPS
+    refusal(
+        mr.study_of,
+        building={"published": "uts"},
+        dampers=[one, {**other, "unit": "V"}],
+        motions=MOTIONS,
+        report={"limit": {"rms_current": 0.5}},
+        match="limit another criterion",
+    )
     refusal(grouped, one, {**other, "law": "clipped_optimal"}, match="a law commands all of them")
     refusal(grouped, *GROUPS, law="clipped_optimal", largest_command=1.6, match="1.5 at most")
 

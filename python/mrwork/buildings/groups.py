@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby
+from math import isfinite
 
 import numpy as np
 
@@ -12,10 +13,36 @@ from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Device
 from mrwork.errors import InvalidSettingError, SettingError
 
+BOTH_UNITS = "A and V"
+"""Unit of the commands where dampers of both units follow them: what a law sends to all is then a share."""
+
+
+def joined_units(units: Iterable[str | None]) -> str:
+    """The unit of commands, or `BOTH_UNITS`; empty where there is none."""
+    return " and ".join(sorted({unit for unit in units if unit is not None}))
+
+
+def sends_shares(devices: Sequence[Device]) -> bool:
+    """Whether commanded devices follow commands in several units: one for all is a share of the largest of each."""
+    return len({device.spec.command_unit for device in commanded(devices)}) > 1
+
 
 def largest_command(devices: Sequence[Device]) -> float:
-    """The largest command that a law sends to any of the devices [A or V]; each gets no more than its own."""
-    return max(device.largest_command for device in commanded(devices))
+    """The largest command that a law sends to any of the devices [A or V]; each gets no more than its own.
+
+    It is 1 where commands are shares.
+    """
+    return 1.0 if sends_shares(devices) else max(device.largest_command for device in commanded(devices))
+
+
+def refuse_rate(devices: Sequence[Device], rate: float, name: str) -> None:
+    """Refuse a limit on the change of the command, which is in one unit, of devices of both units."""
+    if isfinite(rate) and sends_shares(devices):
+        raise InvalidSettingError(
+            name,
+            f"{name} is {rate:g} per second in one unit, and the dampers follow commands in A and in V; leave it out, "
+            "or give dampers of one unit",
+        )
 
 
 def groups_of(devices: Sequence[Device]) -> list[list[int]]:
@@ -31,10 +58,16 @@ def commands_of(devices: Sequence[Device], command: float | Sequence[float], nam
     Raises
     ------
     InvalidSettingError
-        With this `name`, if there are not as many commands as devices, or one is beyond the largest.
+        With this `name`, if there are not as many commands as devices, one is beyond the largest, or one is to be that
+        of devices of both units.
     """
     if not devices:
         return np.empty(0)
+    if not np.ndim(command) and command and sends_shares(devices):
+        raise InvalidSettingError(
+            name,
+            f"{name} is one number, and the dampers follow commands in A and in V; give one for each damper",
+        )
     largest, given = np.array([device.largest_command for device in devices]), np.atleast_1d(command)
     most = largest if np.ndim(command) else largest.max(keepdims=True)
     if given.shape != most.shape:
@@ -63,15 +96,15 @@ def commanded(devices: Sequence[Device]) -> tuple[Device, ...]:
     return tuple(device for device in devices if device.is_commanded) or tuple(devices)
 
 
-def refuse_other_drivers(devices: Sequence[Device]) -> None:
+def refuse_mixed_own(devices: Sequence[Device]) -> None:
     """Refuse dampers that cannot stand side by side under one law.
 
     Raises
     ------
     SettingError
-        If commands are in several units, or dampers of the user stand beside others or hold a command.
+        If dampers of the user stand beside others or hold a command.
     """
-    first, driven = devices[0], commanded(devices)
+    first = devices[0]
     for device in devices:
         own = [each.spec.own for each in (device, first) if each.spec.own is not None]
         if own and (device.spec != first.spec or device.command is not None):
@@ -79,12 +112,6 @@ def refuse_other_drivers(devices: Sequence[Device]) -> None:
                 f"{device.name} is a {device.spec.name} and {first.name} a {first.spec.name}, and a damper of your own "
                 "stands beside its like alone and holds no command; let a model of the package take its place by "
                 'like = "MODEL" beside its run, or mr.fit_like(fit)'
-            )
-    for device in driven[1:]:
-        if device.spec.command_unit != driven[0].spec.command_unit:
-            raise SettingError(
-                f"{device.name} follows a command in {device.spec.command_unit} and {driven[0].name} one in "
-                f"{driven[0].spec.command_unit}, and one law commands both; give all a command in one unit"
             )
 
 

@@ -17,6 +17,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from mrwork.base.units import question_on
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.buildings.matrices import DRIFT_RATIOS, Building
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
@@ -103,9 +104,10 @@ class Criterion:
     The value is the largest magnitude of `quantity`, by default the one of its name, over floors, storeys or devices,
     that of the highest one if `of_roof`, or the sum if `summed`, each divided by its `scale`, see `Scales`. If `ratio`,
     papers report its ratio to the value without dampers, under these `labels`. A number that is `of_command` is zero at
-    i = 0, one that is `counted` jumps by whole counts, one that is `optional` is unknown in earlier files or where its
-    scale is. `usual` is the range of its limits in SI, `None` where they are of any size. `over` names the criterion of
-    the building without dampers in the denominator, if it is another one. `short` is the title in a narrow column.
+    i = 0, and in A or V unless it is `counted`, which jumps by whole counts. One that is `optional` may be unknown: in
+    earlier files, where its scale is, or where commands have two units. `usual` is the range of its limits in SI,
+    `None` where they are of any size. `over` names the criterion of the building without dampers in the denominator, if
+    it is another one. `short` is the title in a narrow column.
     """
 
     name: str
@@ -137,6 +139,15 @@ class Criterion:
     def unit(self) -> str:
         """Unit of the number, as in tables."""
         return "1" if self.scale else unit_of(self.quantity).replace("^", "")
+
+    def unknown_in(self, command_unit: str) -> str:
+        """Why it is not known where commands have this unit, with what to do; empty where it is."""
+        if command_unit != BOTH_UNITS or not self.of_command or self.counted:
+            return ""
+        return (
+            f"{self.name} is in one unit, and the dampers follow commands in A and in V; limit another criterion, as "
+            "peak_force"
+        )
 
     def question(self, limit: float) -> str:
         """Question on a limit of the criterion that is of an unusual size; empty on others."""
@@ -325,9 +336,12 @@ _CRITERIA = (
         of_quantity="peak_force", scale="weight", labels=(f"J11 of {_OHTORI}", f"J4 of {_JANSEN}"), ratio=False),
     Criterion(name="peak_stroke", title="Peak stroke", short="Stroke", labels=(f"J12 of {_OHTORI}",),
         over="peak_drift", ratio=False, usual=(1e-4, 1.0)),
-    Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False, of_command=True),
-    Criterion(name="rms_current", title="RMS command", short="RMS command", ratio=False, of_command=True),
-    Criterion(name="command_travel", title="Command travel per second", short="Travel", ratio=False, of_command=True),
+    Criterion(name="mean_current", title="Mean command", short="Mean command", ratio=False, of_command=True,
+        optional=True),
+    Criterion(name="rms_current", title="RMS command", short="RMS command", ratio=False, of_command=True,
+        optional=True),
+    Criterion(name="command_travel", title="Command travel per second", short="Travel", ratio=False, of_command=True,
+        optional=True),
     Criterion(name="switching_rate", title="Switchings of the command per second", short="Switchings", ratio=False,
         of_command=True, counted=True),
     Criterion(name="device_energy", title="Energy taken up by devices", short="Energy", summed=True, ratio=False),

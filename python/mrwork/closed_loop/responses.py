@@ -18,6 +18,7 @@ from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.groups import BOTH_UNITS, commanded, joined_units
 from mrwork.buildings.matrices import Building, Device
 from mrwork.dampers.spec import LawLimit, worst_laws
 from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
@@ -79,6 +80,8 @@ def unit_of(name: str) -> str:
 
 def in_command_unit(unit: str, command_unit: str) -> str:
     """A unit, in place of that of commands in general or of their rate the one of the dampers at hand, A or V."""
+    if command_unit in (COMMAND_UNIT, BOTH_UNITS):
+        return unit
     return {COMMAND_UNIT: command_unit, _COMMAND_RATE_UNIT: f"{command_unit}/s"}.get(unit, unit)
 
 
@@ -141,8 +144,7 @@ def own_axis(name: str) -> tuple[str, ...]:
 
 def command_unit_of(devices: Sequence[Device]) -> str:
     """Unit of the commands of these devices; that of commands in general where none follows a command."""
-    units = (device.spec.command_unit for device in devices if device.spec.command_unit is not None)
-    return next(units, COMMAND_UNIT)
+    return joined_units(device.spec.command_unit for device in commanded(devices)) or COMMAND_UNIT
 
 
 def _labels_of_axes(numbers: Mapping[str, Floats], devices: Sequence[Device]) -> dict[str, NamedArray]:

@@ -20,7 +20,14 @@ from mrwork.base.arguments import May, Threads, Whole, checked
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.buildings.groups import commanded, groups_of, refuse_order, refuse_other_drivers
+from mrwork.buildings.groups import (
+    commanded,
+    groups_of,
+    refuse_mixed_own,
+    refuse_order,
+    refuse_rate,
+    sends_shares,
+)
 from mrwork.buildings.matrices import Building, elongation_rows
 from mrwork.buildings.matrices import Device as Device
 from mrwork.closed_loop.evaluation import criteria
@@ -560,8 +567,8 @@ def simulate_loop(
     Parameters
     ----------
     devices
-        One or more, each with a model, parameters and laws of the command of its own, in one unit; see `Device`. Those
-        that hold a command or follow none come last; gains and commands of the law are of the others.
+        One or more, each with a model, parameters, laws and unit of the command of its own; see `Device`. Those that
+        hold a command or follow none come last; gains and commands of the law are of the others.
     law
         A law of the registry with its gains, or a law in Python, which takes one thread.
     histories
@@ -573,8 +580,9 @@ def simulate_loop(
         an observer only.
     largest_commands
         Largest command of each candidate, shape (n_candidates,), up to the largest of the devices, of which each gets
-        its own at most, for laws that send a share of the largest command. Dampers then follow the scaled command, so
-        results agree to rounding with those of devices of that largest command.
+        its own at most, for laws that send a share of the largest command; itself a share where devices follow commands
+        in A and in V. Dampers then follow the scaled command, so results agree to rounding with those of devices of
+        that largest command.
     shaping
         Dead zone [m/s] and slope [A/s or V/s] of the command of each candidate, shape (n_candidates, 2), instead of
         those of the law.
@@ -608,9 +616,12 @@ def simulate_loop(
         raise SettingError(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
         )
-    refuse_other_drivers(devices)
+    refuse_mixed_own(devices)
     refuse_order(devices)
     driven = commanded(devices)
+    if user is None:
+        law.spec.refuse_units(devices)
+    refuse_rate(devices, hardware.command_rate, "command_rate")
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
     numbers = np.arange(len(motions)) if motion_numbers is None else np.array(motion_numbers)
@@ -635,6 +646,7 @@ def simulate_loop(
         raise SettingError(f"the gains of {law.name} are of no candidate; give those of one or more")
     shaping, n_candidates = _core_shaping(law, shaping), len(gains)
     if shaping is not None:
+        refuse_rate(devices, float(shaping[:, 1].min()), "command_slope")
         if 1 not in (len(gains), len(shaping)) and len(gains) != len(shaping):
             raise SettingError(
                 f"the gains are of {len(gains)} candidates and `shaping` of {len(shaping)}; give one for each"
@@ -882,7 +894,8 @@ def _command_factors(
     given = np.atleast_1d(np.asarray(largest_commands, dtype=np.float64))
     if given.ndim != 1 or not given.size:
         raise SettingError(f"`largest_commands` has shape {given.shape}; give (n_candidates,)")
-    factors: Floats = given[:, None] / np.array([device.largest_command for device in devices])
+    largest = [1.0 if sends_shares(devices) else device.largest_command for device in devices]
+    factors: Floats = given[:, None] / np.array(largest)
     # A device of a smaller driver gets what that gives.
     if not (factors > 0.0).all() or not (factors.min(axis=1) <= 1.0).all():
         raise SettingError(

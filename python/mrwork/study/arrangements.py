@@ -16,7 +16,7 @@ from mrwork.base.keys import as_document, is_required, keys_of, refuse_missing, 
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
-from mrwork.buildings.groups import largest_command, products_of
+from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_shares
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
@@ -204,10 +204,23 @@ def _arrange_controller(
 
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
     """The design problem of a law, with the command limited as its table says."""
-    largest = controller.largest_command
-    if largest is None:
+    given = controller.largest_command
+    if given is None:
         return problem
-    available = largest_command(problem.devices)
+    shares, available = sends_shares(problem.devices), largest_command(problem.devices)
+    unit = "1" if shares else problem.devices[0].spec.command_unit or "A"
+    largest = number_in(given, unit) if isinstance(given, str) else given
+    if isinstance(largest, str):
+        of_shares = "; it is a share of the largest command of each damper, of which some are in A, some in V"
+        raise InvalidSettingError(
+            "largest_command", f"largest_command {largest}{of_shares if shares else ''}"
+        )
+    if not 0.0 < largest <= available and shares:
+        raise InvalidSettingError(
+            "largest_command",
+            f"largest_command is {largest:g}, and where some dampers follow a current and others a voltage it is a "
+            'share of the largest command of each, as "80 %"',
+        )
     if largest > available:
         raise InvalidSettingError(
             "largest_command",
@@ -231,6 +244,10 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
             f"{name} commands the dampers, and they are passive or hold a command; leave this law out, or give a "
             "damper that follows a command",
         )
+    if user is None and constant is None:
+        with keyed(key):
+            control_law(name).refuse_units(problem.devices)
+    refuse_rate(problem.devices, controller.command_slope, "command_slope")
     lacking = beyond_twin(problem.building, problem.devices, hardware, name)
     if commands and constant is None and lacking:
         raise InvalidSettingError(key, lacking)

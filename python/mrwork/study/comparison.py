@@ -290,7 +290,11 @@ def _constant_in_effect(results: StudyResults) -> Iterator[str]:
 
 
 def _commands_in_words(results: StudyResults, command: Floats) -> str:
-    return ", ".join(f"{each:.3g} {results.command_unit}" for each in dict.fromkeys(command.tolist()))
+    words = (
+        f"{each:.3g} {damper.command_unit}"
+        for each, damper in zip(command.tolist(), results.dampers, strict=True)
+    )
+    return ", ".join(dict.fromkeys(words))
 
 
 def constant_command(results: StudyResults, row: int) -> Floats | None:

@@ -21,7 +21,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
-from mrwork.buildings.groups import refuse_other_drivers
+from mrwork.buildings.groups import refuse_mixed_own
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
@@ -264,7 +264,7 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
                 )
                 for each in dampers
             ]
-            refuse_other_drivers(groups)
+            refuse_mixed_own(groups)
             sets.append(OtherSet(fitted=fitted, dampers=dampers))
     return tuple(sets)
 
@@ -316,7 +316,7 @@ def equip_building(
                     rated_stroke=one.rated_stroke,
                 )
             )
-            refuse_other_drivers(devices)
+            refuse_mixed_own(devices)
     return building, tuple(devices)
 
 

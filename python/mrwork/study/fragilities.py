@@ -580,6 +580,8 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
             "{'peak_drift_ratio': 0.01}"
         )
     ((name, value),) = limit.items()
+    if reason := criterion_named(name).unknown_in(command_unit):
+        raise SettingError(reason)
     unit = in_command_unit(criterion_named(name).unit, command_unit)
     if isinstance(value, str):
         number = number_in(value, unit)

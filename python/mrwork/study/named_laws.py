@@ -22,10 +22,11 @@ from mrwork.base.places import keyed, read_each
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
-from mrwork.buildings.groups import largest_command
+from mrwork.buildings.groups import largest_command, sends_shares
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import searched
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.responses import in_command_unit
+from mrwork.closed_loop.responses import command_unit_of, in_command_unit
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
@@ -69,7 +70,7 @@ def magnitudes_of_runs(
     off: Runs,
     on: Runs,
     *,
-    command: float,
+    devices: Sequence[Device],
     constant: ReferencePeaks | None,
 ) -> Magnitudes:
     """Typical peaks of the response, medians over the motions, from the runs at i = 0 and at the largest command."""
@@ -102,7 +103,8 @@ def magnitudes_of_runs(
         stroke=stroke,
         rate=first * stroke,
         ground=middle(np.array([motion.peak for motion in motions])),
-        command=command,
+        command=largest_command(devices),
+        shares=sends_shares(devices),
     )
 
 
@@ -221,7 +223,7 @@ class _Trials:
         )
         if problem is problem.whole:
             return shaken, says
-        return shaken.limited_to(largest_command(problem.devices)), says
+        return shaken.limited_to(problem.largest_command), says
 
     @cached_property
     def _shaken(self) -> DesignProblem:
@@ -300,7 +302,7 @@ class _Trials:
                 of_runs = np.where(within, of_runs, math.nan)
             scores[list(designed.designed)] = searched(of_runs)
         best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
-        unit = problem.devices[0].spec.command_unit or "A"
+        unit = command_unit_of(problem.devices)
         units = {entry.name: in_command_unit(entry.says.unit, unit) for entry in keys_of(SETTINGS[law])}
         spans = (
             f"{name} from {each[0]:.3g} to {each[-1]:.3g} {units[name]}" for name, each in scanned.items()
@@ -319,11 +321,10 @@ class _Trials:
     @cached_property
     def _response(self) -> _Response:
         problem = self.problem.whole
-        command = largest_command(problem.devices)
         self._course.begin("dampers at i = 0 and at the largest command", "core", self._cost(2), 0)
         off, on = (self._run(problem, constant_share(problem.devices, share)) for share in (0.0, 1.0))
         magnitudes = magnitudes_of_runs(
-            problem.building, problem.motions, off, on, command=command, constant=None
+            problem.building, problem.motions, off, on, devices=problem.devices, constant=None
         )
         return _Response(off=off, on=on, magnitudes=magnitudes)
 

@@ -23,7 +23,7 @@ from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.buildings.groups import commanded
+from mrwork.buildings.groups import commanded, joined_units, refuse_rate
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.hardware import Hardware
@@ -181,7 +181,7 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
     bare, hardware = found.bare, replace(table.hardware, seed=found.seed)
     assert bare is not None
     free = (one for each, one in zip(table.damper, found.dampers, strict=True) if each.command is None)
-    command_unit = next((one.spec.command_unit for one in free if one.spec.follows_command), None) or "A"
+    command_unit = joined_units(one.spec.command_unit for one in free if one.spec.follows_command) or "A"
     period = None if table.target is None else table.target.given.get("period")
     aims = Aims(building=bare, target=found.target, target_period=period)
     with all_mistakes() as part:
@@ -207,6 +207,8 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
             detailed = _choose_detailed(table, motions)
         with part():
             designed_on, levels = _design_motions(table, motions)
+        with part(), keyed("hardware"):
+            refuse_rate(devices, hardware.command_rate, "command_rate")
         with part():
             if lacking := beyond_twin(building, devices, hardware):
                 raise InvalidSettingError(("damper", 0), lacking)

@@ -124,6 +124,7 @@ class DamperFacts:
     storey: Whole
     tested: OperatingRange | None
     share: float = 1.0
+    command_unit: str = "A"
 
     @staticmethod
     def of(device: Device, storey: int, share: float) -> DamperFacts:
@@ -138,6 +139,7 @@ class DamperFacts:
             storey=storey,
             tested=device.tested,
             share=share,
+            command_unit=spec.command_unit or "A",
         )
 
 

@@ -211,6 +211,8 @@ class Runs(Labelled, WithAxes, Summarised):
     def criteria(self, scales: Scales, command_unit: str) -> Runs:
         """Every criterion of each run; `scales` are those of the rows."""
         numbers = {**values(self, scales), "energy_error": self.numbers["energy_error"]}
+        unknown = [each.name for each in criteria() if each.unknown_in(command_unit)]
+        numbers |= {name: np.full_like(numbers[name], np.nan) for name in unknown}
         ended = self.finished
         return replace(
             self,

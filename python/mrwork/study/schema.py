@@ -370,8 +370,9 @@ class ControllerTable(Stated):
         "coordinates; rows of numbers, or a .csv, .tsv, .txt, .npy or .mat file relative to the study file",
         file=True,
     )
-    largest_command: float | None = positive(
-        "largest command that this law may send, by default that of the dampers",
+    largest_command: float | str | None = positive(
+        "largest command that this law may send, by default that of the dampers; where some follow a current and "
+        "others a voltage a share of the largest of each",
         unit="A or V",
         usual=_COMMANDS,
     )

@@ -16,7 +16,7 @@ from mrwork.base.places import Place, keyed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
-from mrwork.buildings.groups import commanded
+from mrwork.buildings.groups import commanded, joined_units
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.user_law import UserLaw
@@ -289,8 +289,8 @@ class Study(Summarised):
 
     @property
     def command_unit(self) -> str:
-        """Unit of the commands, A without dampers."""
-        return (self.devices[0].spec.command_unit if self.devices else None) or "A"
+        """Unit of the commands, A without dampers, "A and V" where some follow a current and others a voltage."""
+        return joined_units(device.spec.command_unit for device in commanded(self.devices)) or "A"
 
     @property
     def device_storeys(self) -> tuple[int, ...]:

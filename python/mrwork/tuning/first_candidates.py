@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
-from mrwork.buildings.groups import largest_command
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
@@ -21,7 +21,7 @@ from mrwork.errors import SettingError
 from mrwork.study.constant import LEVELS
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON, TuneTable
 from mrwork.study.study import Kind
-from mrwork.tuning.problem import STUDY_SCORE, Bench
+from mrwork.tuning.problem import STUDY_SCORE, Bench, constant_candidate
 from mrwork.tuning.results import TunedLaw
 from mrwork.tuning.space import (
     BUDGET_SCALE,
@@ -187,20 +187,12 @@ def _sizes(
 
 def constant_commands(bench: Bench) -> Iterator[TunedLaw]:
     """References at a constant command: none, the best by the score of a study, and the largest."""
-    devices = bench.problem.devices
-    largest = largest_command(bench.study.devices)
-    alike = len({device.largest_command for device in devices}) == 1
-
-    def commands(*shares: float) -> list[LawCandidate]:
-        of_devices = [tuple(round_to(share * each.largest_command) for each in devices) for share in shares]
-        return [LawCandidate({"command": each[0] if alike else each, LARGEST: largest}) for each in of_devices]
-
-    levels = np.linspace(0.0, 1.0, LEVELS).tolist()
+    constant = partial(constant_candidate, bench.problem.devices)
     best = f"best of {LEVELS} on the training motions"
     rows: tuple[tuple[str, Kind, list[LawCandidate], str], ...] = (
-        (PASSIVE_OFF, "passive_off", commands(0.0), "no command"),
-        (OPTIMAL_PASSIVE, "best_passive", commands(*levels), best),
-        (PASSIVE_ON, "passive", commands(1.0), "largest command"),
+        (PASSIVE_OFF, "passive_off", [constant(0.0)], "no command"),
+        (OPTIMAL_PASSIVE, "best_passive", [*map(constant, np.linspace(0.0, 1.0, LEVELS).tolist())], best),
+        (PASSIVE_ON, "passive", [constant(1.0)], "largest command"),
     )
     for label, kind, candidates, origin in rows:
         yield _reference(bench, STUDY_SCORE, "passive", candidates, label=label, kind=kind, origin=origin)

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.simulate import GainChanges
 from mrwork.control.laws.control_law import ControlLaw, control_law
@@ -264,11 +266,17 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     Those under the best constant command are found where one of the `laws` chooses among commands.
     """
     study = bench.study
-    largest = largest_command(study.devices)
-    on = bench.run("passive", [LawCandidate({"command": largest, LARGEST: largest})])
+    on = bench.run("passive", [constant_candidate(bench.problem.devices, 1.0)])
     constant = None
     if bench.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
         constant = bench.problem.reference_peaks()
     return magnitudes_of_runs(
-        study.building, bench.motions, bench.passive, on, command=largest, constant=constant
+        study.building, bench.motions, bench.passive, on, devices=study.devices, constant=constant
     )
+
+
+def constant_candidate(devices: Sequence[Device], share: float) -> LawCandidate:
+    """The passive law with a share of the largest command of each device."""
+    commands = tuple(round_to(share * device.largest_command) for device in devices)
+    alike = len({(device.largest_command, device.spec.command_unit) for device in devices}) == 1
+    return LawCandidate({"command": commands[0] if alike else commands, LARGEST: largest_command(devices)})

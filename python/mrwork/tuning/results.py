@@ -16,6 +16,7 @@ from mrwork.base.numbers import counted, duration_in_words, format_rounded, perc
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
+from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.study import Kind
 from mrwork.tuning.space import (
@@ -318,7 +319,7 @@ def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
     """Settings in one line, those of the command last."""
     candidate = LawCandidate(settings)
     words = {
-        LARGEST: ("at most", command_unit),
+        LARGEST: ("at most", "of the largest" if command_unit == BOTH_UNITS else command_unit),
         DEAD_ZONE: ("dead zone", "m/s"),
         COMMAND_SLOPE: ("slope at most", f"{command_unit}/s"),
     }

@@ -16,7 +16,7 @@ from mrwork.base.summary import Summarised
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criterion, ratio, searched
-from mrwork.closed_loop.responses import in_command_unit
+from mrwork.closed_loop.responses import COMMAND_UNIT, in_command_unit
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
 from mrwork.control.laws.law_settings import SETTINGS
@@ -142,6 +142,8 @@ def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
 
 def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -> float:
     check_criterion(table, "constraints", name)
+    if reason := criterion(name).unknown_in(command_unit):
+        refuse_within(table, reason, "constraints")
     unit = criterion(name).unit
     if isinstance(value, str):
         number = number_in(value, in_command_unit(unit, command_unit))
@@ -328,6 +330,10 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     }
     if follows_command(law):
         spans |= SHAPING_SPANS
+    if magnitudes.shares:
+        # What is in A or V has no range where dampers of both units follow the commands.
+        in_units = [entry.name for entry in keys_of(kind) if entry.says.unit == COMMAND_UNIT]
+        spans = {name: span for name, span in spans.items() if name not in (*in_units, COMMAND_SLOPE)}
     magnitudes = replace(magnitudes, cost=kind.cost(held, magnitudes))
     free = []
     for name in _free_names(table, law, kind, spans, held):

@@ -18,6 +18,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.groups import sends_shares
 from mrwork.buildings.matrices import Building, Device
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.weights.weight_certificate import DesignedWeights
@@ -86,6 +87,22 @@ class ControlLawSpec:
         """Whether the command scales with the largest command."""
         absolute = any(gain.scales_with_command for gain in self.gains)
         return not (absolute or self.tables or self.needs_curve or self.needs_model or self.commands_force)
+
+    @property
+    def takes_both_units(self) -> bool:
+        """Whether it commands dampers in A beside others in V: by shares, by a command for each, or forces."""
+        each = self.needs_model or (bool(self.gains) and all(gain.is_command for gain in self.gains))
+        return self.sends_share or self.commands_force or each
+
+    def refuse_units(self, devices: Sequence[Device]) -> None:
+        """Refuse devices of both units where the law sends a command of one unit."""
+        if sends_shares(devices) and not self.takes_both_units:
+            by_unit = {each.spec.command_unit: each.name for each in devices if each.is_commanded}
+            words = (f"{name} follows one in {unit}" for unit, name in by_unit.items())
+            raise SettingError(
+                f"{self.name} sends one command to all dampers, and {' and '.join(words)}; choose a law whose command "
+                "is a share of the largest, as clipped_optimal, or give dampers of one unit"
+            )
 
 
 @checked

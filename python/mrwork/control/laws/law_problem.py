@@ -20,6 +20,7 @@ from mrwork.base.keys import refuse_repeated
 from mrwork.base.summary import Summarised, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
+from mrwork.buildings.groups import largest_command, sends_shares
 from mrwork.buildings.matrices import Device, elongation_rows
 from mrwork.control.laws.counterpart import is_curve, static_counterpart
 from mrwork.control.linear.margins import LoopMargins
@@ -135,11 +136,28 @@ class DesignProblem(Summarised):
 
     @checked
     def limited_to(self, command: float) -> DesignProblem:
-        """The problem with devices that get at most this command [A or V]; its plant is the same."""
+        """The problem with devices that get at most this command [A or V]; its plant is the same.
+
+        Where devices follow commands in A and in V it is a share of the largest of each.
+        """
+        shares = sends_shares(self.devices)
         devices = tuple(
-            replace(device, largest_command=min(command, device.largest_command)) for device in self.devices
+            replace(
+                device,
+                largest_command=command * own.largest_command
+                if shares
+                else min(command, device.largest_command),
+            )
+            for device, own in zip(self.devices, self.whole.devices, strict=True)
         )
         return replace(self, devices=devices, limited_from=self.whole)
+
+    @property
+    def largest_command(self) -> float:
+        """The largest command that a law sends to any of the devices, as `limited_to` takes it."""
+        if sends_shares(self.devices):
+            return self.devices[0].largest_command / self.whole.devices[0].largest_command
+        return largest_command(self.devices)
 
     @property
     def driver_rates(self) -> tuple[float | None, ...]:
@@ -187,8 +205,9 @@ class Magnitudes(Summarised):
 
     Drift, floor displacement [m], floor velocity [m/s] and acceleration [m/s^2], twice the energy [J], stroke [m] and
     rate [m/s] of a device at i = 0, its force [N] at the largest command, peak of the ground motions [m/s^2], largest
-    command [A or V]. `constant_drift` [m] and `constant_acceleration` [m/s^2] are mean peaks under the best constant
-    command, where a law refers to them. `cost` is what the weights that are not free add up to.
+    command [A or V], 1 where dampers follow commands in both units, which are then `shares`. `constant_drift` [m] and
+    `constant_acceleration` [m/s^2] are mean peaks under the best constant command, where a law refers to them. `cost`
+    is what the weights that are not free add up to.
     """
 
     drift: float
@@ -204,6 +223,7 @@ class Magnitudes(Summarised):
     constant_drift: float = 0.0
     constant_acceleration: float = 0.0
     cost: float = 1.0
+    shares: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

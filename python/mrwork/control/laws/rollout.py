@@ -38,8 +38,8 @@ class RolloutSettings(LawSettings):
 
     chooses_levels: ClassVar[bool] = True
 
-    base: float | None = optional(
-        "command that follows every tried one in the prediction; it wins ties",
+    base: float | tuple[float, ...] | None = optional(
+        "command that follows every tried one in the prediction, or one for each [[damper]]; it wins ties",
         unit="A or V",
         least=0.0,
         span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),

@@ -180,7 +180,8 @@ def device_section(
         return None
     unit = style.force_unit(max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)).symbol
     largest = max(float(each[:, 0].max()) for _, run in shown for each in (run.current, run.command)) or 1.0
-    device, what = results.device_names[0], "current" if results.command_unit == "A" else "voltage"
+    device, unit_of_command = results.device_names[0], results.dampers[0].command_unit
+    what = "current" if unit_of_command == "A" else "voltage"
     groups, balances = [], []
     for row, history in shown:
         label, stroke = results.rows[row].label, of_row[row]
@@ -196,7 +197,7 @@ def device_section(
         if max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
             part = strip_of(history)
             first, last, end = (significant(history.time[at], 3) for at in (part.start, part.stop - 1, -1))
-            figure = command_figure(history, results.command_unit, largest, stroke)
+            figure = command_figure(history, unit_of_command, largest, stroke)
             words = f"{what.capitalize()} of {device} under {name}, sample by sample: {label}"
             panels.append(panel(f"command-{row}", "", figure, words, f"{first} to {last} s of {end} s"))
         groups.append(Group(title=label, panels=tuple(panels), layout="small"))
