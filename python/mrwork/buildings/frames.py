@@ -1,4 +1,4 @@
-"""Frames: shear buildings and those of the literature, and what is added to a frame.
+"""Frames: shear buildings, published buildings, and additions to a frame.
 
 Additions are damping from ratios, viscous dampers, braces, base isolation, or any mass on a spring.
 """

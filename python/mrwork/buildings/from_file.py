@@ -65,7 +65,7 @@ _OR_FILE: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuildingTable:
-    """A building: a published one, that of a file, a shear building by its masses, or matrices; then its additions.
+    """A building: a published one, one of a file, a shear building by its masses, or matrices; then its additions.
 
     Additions are applied in the order of these keys.
     """
@@ -145,7 +145,7 @@ class BuildingTable:
     place: Place
 
     def override_with(self, other: BuildingTable) -> BuildingTable:
-        """The table with the keys that another one gives in place of its own."""
+        """Replace keys of the table by the keys that another table gives."""
         given = {name: getattr(other, name) for name in _list_given_keys(other)}
         return replace(self, place=other.place, **given)
 
@@ -276,7 +276,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
 
 
 def refuse_without_masses(building: Building, place: Place) -> None:
-    """Refuse a building that is to have dampers or additions, and whose masses are not known."""
+    """Refuse dampers and additions for a building without known masses."""
     if building.status == WITHOUT_MASSES:
         place.refuse(
             "A alone does not say what a force does, and the building has dampers or additions; give M in the file, or "
@@ -342,7 +342,7 @@ def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
 
 
 def _replace_matrices(known: Building, table: BuildingTable, folder: Path) -> Building:
-    """Return a building with the matrices, names and source replaced by those of a table."""
+    """Replace matrices, names and source of a building by the entries of a table."""
     arrays: dict[str, Any] = _arrays(table, folder)
     if arrays:
         status = known.status if known.status == WITHOUT_MASSES else "ours"
@@ -365,7 +365,7 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
 
 
 def _from_system(table: BuildingTable, folder: Path) -> Building:
-    """The building of a state space, whose masses come with it, from the forces of its dampers, or are not known."""
+    """The building of a state space; masses are stated, follow from forces of dampers, or stay unknown."""
     place, path = table.place.within("system"), folder / str(table.system)
     name, given = table.name or path.stem, _arrays(table, folder)
     with place.prefix_errors():

@@ -28,10 +28,7 @@ def sends_shares(devices: Sequence[Device]) -> bool:
 
 
 def largest_command(devices: Sequence[Device]) -> float:
-    """The largest command that a law sends to any of the devices [A or V]; each gets no more than its own.
-
-    It is 1 where commands are shares.
-    """
+    """Largest command that a law sends to any device [A or V], 1 where commands are shares; each driver limits its own."""
     return 1.0 if sends_shares(devices) else max(device.largest_command for device in commanded(devices))
 
 
@@ -53,7 +50,7 @@ def groups_of(devices: Sequence[Device]) -> list[list[int]]:
 def commands_of(devices: Sequence[Device], command: float | Sequence[float], name: str = "command") -> Floats:
     """Commands of devices that a law commands [A or V], shape (n_devices,).
 
-    One number is that of all, of which each gets no more than its largest; several are those of each.
+    One number holds for all devices, each limited to its largest command; several numbers are one for each device.
 
     Raises
     ------
@@ -92,7 +89,7 @@ def products_of(devices: Sequence[Device]) -> list[list[int]]:
 
 
 def commanded(devices: Sequence[Device]) -> tuple[Device, ...]:
-    """The devices that a law commands; all where there are none, of which a command of zero changes nothing."""
+    """The devices that a law commands; all devices if a law commands none, since zero then changes nothing."""
     return tuple(device for device in devices if device.is_commanded) or tuple(devices)
 
 

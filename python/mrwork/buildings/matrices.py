@@ -46,7 +46,7 @@ class PassiveElement(Summarised):
     element adds them there. The rest they do not see: `head_loss` d [N s2/m2], `yield_force` f_y [N] and
     `yield_displacement` x_y [m] with the initial stiffness f_y / x_y, and `sharpness` n of the knee, 1 for a round and
     10 for a nearly bilinear one. Of a part of the frame, `in_stiffness`, they see this stiffness too: the stiffness
-    matrix is that of the elastic frame, and the loop takes its place when the building is simulated.
+    matrix belongs to the elastic frame, and the loop takes its place when the building is simulated.
     """
 
     _made_by: ClassVar[str] = (
@@ -89,7 +89,7 @@ class PassiveElement(Summarised):
 
     @property
     def is_linear(self) -> bool:
-        """Whether the matrices have all of it, as of a viscous damper."""
+        """Whether the matrices contain the whole element, as they do a viscous damper."""
         return not (self.head_loss or self.yield_force)
 
     @property
@@ -117,7 +117,7 @@ class Building(Plotted, Summarised):
 
     Passive elements, if it has any, add the part of their force that M, C and K do not have, as a device does.
 
-    The arrays are stored as read-only copies. Whether mass, stiffness and damping are those of a building is checked
+    The arrays are stored as read-only copies. Whether mass, stiffness and damping can belong to a building is checked
     once, by `check`, where modes, a law or a simulation first need it.
 
     Parameters
@@ -256,7 +256,7 @@ class Building(Plotted, Summarised):
 
     @property
     def nonlinear(self) -> str:
-        """What is simulated and not in the matrices, the first of it by its name; empty of a linear building."""
+        """Name of the first part that is simulated and not in the matrices; empty for a linear building."""
         beside = "P-delta" if self.loads.any() else ""
         return next((each.name for each in self.elements if not each.is_linear), beside)
 
@@ -287,7 +287,7 @@ class Building(Plotted, Summarised):
         return np.asarray(springs if (springs > 0.0).all() else np.empty(0))
 
     def _springs_of(self, stiffness: Floats) -> Floats:
-        """Springs of the storeys [N/m], shape (n_drifts,), of which a matrix is made; empty if it is not."""
+        """Storey springs [N/m], shape (n_drifts,), that make a stiffness matrix; empty if no springs do."""
         inverse = self._from_stretched
         if not inverse.size:
             return np.empty(0)
@@ -339,8 +339,7 @@ class Building(Plotted, Summarised):
     def effective_masses(self) -> Floats:
         """Effective modal masses `(phi' M r)^2` with phi' M phi = 1 [kg], shape (n,); their sum is `total_mass`.
 
-        The base shear of a mode is that of this mass under its pseudo-acceleration (Chopra, Dynamics of Structures,
-        13.2.5).
+        The base shear of a mode is this mass times its pseudo-acceleration (Chopra, Dynamics of Structures, 13.2.5).
         """
         return self._modal().effective_masses
 
@@ -389,7 +388,8 @@ class Building(Plotted, Summarised):
     def damping_warnings(self) -> tuple[str, ...]:
         """Sentences on modes without damping or without stiffness, on which dampers look better than they are.
 
-        One matrix factorisation or two where there are none. Passive elements do not count, as in all modes.
+        Where all modes are damped and stiff, this takes one or two matrix factorisations. Passive elements do not
+        count, as in all modes.
         """
         return damping_warnings(self.name, self.check().mass, self.damping, self.stiffness, self.floors)
 
@@ -523,7 +523,7 @@ _ASYMMETRY: Final = 1e-6
 _SHORTEST, _LONGEST = 0.005, (1.5, 0.5)
 # Share of the first mode within the lowest storey from which on a frame stands on isolators; their longest period [s].
 _RIGID, _ISOLATED = 0.75, 10.0
-# Share of the mass up to which a first mode is that of a small part.
+# Share of the mass up to which the first mode belongs to a small part.
 _SMALL_PART: Final = 0.1
 # Frequency [Hz] and share of the mass of a mode that is of no use to a frame; damping ratio of its main mode.
 _STIFF, _MOVES_LITTLE, _OVERDAMPED = 1e3, 1e-3, 0.5
@@ -549,7 +549,7 @@ _SINGULAR: Final = 1e-12
 # A negative stiffness below this fraction of the largest is rounding.
 _ROUNDING: Final = 1e-9
 
-# Five matrices, the copies of a reader and those of the checks: gigabytes per coordinate squared.
+# Five matrices, the copies of a reader and of the checks: gigabytes per coordinate squared.
 _GIGABYTES: Final = 1.1e-7
 # They fit into 1 GiB.
 _MOST_COORDINATES: Final = 3000
@@ -659,7 +659,7 @@ def _ask_of_modes(building: Building) -> Iterator[str]:
 
 
 def _ask_of_coordinates(building: Building) -> Iterator[str]:
-    """A question on coordinates that the ground is said to move, and that are no displacements by their stiffness.
+    """Ask about coordinates that the influence says the ground moves, but whose stiffness shows no displacements.
 
     Springs between displacements have negative entries beside the diagonal, and condensed frames positive ones between
     every second floor. Rotations have positive ones between neighbours, and without their own influence K r there.
@@ -849,7 +849,7 @@ class Device(Summarised):
     """Dampers at one place that follow one command between 0 and `largest_command`.
 
     `theta` belongs to one damper. The force of the device in responses and laws, and the weights and slopes of a law,
-    are those of all its dampers together.
+    count all its dampers together.
 
     Parameters
     ----------
@@ -866,8 +866,8 @@ class Device(Summarised):
     tested
         Ranges in which one of the dampers was tested, as `Fit.tested`; `None` if unknown.
     lag
-        Rate of a first-order lag of the driver [1/s], instead of that of `theta` or of none. It becomes the last
-        parameter of `spec` and `theta`.
+        Rate of a first-order lag of the driver [1/s], in place of the lag in `theta`, if there is one. The rate becomes
+        the last parameter of `spec` and `theta`.
     command
         Command that the dampers hold [A or V], whatever a law sends; `None` where a law commands them.
     rated_force, rated_stroke
@@ -953,9 +953,9 @@ class Device(Summarised):
     ) -> OperatingRange:
         """Demand of a run on one of the dampers, from peaks and the dissipated energy of all of them.
 
-        The frequency is that of a sinusoid with the peak velocity and the peak stroke. A command whose mean is within
-        10 % of its peak is taken for constant, any other to start from zero, as every run does. `least_stroke` is that
-        of `OperatingRange`, `None` where the run has no history.
+        The frequency belongs to a sinusoid with the peak velocity and the peak stroke. A command whose mean is within
+        10 % of its peak is taken for constant, any other to start from zero, as every run does. `least_stroke` is
+        defined in `OperatingRange`; `None` where the run has no history.
         """
         n_dampers = self.count * (2.0 if self.differential else 1.0)
         frequency = velocity / (2.0 * np.pi * stroke) if stroke > 0.0 else None
@@ -978,7 +978,7 @@ class Device(Summarised):
 
     @property
     def knows_least_stroke(self) -> bool:
-        """Whether demand can be below the tested strokes, which only the history of a run shows."""
+        """Whether the demand can be below the tested strokes, which only the history of a run shows."""
         return self.tested is not None and self.tested.least_stroke is not None
 
     @checked

@@ -211,7 +211,10 @@ def is_damped(mass: Floats, damping: Floats, stiffness: Floats, ratio: float) ->
 
 
 def _typical_frequency(mass: Floats, stiffness: Floats) -> float:
-    """Median of those of each coordinate alone [rad/s], which a few stiff links do not change; 1 without stiffness."""
+    """Median of the frequencies of single coordinates [rad/s]; 1 without stiffness.
+
+    A few stiff links do not change a median.
+    """
     alone = np.sqrt(np.maximum(np.diag(stiffness), 0.0) / np.diag(mass))
     moving = alone[alone > 0.0]
     return float(np.median(moving)) if moving.size else 1.0

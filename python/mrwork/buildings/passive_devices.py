@@ -28,7 +28,7 @@ from mrwork.buildings.frames import (
 from mrwork.buildings.matrices import Building, PassiveElement, Sharpness, source_with
 from mrwork.errors import SettingError
 
-# Usual displacements at which devices yield [m], and masses over that of the building.
+# Usual displacements at which devices yield [m], and masses as a share of the building's.
 _YIELDS, _SHARES = (2e-5, 0.15), (5e-4, 0.5)
 MassRatio = Annotated[
     Positive, Says("mass over that of the building, as 0.02, with a published tuning", usual=_SHARES)
@@ -133,8 +133,8 @@ def with_lead_rubber_bearings(
     The rubber is the spring of `with_base_isolation_of_period`, the lead a loop in parallel:
     `f = K_d x + Q_d w` with the post-yield stiffness K_d and the characteristic strength Q_d, the force at no
     displacement (Naeim, Kelly, Design of Seismic Isolated Structures, 1999, ch. 3). Before the leads yield the
-    stiffness is `K_d + Q_d / yield_displacement`. At five yield displacements the force is that of the bilinear loop to
-    0.01 % with the sharpness that is taken, to 0.7 % of Q_d with any.
+    stiffness is `K_d + Q_d / yield_displacement`. At five yield displacements the force agrees with the bilinear loop
+    to 0.01 % with the default sharpness, to 0.7 % of Q_d with any.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def with_optimal_liquid_column(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """Ratio of the frequency of the tuned mass to that of the mode, and damping ratio of the tuned mass."""
+    """Frequency of the tuned mass over the frequency of the mode, and damping ratio of the tuned mass."""
 
     frequency_ratio: float
     damping_ratio: float

@@ -287,7 +287,7 @@ def mass_of_forces(system: LinearSystem, columns: Sequence[int], rows: Floats, n
     Raises
     ------
     SettingError
-        If a mode is moved by none of the forces, or no mass agrees with them.
+        If no force moves some mode, or no mass agrees with the forces.
     """
     order, n = order_of_states(system.A, name), system.n_states // 2
     modes, spaces = _real_modes(-system.A[np.ix_(order[n:], order[:n])], name)
@@ -344,7 +344,7 @@ def _mass_of(stiffness: Floats, name: str) -> Floats:
 
 
 def _real_modes(stiffness: Floats, name: str) -> tuple[Floats, list[slice]]:
-    """Modes of M^-1 K as columns of unit length, and the ranges of those of one frequency."""
+    """Modes of M^-1 K as columns of unit length, and the ranges of modes of one frequency."""
     squares, modes = np.linalg.eig(stiffness)
     order = np.argsort(squares.real)
     largest, shapes, spaces = np.abs(squares).max(), modes[:, order].real, spaces_of(squares[order].real)

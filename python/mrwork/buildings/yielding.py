@@ -48,7 +48,7 @@ def with_storeys_that_yield(
 
     A storey of stiffness k that yields at the drift d_y has the shear `r k d + (1 - r) k d_y w` with the loop w of
     `PassiveElement`, bilinear but for the rounded knee, without degradation of strength or stiffness. The stiffness
-    matrix stays that of the elastic frame, of which periods, Rayleigh damping, regulators and observers are.
+    matrix stays elastic, and so do periods, Rayleigh damping, regulators and observers.
 
     Raises
     ------
@@ -118,8 +118,9 @@ def with_p_delta(building: Building) -> Building:
     """Return the building with the second-order forces of its weight: P / h less stiffness in each storey.
 
     P is the weight of all masses above a storey, h its height (Chopra, Dynamics of Structures, 2.1; as linear geometric
-    stiffness). The matrices stay without them, as does the design of laws. A row without height, as that of isolators,
-    has none; weights without mass, as on columns that lean on the frame, are given as `loads` of `Building`.
+    stiffness). Matrices and the design of laws do not contain these forces. A row without height, as a row of
+    isolators, gets none; weights without mass, as on columns that lean on the frame, are given as `loads` of
+    `Building`.
 
     Raises
     ------

@@ -48,11 +48,12 @@ _MOST_STEPS = 10_000
 
 
 class LoopInputs(NamedTuple):
-    """What a loop has derivatives in, a pytree: change it by `_replace`, and give it to the loop.
+    """Inputs by which a loop is differentiable, a pytree: change it by `_replace`, and give it to the loop.
 
     `gains` are the numbers of the law by name, `theta` the parameters of each device, (n_params,), `mass` [kg],
-    `damping` [N s/m] and `stiffness` [N/m] the matrices of the building, (n, n), `acceleration` that of the ground at
-    the samples of the motion, (n_time,) [m/s^2], and `commands` those of a table, (n_samples, n_devices) [A or V].
+    `damping` [N s/m] and `stiffness` [N/m] the matrices of the building, (n, n), `acceleration` the ground acceleration
+    at the samples of the motion, (n_time,) [m/s^2], and `commands` a table of commands, (n_samples, n_devices) [A or
+    V].
     """
 
     gains: dict[str, Any]
@@ -75,7 +76,7 @@ class LoopOutputs(NamedTuple):
     history: dict[str, Array]
 
 
-# JAX keeps functions by weak references, and ends the process where there can be none.
+# JAX keeps functions by weak references, and ends the process where an object allows none.
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
 class Loop(Summarised):
     """A controlled building as a function of `LoopInputs` for JAX, see `mr.jax.loop`.
@@ -83,7 +84,7 @@ class Loop(Summarised):
     Attributes
     ----------
     inputs
-        Those of the building, the devices, the law and the motion that it was made of.
+        Inputs made from the building, the devices, the law and the motion.
     steps
         Integration steps of a control sample.
     time
@@ -105,7 +106,7 @@ class Loop(Summarised):
     shaping: tuple[float, float]
 
     def __call__(self, inputs: LoopInputs | None = None, *, histories: bool = True) -> LoopOutputs:
-        """The results for inputs, its own by default; without `histories` the history is empty."""
+        """The results for inputs, by default those of the loop; without `histories` the history is empty."""
         given, hardware, steps = self.inputs if inputs is None else inputs, self.hardware, self.steps
         n_samples = len(self.time) - 1
         n_kept = power_of_two(n_samples, STRETCH)
@@ -213,9 +214,9 @@ def loop(
     """The closed loop of a building with dampers as a function for JAX, by the equations of `mr.simulate_loop`.
 
     It has derivatives, forward and in reverse, in everything of `LoopInputs`, goes into `jax.jit` and `jax.vmap`, and
-    its results agree with those of the core to rounding. In reverse mode the states of every 128th control sample are
-    kept. One compilation serves all motions of about one length. Commands of laws that switch jump with their numbers,
-    so that derivatives in these say nothing.
+    its results agree with the core to rounding. In reverse mode the states of every 128th control sample are kept. One
+    compilation serves all motions of about one length. Commands of laws that switch jump with their numbers, so that
+    derivatives in these say nothing.
 
     Parameters
     ----------
@@ -232,13 +233,13 @@ def loop(
     hardware
         Sample time, delay and limit of the rate; with an ideal feedback of the state.
     steps
-        Integration steps of a control sample, a multiple of those of the hardware; by default those that
+        Integration steps of a control sample, a multiple of the steps of the hardware; by default as many as
         `mr.simulate_loop` takes.
 
     Returns
     -------
     Loop
-        A function of `LoopInputs`, whose `inputs` are those of these arguments. It returns `LoopOutputs`.
+        A function of `LoopInputs` that returns `LoopOutputs`; its attribute `inputs` has the values of these arguments.
 
     Raises
     ------
@@ -330,7 +331,7 @@ def _steps_of(
     motion: GroundMotion,
     hardware: Hardware,
 ) -> int:
-    """Integration steps of a sample that `simulate_loop` takes; for a table those of its mean commands."""
+    """Integration steps of a sample that `simulate_loop` takes; for a table, with its mean commands."""
     models = list(dict.fromkeys(device.spec.without_laws.name for device in devices))
     if len(models) > 1 and any(device.spec.own for device in devices):
         raise SettingError(

@@ -21,8 +21,8 @@ _STRONGEST, _WEAKEST = 45.0, 0.005
 _LONGEST_STEP, _SHORTEST_STEP = 0.1, 5e-5
 # Samples of a record of which a shape is told.
 _FEWEST = 250
-# Wild samples: how many at most, their height over the peak, and over that of the next extreme. Of sixty measured and
-# synthetic records the ratio is up to 2 for low extremes, and up to 1.7 for such high ones.
+# Wild samples: how many at most, their height over the peak, and over the next extreme. Of sixty measured and synthetic
+# records the ratio is up to 2 for low extremes, and up to 1.7 for such high ones.
 _MOST_WILD, _HEIGHT, _ABOVE_NEXT = 10, 0.5, 2.2
 # Clipped peaks: samples at the extreme value, over those at any other value beyond half of it.
 _AT_TOP, _OVER_OTHERS = 4, 3.0
@@ -31,7 +31,7 @@ _DRIFT, _EXPLAINED = 1.0, 0.8
 
 
 def refuse_absurd(acceleration: Floats, *, source: str) -> None:
-    """Refuse accelerations [m/s^2] beyond those of any earthquake."""
+    """Refuse accelerations [m/s^2] beyond any earthquake."""
     peak = float(np.abs(acceleration).max(initial=0.0))
     if not peak <= _LARGEST:
         raise RecordError(
@@ -40,7 +40,7 @@ def refuse_absurd(acceleration: Floats, *, source: str) -> None:
 
 
 def questions_of(acceleration: Floats, velocity: Floats, dt: float, *, scaled: bool = False) -> Iterator[str]:
-    """What would be asked about a motion [m/s^2], [m/s], [s], shape (n_time,); of one that is scaled, not its size."""
+    """Questions about a motion [m/s^2], [m/s], [s], shape (n_time,); about a scaled motion, none on its size."""
     peak = float(np.abs(acceleration).max())
     if not _SHORTEST_STEP <= dt <= _LONGEST_STEP:
         yield (
@@ -95,7 +95,7 @@ def _at_top(acceleration: Floats) -> int:
 
 
 def _drift(velocity: Floats, dt: float) -> float:
-    """Displacement that a constant offset makes [m]; 0 where the velocity is not that of one."""
+    """Displacement that a constant offset makes [m]; 0 where the velocity shows no such offset."""
     (spread, common), (_, total) = np.cov(dt * np.arange(velocity.size), velocity)
     drift = 0.5 * abs(float(common / spread)) * (dt * velocity.size) ** 2
     return drift if drift > _DRIFT and common**2 > _EXPLAINED * spread * total else 0.0

@@ -130,9 +130,9 @@ _MOST, _LEAST = 0.5, 0.1
 def likeness(one: GroundMotion, other: GroundMotion) -> float:
     """Largest correlation of two motions over all shifts in time, 0 to 1: 1 for a copy, also with another factor.
 
-    The correlation is that of the accelerations where the two overlap, in absolute value, for shifts that leave half
-    the energy of one motion and a tenth of that of the other in the overlap. Motions with different steps are also
-    compared sample by sample, which finds a copy with another time axis.
+    The accelerations are correlated where the two overlap, in absolute value, for shifts that leave half the energy of
+    one motion and a tenth of the energy of the other in the overlap. Motions with different steps are also compared
+    sample by sample, which finds a copy with another time axis.
     """
     correlation = _largest_correlation(_on_step(one), _on_step(other))
     if abs(one.dt - other.dt) > 1e-6 * one.dt:
@@ -150,7 +150,7 @@ _LAGS, _APART = 100, 0.05
 
 
 def copies_among(motions: Sequence[GroundMotion]) -> dict[int, int]:
-    """The index of the first record that a motion is a copy of, by its own; levels of one name are no copies.
+    """Index of the first record by the index of each copy of it; levels of one record are no copies.
 
     Autocorrelations, which neither a factor nor a shift or padding changes, tell which motions to compare at all.
     """
@@ -200,7 +200,7 @@ def _on_step(motion: GroundMotion) -> Floats:
 
 
 def _largest_correlation(one: Floats, other: Floats) -> float:
-    # Samples of `one` from k on overlap those of `other` from the start, for shifts k from -(m - 1) to n - 1.
+    # Samples of `one` from k on overlap samples of `other` from the start, for shifts k from -(m - 1) to n - 1.
     n, m = one.size, other.size
     size = 1 << (n + m - 1).bit_length()
     spectrum = np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size))
@@ -234,7 +234,7 @@ def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
 
 
 def scaled_level(motion: GroundMotion, found: float, value: float, words: str) -> GroundMotion:
-    """Scale a motion of which an intensity, in these words, was `found` to another value of it [m/s^2]."""
+    """Scale a motion from the intensity `found`, called by these words, to another value [m/s^2]."""
     if not value > 0.0:
         raise SettingError(
             f"ground motion {motion.name}: {words} of {value} m/s2 was requested; give a positive one"

@@ -329,7 +329,7 @@ def _line_of(lines: Lines, label: str) -> int:
 
 
 def _text_of(lines: Lines, label: str) -> str:
-    """What a header states after a label, empty if it states nothing."""
+    """Text that a header states after a label, empty if it states nothing."""
     return lines.at(_line_of(lines, label))[len(label) :].strip()
 
 

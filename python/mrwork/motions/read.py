@@ -71,7 +71,7 @@ _MOST_WORDS: Final = 4
 # Rows from which on columns are told from a series in rows, and how much smoother these then are.
 _FEWEST_ROWS: Final = 20
 _SMOOTHER: Final = 0.5
-# Relative difference of a step that the header states and that of the times; more is a contradiction.
+# Relative difference between the step that the header states and the step of the times; more is a contradiction.
 _STEPS_DIFFER: Final = 0.05
 
 
@@ -201,7 +201,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoReturn:
-    """Ask at once for all that is not known: the column of several, the unit, the step."""
+    """Refuse a table with all open questions at once: which column, which unit, which step."""
     asked = {
         f"which column is the acceleration ({columns})": f'column="{number}"' if columns else "",
         f"the unit of the acceleration (one of {known_units('acceleration')})": 'unit="g"' if unit else "",
@@ -222,7 +222,7 @@ def _first_column(table: ColumnTable) -> Floats | None:
 
 
 def runs_as_time(column: Floats) -> bool:
-    """Whether a column increases in steps of which nine in ten are equal, but for rounding."""
+    """Whether a column increases, and nine in ten of its steps are equal but for rounding."""
     steps = np.diff(column)
     if steps.size < 2 or not (steps > 0.0).all():
         return False
@@ -282,7 +282,7 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
 
 
 def _width(text: str) -> int:
-    """Numbers of a row; 0 where a field is none."""
+    """Count of numbers in a row; 0 where a field is no number."""
     delimiter = _delimiter(text)
     fields = (
         text.split() if delimiter == "\t" else [field for field in text.split(delimiter) if field.strip()]
@@ -295,7 +295,7 @@ def _names_above(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names and units of the columns in the lines above the numbers, or in a comment; empty where there are none.
 
-    Prose with as many words as there are columns is none: names are known, or labels of directions.
+    Prose with as many words as there are columns is no header: names must be known, or labels of directions.
     """
     units: tuple[str, ...] = ()
     for above, line in enumerate([text for text in reversed(header) if text.strip(" \t#*-=_")][:_MOST_ABOVE]):
@@ -393,7 +393,7 @@ def read_motion(
 ) -> GroundMotion:
     """Read a ground motion: a record of a network, a table of text or CSV, or a .mat file.
 
-    Records are those of PEER (.AT2), K-NET and KiK-net, COSMOS, ESM, CSMIP (volumes 1 and 2), SMC, GeoNet (V1A and
+    Formats of records are PEER (.AT2), K-NET and KiK-net, COSMOS, ESM, CSMIP (volumes 1 and 2), SMC, GeoNet (V1A and
     V2A), BHRC, RENADIC and USC (volume 1); AFAD, UNAM and CWB are tables with a header. The options supply what a file
     does not state: `unit`, `dt` and `column` of tables, `channel` of files with several channels. One that contradicts
     the file, or that has no effect, is refused. What is doubtful of the record is warned of (`GroundMotion.warnings`).

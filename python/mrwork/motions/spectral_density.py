@@ -209,9 +209,9 @@ def _likeliest(
     starts: Sequence[Floats],
     bounds: Sequence[tuple[float, float]] | None = None,
 ) -> tuple[bool, Floats]:
-    """Whether a search has converged to the largest likelihood of Whittle, whatever the intensity, and to what.
+    """Maximise the likelihood of Whittle whatever the intensity: whether the search has converged, and its result.
 
-    These are the logarithms of the numbers of the spectrum.
+    The result are logarithms of the numbers of the spectrum.
     """
     from scipy.optimize import minimize  # takes a quarter of a second to load
 
@@ -252,8 +252,8 @@ _DAMPINGS = (0.02, 2.0)
 class StationaryGround(Summarised):
     """A spectrum with the mean square [m^2/s^4] of the strong parts of `n_motions` ground motions.
 
-    `narrow` says that the motions are nearly harmonic: their spectrum is narrower than that of the filter with the
-    least damping ratio, 0.02.
+    `narrow` says that the motions are nearly harmonic: their spectrum is narrower than the filter's with the least
+    damping ratio, 0.02.
     """
 
     _made_by: ClassVar[str] = "mr.motions.stationary_ground(motions)"
@@ -291,8 +291,8 @@ def stationary_ground(
     The strong part of a motion lasts from 5 to 95 % of its Arias intensity (Trifunac and Brady, Bull. Seismol. Soc. Am.
     65, 1975, 581-626). Each periodogram is divided by its mean square, so that strong motions do not decide the shape,
     and averaged over 64 bands from 0.1 to 25 Hz. Frequency and damping ratio of the ground minimise `sum log S + I / S`
-    over the bands, the likelihood of P. Whittle (Bull. Int. Statist. Inst. 39, 1962). The intensity is then that of the
-    mean over the motions of the mean squares, for Kanai-Tajimi `2 zeta_g E a^2 / (pi w_g (1 + 4 zeta_g^2))` (Lai, Bull.
+    over the bands, the likelihood of P. Whittle (Bull. Int. Statist. Inst. 39, 1962). The intensity then gives the mean
+    over the motions of their mean squares, for Kanai-Tajimi `2 zeta_g E a^2 / (pi w_g (1 + 4 zeta_g^2))` (Lai, Bull.
     Seismol. Soc. Am. 72, 1982, 259-274, fits the filter to moments likewise). A motion is taken for stationary over its
     strong part, which no earthquake is: rms responses of lightly damped modes are too large for short motions.
 

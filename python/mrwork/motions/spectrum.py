@@ -24,7 +24,8 @@ Ratio = Annotated[float, Within(least=0.0, below=1.0)]
 
 # Points per period at which peaks are evaluated; the error of a peak is at most 1 - cos(pi / 64) = 0.12 %.
 _PER_PERIOD = 64
-# Least number of points in a step: with damping, kinks of the ground acceleration appear in that of the oscillator.
+# Least number of points in a step: with damping, kinks of the ground acceleration appear in the acceleration of the
+# oscillator.
 _FEWEST_PLACES = 4
 # Most points in a step: a much faster oscillator follows the linear pieces, and more points find no higher peak.
 _MOST_PLACES = 64
@@ -190,7 +191,7 @@ def spectral_intensity(motion: GroundMotion, period: float, damping: float) -> I
 
 
 def scaled_from(motion: GroundMotion, found: Intensity, value: float) -> GroundMotion:
-    """Scale a motion of which the intensity was `found` to another value of it [m/s^2]."""
+    """Scale a motion from the intensity `found` to another value [m/s^2]."""
     return scaled_level(motion, found.value, value, "a peak" if found.measure == "pga" else found.name)
 
 
@@ -291,7 +292,7 @@ class ShakeTable:
 
     @checked
     def demand(self, motion: GroundMotion) -> TableDemand:
-        """What a commanded motion takes of the table, whether the table can run it or not."""
+        """Demand of a commanded motion on the table, whether the table can run it or not."""
         return self._measure_demand(self._follow(motion))
 
     @checked

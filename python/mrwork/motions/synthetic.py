@@ -297,8 +297,8 @@ def suite(
 ) -> tuple[GroundMotion, ...]:
     """Synthetic motions, equally many of each soil, with and without a near-fault pulse.
 
-    A motion depends on the seed, its soil, whether it has a pulse, and its number among those alike: a longer suite of
-    the same seed begins with the same motions. Distributions and sources are those of this module.
+    A motion depends on the seed, its soil, whether it has a pulse, and its number among motions of its kind: a longer
+    suite of the same seed begins with the same motions. The docstring of this module states distributions and sources.
 
     Parameters
     ----------
@@ -355,7 +355,7 @@ class Stratum:
 
 
 def _suite_motion(stratum: Stratum, number: int, dt: float, prefix: str) -> GroundMotion:
-    # The random numbers of one motion are independent of those of all others.
+    # The random numbers of one motion do not depend on any other motion.
     place = (stratum.seed, _SOILS.index(stratum.soil), int(stratum.pulse), number)
     rng = np.random.default_rng(np.random.SeedSequence(place))
     frequency, damping = _GROUND[stratum.soil]

@@ -37,7 +37,7 @@ _STEPS, _MARGIN = 100, 30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SuiteRule:
-    """What a code wants of a suite: its clause, the fewest records, from how many on responses may be averaged.
+    """Rule of a code for a suite: its clause, the fewest records, and the number from which responses are averaged.
 
     With `holds_peak` the mean of the peaks must not be below the target at the period zero.
     """
@@ -83,7 +83,8 @@ class TargetSpectrum(Summarised):
     periods, accelerations
         Points between which it runs straight [s], [m/s^2], shape (n,).
     falls
-        Periods from which the last acceleration falls as 1 / T, and as 1 / T^2 [s]; none of a table, which ends there.
+        Periods from which the last acceleration falls as 1 / T, and as 1 / T^2 [s]; empty for a table, which ends
+        there.
     rule
         What its code wants of a suite.
     """
@@ -184,7 +185,7 @@ def asce_7_spectrum(
     *,
     t_l: Annotated[Positive, Says("long-period transition period of ASCE 7", unit="s")],
 ) -> TargetSpectrum:
-    """Design spectrum of ASCE/SEI 7-16, 11.4.6, at 5 % damping; of S_MS and S_M1 that of MCE_R.
+    """Design spectrum of ASCE/SEI 7-16, 11.4.6, at 5 % damping; with S_MS and S_M1 the MCE_R spectrum.
 
     `S_a = S_DS (0.4 + 0.6 T / T_0)` up to T_0, S_DS up to T_S, `S_D1 / T` up to T_L, then `S_D1 T_L / T^2`, with
     `T_S = S_D1 / S_DS` and `T_0 = 0.2 T_S`.
@@ -262,7 +263,7 @@ def scaled_to_target(
     Parameters
     ----------
     by
-        "pga": the peak becomes the target at the period zero. "sa": Sa at `period` becomes that of the target.
+        "pga": the peak becomes the target at the period zero. "sa": Sa at `period` becomes the target's.
         "least_squares": the factor `f = sum(Sa S) / sum(Sa^2)` has the least sum of `(f Sa - S)^2` over 101 periods in
         equal ratios from 0.2 to 2 times `period`, where S is the target.
     period

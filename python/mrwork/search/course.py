@@ -1,4 +1,4 @@
-"""What an optimiser is, and the state of its search: progress, population, and the proposal of a generation."""
+"""The interface of optimisers, and the state of a search: progress, population, proposal of a generation."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ class State(Summarised):
         )
 
     def with_generation(self, proposal: Proposal, misfit: Floats, optimiser: Optimiser) -> State:
-        """State after a generation that replaces the old population; `misfit` (n_ask,) is that of `Proposal.unit`."""
+        """State after a generation that replaces the old population; `misfit` (n_ask,) belongs to `Proposal.unit`."""
         simulated = proposal.check(misfit)
         members = proposal.known.copy()
         members[proposal.changed] = simulated
@@ -213,7 +213,7 @@ class Optimiser(Protocol):
 
     @property
     def name(self) -> str:
-        """What records of fits call it: a registered search is read from them by its name."""
+        """Name in records of fits, by which a registered search is read back."""
 
     @property
     def population(self) -> int:

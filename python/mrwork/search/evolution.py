@@ -1,11 +1,11 @@
 """Evolution of a population in the unit cube: genetic algorithms, and differential evolution.
 
-The efficient genetic algorithm is that of Kwok et al., ISA Trans. 46, 2007, 167-179, the standard one its baseline.
+The efficient genetic algorithm is by Kwok et al., ISA Trans. 46, 2007, 167-179; the standard one is its baseline.
 
 **Standard.** Roulette selection (Holland 1975; Goldberg 1989), arithmetic crossover (Michalewicz 1992), Gaussian
 mutation, elitism. Details that the sources leave open (our definitions):
 
-- *Fitness* is that of the efficient algorithm, `F = (e_max - e)/(e_max - e_min)`, 0 for failures. Where all have
+- *Fitness* is defined as in the efficient algorithm, `F = (e_max - e)/(e_max - e_min)`, 0 for failures. Where all have
   fitness 0, all have the same probability of selection.
 - *Crossover* of parents a and b gives the children `a + l (b - a)` and `b + l (a - b)`, one `l ~ U(0, 1)` per pair.
 - *Mutation* affects each gene independently and adds N(0, deviation); genes that leave the box are reflected in both.
@@ -133,7 +133,7 @@ def _keep_best(
 def relative_fitness(misfit: Floats) -> Floats:
     """`F = (e_max - e)/(e_max - e_min)` in a population, shape (n_population,).
 
-    The extremes are those of the simulations that succeeded. Failures have fitness 0; where all errors are equal, all
+    The extremes are taken over simulations that succeeded. Failures have fitness 0; where all errors are equal, all
     have fitness 0.
     """
     succeeded = np.isfinite(misfit)

@@ -54,7 +54,7 @@ class SearchResult(Summarised):
 
 
 def _result(state: State, reason: str, seconds: float) -> SearchResult:
-    """The result of a search in this state; `reason` is that of a search that no rule has ended."""
+    """The result of a search in this state; `reason` is stated for a search that no rule has ended."""
     course = state.course
     return SearchResult(
         best_unit=course.best_unit,
@@ -158,7 +158,7 @@ def run_search(
         Called with the result so far after every generation; where it returns true the search ends, with the reason
         "callback".
     journal
-        Records every generation, and recalls those of a search that was interrupted. The caller checks with
+        Records every generation, and recalls the generations of a search that was interrupted. The caller checks with
         `Journal.agree` that the inputs of the objective are the same.
     seconds, until
         Time after which no generation begins, and misfit at which the search ends: `max_seconds` and `target` of the

@@ -31,7 +31,7 @@ from mrwork.search.unit_cube import reflect
 class Motion:
     """Positions of the particles and their last displacements, (n_population, n_params); at first the initial ones.
 
-    The population of a swarm's state is that of the personal bests.
+    The population of a swarm's state has the personal bests.
     """
 
     position: Floats

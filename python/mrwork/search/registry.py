@@ -1,7 +1,7 @@
-"""Every search by name with its default settings, and those of the libraries that come with the extra `peers`.
+"""Every search by name with its default settings, and the searches of libraries that come with the extra `peers`.
 
-These are CMA-ES of `cma`, asked and told, and fronts by NSGA-II of pymoo. `cma` keeps its progress in an object that
-`tell` changes. `tell` can therefore be called only once for a state of such a search; to continue from an earlier
+The latter are CMA-ES of `cma`, asked and told, and fronts by NSGA-II of pymoo. `cma` keeps its progress in an object
+that `tell` changes. `tell` can therefore be called only once for a state of such a search; to continue from an earlier
 state, start again and tell the same misfits, which a journal has recorded.
 
 Apart from the loop, because `identify` imports all searches only where one is named.
@@ -144,8 +144,8 @@ def run_front(
     Deb, Pratap, Agarwal & Meyarivan, IEEE Trans. Evol. Comput. 6(2), 2002, 182-197; Blank & Deb, IEEE Access 8, 2020,
     89497-89509. Of two points the one that meets the constraints comes first, then that with the smaller sum of
     violations (Deb's rules): constraints of different units want a common scale. The journal records every generation,
-    and recalls those of a search that was interrupted. The search ends where `on_generation`, called with the number of
-    candidates after every generation, returns true.
+    and recalls the generations of a search that was interrupted. The search ends where `on_generation`, called with the
+    number of candidates after every generation, returns true.
     """
     problem = library("pymoo.core.problem").Problem(
         n_var=n_params, n_obj=n_objectives, n_ieq_constr=n_constraints, xl=0.0, xu=1.0

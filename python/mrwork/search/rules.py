@@ -7,7 +7,7 @@ them then belongs to the same population with probability `exp(-max(e)/mu)`; onc
 
     mean(e_g) / max(e_g) <= 1 / ln(1/a_s)            0.334 at 95 %, 0.217 at 99 %
 
-The exact statistic is our definition; that of the source was not available.
+The exact statistic is our definition, since the source's was not available.
 
 **Floor.** On a measured record a model error `e_inf > 0` remains however long the search is. The ratio then
 tends to `e_inf / e_g0`, which is above the threshold unless the initial error is at least three times the final
@@ -166,8 +166,8 @@ class EliteRule:
 def distinct_best(population: Floats, misfit: Floats, rule: EliteRule) -> NDArray[np.int64]:
     """Indices of the best mutually distant members of a population, best first, at most `rule.count`.
 
-    Greedy selection: the best first, then the next best whose distance to all selected ones is at least that of the
-    rule. Local minimisations from close points would end at the same minimum. Failures (`inf`) are never selected.
+    Greedy selection: the best first, then the next best whose distance to all selected ones is at least the distance of
+    the rule. Local minimisations from close points would end at the same minimum. Failures (`inf`) are never selected.
     """
     order = np.argsort(misfit, kind="stable")
     left = order[np.isfinite(misfit[order])]

@@ -37,16 +37,16 @@ _ffi: Any = jax.ffi
 _interpreters: Any = jax.interpreters
 
 _TARGET = "mrwork_damper_force"
-# The latest version of XLA's interface that the tests have run with, which is that of jaxlib 0.12.
+# The latest version of XLA's interface that the tests have run with, as jaxlib 0.12 has it.
 _TESTED = (0, 5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kernel:
-    """What a compiled simulation depends on; equal values share one compilation.
+    """Constants of a compiled simulation; equal values share one compilation.
 
-    `columns` are those of `theta` with respect to which the forces are differentiated. `substeps` per sample interval
-    are the same for every candidate, or follow from its stiffness where they are 0.
+    `columns` are the columns of `theta` by which the forces are differentiated. `substeps` per sample interval are the
+    same for every candidate, or follow from its stiffness where they are 0.
     """
 
     spec: DamperSpec

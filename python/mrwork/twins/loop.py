@@ -215,9 +215,9 @@ class Stage(NamedTuple):
 
 
 class Reductions(NamedTuple):
-    """What is accumulated over a run: peaks and squares of all signals, sums of currents, commands, the balance.
+    """Accumulated numbers of a run: peaks and squares of all signals, sums of currents, commands, energy balance.
 
-    `bound` is that of the rates of the dampers' states [1/s], `invalid` says whether a command was not a number.
+    `bound` bounds the rates of the dampers' states [1/s], `invalid` says whether a command was not a number.
     """
 
     signals: Extent
@@ -230,7 +230,7 @@ class Reductions(NamedTuple):
 
 
 class LoopCarry(NamedTuple):
-    """What a loop keeps from sample to sample: its motion, what the coils receive, and commands, newest first."""
+    """State of a loop between samples: its motion, commands at the coils, and earlier commands, newest first."""
 
     motion: LoopState
     received: Array
@@ -249,9 +249,9 @@ class AtSample(NamedTuple):
 class LoopRun(NamedTuple):
     """A run: building, devices with those that the law believes in, its numbers, and the timing of the loop.
 
-    `dead_zone` is that of the damper velocity [m/s], `furthest` the largest change of the command from sample to
-    sample, `delay` that of the command in integration steps. `ground` has the acceleration at start, middle and end of
-    each step [m/s^2], shape (3 n_steps,), padded.
+    `dead_zone` is the damper velocity [m/s] below which the command is zero, `furthest` the largest change of the
+    command from sample to sample, `delay` the delay of the command in integration steps. `ground` has the acceleration
+    at start, middle and end of each step [m/s^2], shape (3 n_steps,), padded.
     """
 
     plant: LoopPlant

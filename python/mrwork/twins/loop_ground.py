@@ -15,8 +15,8 @@ _FINER = 0.999
 def stage_values(acceleration: Any, dt: float, step: float, n_steps: int) -> Any:
     """Ground acceleration at start, middle and end of each step, (n_steps, 3) [m/s^2].
 
-    That of a record finer than the step is the line `M0 - b/2, M0, M0 + b/2` with `b = 6 M0 - 12 M1`, which has the
-    mean M0 of the acceleration and the mean M1 of `(1 - s) a` over the step, s from 0 to 1: see `ground_motion.rs`.
+    A record finer than the step acts as the line `M0 - b/2, M0, M0 + b/2` with `b = 6 M0 - 12 M1`, which has the mean
+    M0 of the acceleration and the mean M1 of `(1 - s) a` over the step, s from 0 to 1: see `ground_motion.rs`.
     """
     module: Any = jnp if isinstance(acceleration, Array) else np
     if dt >= _FINER * step:

@@ -236,7 +236,7 @@ _enter_shifted("non_symmetric_bouc_wen_displacement", lambda p, state, x, v: jnp
 def _enter_series(model: str, loop: Equation, loop_force: Equation, damping: Equation) -> None:
     """Enter a loop in series with the dashpot c1, state (y, z): f = c1 y' + k1 (x - x0) (Spencer et al. 1997).
 
-    y' = (f_loop + c v + k0 (x - y)) / (c + c1), and z' is that of the loop for the velocity v - y'.
+    y' = (f_loop + c v + k0 (x - y)) / (c + c1), and z' follows the loop's rate at the velocity v - y'.
     """
 
     def rate_of_y(p: Parameters, state: Array, x: Array, v: Array) -> Array:

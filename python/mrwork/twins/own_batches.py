@@ -103,7 +103,7 @@ def _resolved(
                 continue
             finite = np.isfinite(force[rows]).all(axis=1)
             wants = np.where(finite, bound * history.dt / RESOLUTION, float(FINER * count))
-            # What is not a number at rest is none with any step.
+            # NaN at rest stays NaN however fine the step.
             wants[~np.isfinite(force[rows, 0])] = count
             wants[~finite & (count >= most)] = count
             wanted[rows] = wants

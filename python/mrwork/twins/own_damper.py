@@ -55,7 +55,7 @@ def own_damper(
     source: str = "",
     spring: tuple[str, str] | None = None,
 ) -> DamperSpec:
-    """Return a damper model of your own, which everything takes that takes a model of the package.
+    """Return a damper model of your own, for everything that takes a model of the package.
 
     It carries the text of its functions, with the helpers and constants that they use, not the functions: it is
     hashed, compared and sent to other processes by it, and a function that is changed makes another damper.
@@ -63,7 +63,7 @@ def own_damper(
     Parameters
     ----------
     name
-        Name of the model, none of `damper_models`.
+        Name of the model, other than the names of `damper_models`.
     parameters
         Unit, lower bound, nominal value and upper bound of each parameter, as ``{"c": ("N s/m", 10, 500, 1e5)}``, or a
         `ParamSpec`. Searches take a logarithmic scale where the lower bound is positive; one that only adds a constant
@@ -377,7 +377,7 @@ class _Check:
 
 
 def _dtypes(jaxpr: Any) -> Iterator[Any]:
-    """Types of all values of a traced function, with those of functions in it."""
+    """Types of all values of a traced function and of the functions in it."""
     for equation in jaxpr.eqns:
         yield from (
             each.aval.dtype for each in (*equation.invars, *equation.outvars) if hasattr(each.aval, "dtype")

@@ -21,7 +21,7 @@ def force_and_slope(
 ) -> tuple[Array, Array]:
     """Force of one candidate [N], (n_time,), and its derivatives, (n_columns, n_time), which are zero if it failed.
 
-    Sub-steps are those of `own_batches` where `substeps` is 0; without columns there are no derivatives.
+    Sub-steps follow the rule of `own_batches` where `substeps` is 0; without columns there are no derivatives.
     """
     simulated = partial(_simulated, spec, record=record, bounded=False)
     count = jnp.asarray(substeps) if substeps else _count(spec, lax.stop_gradient(theta), record)
@@ -60,7 +60,7 @@ def _count(spec: DamperSpec, theta: Array, record: RecordArrays) -> Array:
         count, _ = carry
         force, bound = _simulated(spec, theta, count, record=record, bounded=True)
         wanted = jnp.where(jnp.all(jnp.isfinite(force)), bound * dt / RESOLUTION, float(FINER) * count)
-        # What is not a number at rest is none with any step.
+        # NaN at rest stays NaN however fine the step.
         wanted = jnp.where(jnp.isfinite(force[0]), wanted, 1.0)
         found = _power_of_two(wanted)
         return jnp.where((found > count) | (found == 0), found, count), (found > count)

@@ -44,10 +44,10 @@ _MOST_NUMBERS = 3e7
 
 @array_dataclass()
 class OwnLoop:
-    """What the runs of a call share: building, dampers, law, hardware and motions, (step [s], acceleration).
+    """Shared data of the runs of a call: building, dampers, law, hardware and motions, (step [s], acceleration).
 
-    `matrices` are those of `LoopPlant.of`, `varied` damping and stiffness of realisations of the building, `believed`
-    the dampers of the law, `largest` their largest commands. `sample_time` and `command_rate` are those of the
+    `matrices` are the arguments of `LoopPlant.of`, `varied` damping and stiffness of realisations of the building,
+    `believed` the dampers of the law, `largest` their largest commands. `sample_time` and `command_rate` belong to the
     hardware, `steps` its integration steps of a sample, in which the `delay` is counted. `widths` are the numbers of a
     summary and of a row of a history.
     """
@@ -143,7 +143,7 @@ def respond(loop: OwnLoop, given: OwnRuns, *, histories: bool = False) -> Respon
 
 
 def _steps_for(loop: OwnLoop, bound: float) -> int:
-    """Steps of a sample for a rate [1/s]: those of the hardware times a power of two; 0 beyond the most."""
+    """Steps of a sample for a rate [1/s]: the steps of the hardware times a power of two; 0 beyond the most."""
     wanted, steps = loop.sample_time * bound / RESOLUTION, loop.steps
     if not math.isfinite(wanted):
         return 0
@@ -153,9 +153,9 @@ def _steps_for(loop: OwnLoop, bound: float) -> int:
 
 
 def _steps_after(loop: OwnLoop, count: int, bound: float, tries: int) -> int:
-    """Steps that a run with `count` of them wants, no more where they suffice, 0 where none do.
+    """Steps that a run needs after one with `count` steps: as many where they suffice, 0 where no number does.
 
-    `bound` is that of its rates [1/s], `tries` counts runs that were not finite.
+    `bound` bounds the rates of its states [1/s], `tries` counts runs that were not finite.
     """
     finer, spec = FINER * count, loop.devices[0].spec
     possible = finer <= MOST_SUBSTEPS * loop.steps * loop.step_factor
@@ -191,7 +191,7 @@ def _fastest(plant: LoopPlant) -> float:
 
 
 def _additions(loop: OwnLoop, theta: Floats) -> list[tuple[float, float]]:
-    """What the dampers of each draw add to the building: a frequency [rad/s] and a decay [1/s], as `resolution.rs`."""
+    """Frequency [rad/s] and decay [1/s] that the dampers of each draw add to the building, as `resolution.rs`."""
     inverse = np.linalg.inv(loop.matrices["mass"])
     added = np.zeros((len(theta), 2))
     for index, device in enumerate(loop.devices):
@@ -228,7 +228,7 @@ class _Group(NamedTuple):
 
 
 class _Own(NamedTuple):
-    """What the runs of a group differ in, with a leading axis; without varied buildings the plant is one for all."""
+    """Data in which runs of a group differ, with a leading axis; without varied buildings all share one plant."""
 
     plant: LoopPlant
     gains: Gains
@@ -286,7 +286,7 @@ def _run_group(
         steps,
         law=loop.law,
         shared=len(plants) == 1,
-        # That of the longest motion, so that all have one program.
+        # As many as the longest motion has, so that all motions share one program.
         n_kept=power_of_two(max(loop.n_samples), _FEWEST_SAMPLES),
         # Commands that are still on their way, at most.
         depth=1 + power_of_two(-(-int(delay.max()) // steps), 1) if delay.any() else 1,

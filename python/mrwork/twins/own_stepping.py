@@ -1,6 +1,6 @@
 """Equations of a damper of the user under a motion, with the stepping rule of the Rust core, for a batch of candidates.
 
-Sub-steps are counted at run time, and the motion is that of the splines of the core.
+Sub-steps are counted at run time, and the motion follows the splines of the core.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _kept(rows: Rows, *, spec: DamperSpec, n_kept: int) -> tuple[Array, Array | 
         if spec.n_states:
             state = lax.fori_loop(0, substeps, substep, state)
         left = jnp.exp(-theta[:, -1] * dt) if lagged else 0.0
-        # Without a lag the coil has the command at once, also that of the next sample.
+        # Without a lag the coil has the command at once, also the command of the next sample.
         after = (
             held + (at_coil - held) * left
             if lagged

@@ -27,7 +27,7 @@ _ROUNDING = 1e-12
     data_fields=["data"],
     meta_fields=["title", "compute", "box", "units", "coordinates", "start", "held"],
 )
-# JAX keeps functions by weak references, and ends the process where there can be none.
+# JAX keeps functions by weak references, and ends the process where an object allows none.
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False, weakref_slot=True)
 class TracedFunction(Summarised):
     """A function of a point, shape (n_free,), for JAX; of many, (..., n_free), it has so many values.
@@ -89,7 +89,7 @@ class TracedFunction(Summarised):
         return self.box.ends(self.coordinates)[1]
 
     def __call__(self, point: Any, data: Any = None) -> Array:
-        """Value at a point, of these `data` instead of its own if they are given."""
+        """Value at a point, with these `data` in place of the data of the function, if given."""
         return self._value(self.compute, point, self.data if data is None else data)
 
     def parameters(self, point: Any) -> Array:

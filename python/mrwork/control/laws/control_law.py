@@ -146,11 +146,11 @@ class ControlLaw(Summarised):
         Stability margins of its linear loop, if it has one.
     dead_zone
         Damper velocity below which the command is zero [m/s], by the velocity that the law receives. Near rest a damper
-        dissipates next to nothing, and the sign of its velocity, on which laws switch, is that of the noise.
+        dissipates next to nothing, and the sign of its velocity, on which laws switch, is random.
     command_slope
         Largest change of the command per time [A/s or V/s], from control sample to control sample, after the dead zone.
     model
-        Building and dampers by which the law predicts the motion; they may differ from those of the loop.
+        Building and dampers by which the law predicts the motion; they may differ from the simulated ones.
 
     Raises
     ------

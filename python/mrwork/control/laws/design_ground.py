@@ -1,4 +1,4 @@
-"""What a design takes from its problem: the ground of the motions, the forces of the dampers; what a gain asks for."""
+"""Ground and damper forces of a design, taken from its problem, and the force that a gain asks for."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mrwork.motions.spectral_density import SpectralDensity, SpectrumKind, Stati
 
 PEAK_FACTOR = 3.0
 """Peak of a stationary response over its rms, about that of the largest of some hundred cycles."""
-# Modes of a tall building that its rms motion and force are those of.
+# Modes of a tall building from which its rms motion and force are computed.
 _MODES = 20
 
 
@@ -135,16 +135,16 @@ def forces_in_words(devices: Sequence[Device], forces: DamperForces) -> str:
     return f"{list_names(tuple(parts))} {forces.over}"
 
 
-# Rms desired force over that of the dampers at i = 0, and over their largest force, below which a law is idle.
+# Rms desired force over the rms damper force at i = 0, and over the largest damper force, below which a law is idle.
 _IDLE, _IDLE_OF_LARGEST = 0.05, 0.003
 
 
 @array_dataclass()
 class AskedForce:
-    """Rms force that a gain asks for [N], with ideal forces under the ground of a problem, beside that of the dampers.
+    """Rms force that a gain asks for [N], with ideal forces under the ground of a problem, beside damper forces.
 
-    `idle` are the rms forces of the dampers at i = 0 and `budgets` those whose peaks are their largest force; all of
-    shape (n_devices,).
+    `idle` are the rms forces of the dampers at i = 0 and `budgets` the rms forces whose peaks are the largest forces of
+    the dampers; all of shape (n_devices,).
     """
 
     devices: tuple[str, ...]

@@ -54,12 +54,12 @@ _counterpart = lru_cache(maxsize=32)(static_counterpart)
 class DesignProblem(Summarised):
     """The building with its devices for which a law is designed.
 
-    `sample_time` and `delay` [s] are those of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the
-    largest ones expected of the dampers, if given. `motions` are the ground motions whose strength and spectrum a
-    design from limits takes, the training motions of a study; `judged` says that laws are judged on them, too.
-    `beside` are the devices that no law commands, which only a law that predicts the motion knows.
-    `reference_peaks` finds the largest motions under a constant command, to which a law may refer. A problem that
-    `limited_to` made is `limited_from` the one with the largest commands of the dampers themselves.
+    `sample_time` and `delay` [s] belong to the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the
+    largest values expected of the dampers, if given. `motions` are the ground motions whose strength and spectrum a
+    design from limits takes, the training motions of a study; `judged` says that laws are judged on them, too. `beside`
+    are the devices that no law commands, which only a law that predicts the motion knows. `reference_peaks` finds the
+    largest motions under a constant command, to which a law may refer. A problem that `limited_to` made is
+    `limited_from` the one with the largest commands of the dampers themselves.
     """
 
     _made_by: ClassVar[str] = "mr.control.DesignProblem(building=..., devices=..., sample_time=...)"
@@ -260,10 +260,10 @@ class LawSettings(ABC):
     """Settings of a control law, declared by `key`, with the design of the law.
 
     `constant` says whether the law sends a constant command, which makes the damper a passive one, `chooses_levels`
-    whether it chooses among commands up to a largest of its own, so that a search leaves that of the dampers,
-    `is_regulator` whether its weights are those of a regulator, of which published and convex ones are known.
-    `weighed_by_default` are the weights that a search holds where none is given; only their ratios to the free ones
-    matter.
+    whether it chooses among commands up to a largest command that is its setting, so that a search keeps the largest
+    command of the dampers, `is_regulator` whether its weights belong to a regulator, so that published and convex
+    weights apply. `weighed_by_default` are the weights that a search holds where the user gives none; only their ratios
+    to the free weights matter.
     """
 
     __slots__ = ()

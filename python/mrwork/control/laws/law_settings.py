@@ -167,8 +167,8 @@ def design_law(
     UnknownNameError
         If there is no such law.
     SettingError
-        If the settings are those of another law, one of them is unknown, missing or out of range, or the law cannot
-        be designed for this building.
+        If the settings belong to another law, one of them is unknown, missing or out of range, or the law cannot be
+        designed for this building.
 
     Examples
     --------
@@ -230,7 +230,8 @@ def design_candidates(
 ) -> DesignedCandidates:
     """Design one law with many settings, for a batch of simulations.
 
-    Settings whose tables differ from those of the first design are refused, because candidates of a batch share them.
+    Settings whose tables differ from the tables of the first design are refused, because candidates of a batch share
+    them.
     """
     spec = control_law(name)
     curve = problem.curve if spec.needs_curve else None

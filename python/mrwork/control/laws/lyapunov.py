@@ -24,8 +24,7 @@ from mrwork.errors import SettingError
 class LyapunovFunction(Summarised):
     """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`; `weight` is Q_P.
 
-    `vectors` are B'P, shape (n_devices, 2n): a device force decreases V faster if its sign is opposite to that of
-    sigma.
+    `vectors` are B'P, shape (n_devices, 2n): a device force decreases V faster if it is opposite in sign to sigma.
     """
 
     P: Floats
@@ -63,7 +62,7 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
 def _lyapunov_functions(
     plant: Plant, weights: Sequence[ArrayLike], *, threads: Threads = 0
 ) -> tuple[LyapunovFunction | SettingError, ...]:
-    """The Lyapunov function of each weight Q_P, or why there is none, by one call of the compiled solver."""
+    """The Lyapunov function of each weight Q_P, or the reason why none exists, by one call of the compiled solver."""
     T = plant.scaling
     undamped = _undamped_mode(plant, T)
 
@@ -117,8 +116,8 @@ def _check_weight(weight: ArrayLike, T: Floats) -> Floats:
 class LyapunovSettings(CostWeights, LawSettings):
     """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
 
-    Weights of accelerations count those of the building without device forces: `V' = -s'Q_P s / 2 + sigma f` holds for
-    any Q_P of the state alone.
+    Weights of accelerations act on the accelerations without device forces: `V' = -s'Q_P s / 2 + sigma f` holds for any
+    Q_P of the state alone.
     """
 
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
@@ -158,7 +157,7 @@ class LyapunovSettings(CostWeights, LawSettings):
 
 @checked
 class ProportionalSettings(LyapunovSettings):
-    """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""
+    """The smooth law kappa sigma G; with a control weight, sigma comes from a regulator with the same weights."""
 
     slope: float = key(
         "kappa [A or V, per unit of sigma G]; G is the slope of the force of a device with all its dampers",

@@ -61,7 +61,7 @@ class RegulatorSettings(CostWeights, LawSettings):
             raise SettingError(f"the law has no control_weight; give {describe_key(entry)}")
 
     def design(self, problem: DesignProblem) -> Design:
-        """The gain as given, or of the regulator."""
+        """The finished gain of the settings, or the gain of the regulator."""
         gain = self.regulator(problem).gain if self.gain is None else self.given_gain(problem)
         return self.of_gain(problem, gain)
 
@@ -121,7 +121,7 @@ class RegulatorSettings(CostWeights, LawSettings):
     def margins(
         self, problem: DesignProblem, design: Design, rates: Sequence[float | None]
     ) -> LoopMargins | None:
-        """Those of the gain; `None` for a loop that is too large for them."""
+        """Stability margins of the gain; `None` for a loop that is too large for them."""
         try:
             return loop_margins(
                 problem.plant,
@@ -144,7 +144,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         return (*given, f"Asks for no force: {asked.in_words}; {self._too_small(problem, asked)}.")
 
     def _too_small(self, problem: DesignProblem, asked: AskedForce) -> str:
-        """What is too large or too small in a law that asks for no force, and by which factor."""
+        """Say which number of a law that asks for no force is too large or too small, and by which factor."""
         if self.gain is not None:
             return f"the gain is about {_power(1.0 / max(asked.share, 1e-300))} too small"
         designed = self.weights(problem)
@@ -156,8 +156,8 @@ class RegulatorSettings(CostWeights, LawSettings):
     def _excess_of_control_weight(self, problem: DesignProblem) -> float:
         """Factor by which R is to be divided for the law to act, from decade to decade.
 
-        With R going to zero the desired force of some weights stays below that of the dampers; half of its largest
-        value counts then.
+        With R going to zero the desired force of some weights stays below the damper force; half of its largest value
+        counts then.
         """
         factors = 10.0 ** np.arange(1.0, _DECADES)
         R = np.asarray(self.control_weight, dtype=np.float64)
@@ -228,7 +228,7 @@ class NetworkSettings(RegulatorSettings):
     """A regulator with a neural network from the desired force to the command, which is trained elsewhere.
 
     All devices have the same network, of a device with all its dampers. Its inputs are deformation [m], velocity [m/s]
-    and desired force [N], or these and then those of the sample before.
+    and desired force [N], or these followed by their values at the sample before.
     """
 
     layer: MatrixRows = key(

@@ -27,7 +27,7 @@ class SlidingSurface(Summarised):
     """`sigma = S s`, scaled so that S B = 1: `sigma' = drift s + f + ground a_g`, and sigma is an impulse [N s].
 
     `drift` is S A, shape (n_devices, 2n): the resisting force `f = -drift s` keeps sigma constant without ground
-    motion. `ground` is S E, the effect of a ground acceleration on sigma; `poles` are those of the motion on sigma = 0,
+    motion. `ground` is S E, the effect of a ground acceleration on sigma; `poles` belong to the motion on sigma = 0,
     shape (2n - n_devices,).
     """
 
@@ -241,7 +241,7 @@ class _SurfaceSettings(LawSettings):
 
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
-        """The designs of many settings, which share the surface: it is that of the building."""
+        """The designs of many settings, which share the surface of the building."""
         try:
             surface = optimal_surface(problem.plant)
         except SettingError as reason:
@@ -250,7 +250,7 @@ class _SurfaceSettings(LawSettings):
 
     @abstractmethod
     def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
-        """Surface and gains as those of the law."""
+        """The design of the law on a surface."""
 
     def gains(self, surface: SlidingSurface) -> SlidingGains:
         """The gains of the laws on this surface."""

@@ -50,9 +50,9 @@ from mrwork.motions.spectral_density import (
 class WeightWishes(RmsLimits):
     """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
 
-    They are scaled such that control_weight = 1 is R as designed; its size is to be scanned in the true loop, or with
-    semi_active that of the budget by budget_scale. Ground and budget are by default those of the study: strength and
-    spectrum of its training motions, see `stationary_ground`, and the force of its dampers; the output states both.
+    They are scaled such that control_weight = 1 is R as designed; scan the size of R in the true loop, or with
+    semi_active the budget by budget_scale. By default the ground has strength and spectrum of the training motions of
+    the study, see `stationary_ground`, and the budget follows from the force of its dampers; the output states both.
     """
 
     budget: float | tuple[float, ...] | None = positive(
@@ -135,7 +135,7 @@ class WeightWishes(RmsLimits):
         return available.budgets, f"Budget: {_newtons(available.budgets)} rms, {source}."
 
     def _find_ground(self, problem: DesignProblem) -> tuple[SpectralDensity, str]:
-        """The spectrum as given, fitted to the record, or that of the motions of a problem; and where it is from."""
+        """Spectrum of the ground, given or fitted to the record or the motions of a problem, and its origin."""
         numbers = {
             name: getattr(self, name)
             for name in ("ground_frequency", "ground_damping", "intensity")
@@ -183,8 +183,8 @@ def _newtons(forces: Floats) -> str:
 def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, free: bool = False) -> Any:
     """Declare the key of a weight: one number, one for each, or a matrix.
 
-    A search looks for the weight of a quantity of magnitude `of` where its cost is comparable to that of the weights
-    that are held.
+    A search looks for the weight of a quantity of magnitude `of` where its cost is comparable to the cost of the
+    weights that are held.
     """
     span = None if of is None else Span(lower=1e-4, upper=1e2, of=(("cost", 1.0), (of, -2.0)), free=free)
     return optional(says, unit=unit, least=0.0, matrix=True, span=span)

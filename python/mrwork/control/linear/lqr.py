@@ -121,8 +121,8 @@ class Regulator(Summarised):
     `gain` is K of the desired force `f_c = -K s`, shape (n_devices, 2n), with the sign of a damper force: positive f_c
     resists elongation of the device. `riccati` is P of the cost to go s'P s, `vectors` B'P + N', one row for each
     device: with `sigma = vectors @ s` the desired forces are `-control_weight^-1 sigma`. `control_weight` is R plus D'W
-    D of the weighted outputs, `poles` are those of the closed loop A - B K, and `residual` is that of the Riccati
-    equation, relative to its terms.
+    D of the weighted outputs, `poles` are the poles of the closed loop A - B K, and `residual` is the residual of the
+    Riccati equation, relative to its terms.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"poles": "1/s", "control_weight": "1/N^2"}
@@ -150,7 +150,7 @@ def regulator_of_outputs(
         W, in the inverse squares of the units of the outputs: one number for all, one for each, shape (n_outputs,), or
         a symmetric matrix, shape (n_outputs, n_outputs).
     control_weight
-        R [1/N^2]: one number for all devices, one for each, or a matrix. The force of a device is that of all its
+        R [1/N^2]: one number for all devices, one for each, or a matrix. The force of a device is the force of all its
         dampers together.
 
     Raises
@@ -208,7 +208,7 @@ def regulators_of_weights(
     ----------
     weighed
         For each regulator its state weight, as in `regulator_of_state`, or what the weights of its outputs and state
-        add up to. A single one is that of all.
+        add up to. A single weight holds for all regulators.
     control_weights
         R [1/N^2] of each regulator.
     threads
@@ -217,7 +217,8 @@ def regulators_of_weights(
     Returns
     -------
     tuple
-        A regulator for each, or the error that says why there is none; the others do not depend on it.
+        For each weight a regulator, or the error that says why there is none; a failure leaves the other regulators
+        alone.
 
     Examples
     --------
@@ -297,7 +298,7 @@ class PublishedRegulator(Summarised):
     `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
     are only quoted. `weighed` are floors (from 1) with a weight on their absolute acceleration, and the weight
     [(s^2/m)^2]; `control_weight` is R [1/N^2]. `ground_over_noise` is S_ag/S_v of the observer: intensity of the ground
-    acceleration over that of each sensor, in SI.
+    acceleration over the intensity of the noise of each sensor, in SI.
     """
 
     _made_by: ClassVar[str] = "the setting `published` of a law"
@@ -339,7 +340,7 @@ class Observer(Summarised):
     Where the ground acceleration is measured, `Ed a_g` belongs to the state and `G a_g` to the measurements.
 
     Ad and Bd are the transition over a sample with the forces held, shapes (2n, 2n) and (2n, n_devices), `gain` is L,
-    shape (2n, n_measurements). `covariance` is that of the error of x_k for noise of the given intensities.
+    shape (2n, n_measurements). `covariance` is the covariance of the error of x_k for noise of the given intensities.
     """
 
     _units: ClassVar[Mapping[str, str]] = {"sample_time": "s"}
@@ -369,8 +370,9 @@ def observer_of(
     """The steady Kalman filter for a white ground acceleration and white, independent sensor noise.
 
     The device forces are measured. Over a sample all inputs are held; the ground acceleration has the variance
-    `ground_intensity` / Ts and each sensor that of its intensity / Ts, so that the gain tends to that of the continuous
-    filter as Ts goes to zero. The gain depends on the ratio of the intensities only; the covariance scales with them.
+    `ground_intensity` / Ts and the noise of each sensor its intensity / Ts, so that the gain tends to the gain of the
+    continuous filter as Ts goes to zero. The gain depends on the ratio of the intensities only; the covariance scales
+    with them.
 
     Parameters
     ----------
@@ -384,7 +386,7 @@ def observer_of(
         S_v of each measurement, in its unit squared per Hz: one number or shape (n_measurements,). The default is
         S_ag / 50 for all, in SI, as in Dyke et al., Smart Mater. Struct. 5, 1996, 565-575.
     unmodelled
-        White noise on every scaled coordinate, as a fraction of that of the ground. Without it, the error of a
+        White noise on every scaled coordinate, as a fraction of the noise of the ground. Without it, the error of a
         coordinate that the ground does not excite, such as an undamped brace, would not decay.
 
     Raises
@@ -413,7 +415,7 @@ def observer_of(
     E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
     C_z = measurements.C @ T / deviation[:, None]
     G_z = measurements.G * np.sqrt(ground) / deviation
-    # Scale of the state such that the process noise of a step is 1, as that of the sensors is.
+    # Scale of the state such that the process noise of a step is 1, as the noise of the sensors is.
     unit = float(np.linalg.norm(E_z))
     if not unit:
         # The ground moves nothing, and of its noise the unmodelled part is a fraction.

@@ -22,7 +22,7 @@ Complexes = NDArray[np.complex128]
 # States of the sampled loop with its chain of past commands up to which its poles are found.
 _MOST_STATES = 1200
 _FREQUENCIES = 2000
-# Decay of a pole in a sample below which it is rounding, and a gain from which on less of it is none.
+# Decay of a pole in a sample below which it is rounding, and a gain below which the loop counts as open.
 _ROUNDING, _LEAST_GAIN = 1e-12, 1e-6
 # Frequencies that are evaluated together, for the memory.
 _AT_ONCE = 2048
@@ -35,8 +35,8 @@ class DeviceMargins(Summarised):
     """Margins of the loop broken at the force of one device.
 
     The loop reaches its limit of stability if its gain is multiplied by `gain_up` or `gain_down`, if `phase` [degrees]
-    is taken from it, or if `delay` [s] is added; infinite, or 0 for `gain_down`, where nothing of the kind does. The
-    frequencies [Hz] are those of the oscillation that begins; NaN where there is none.
+    is taken from it, or if `delay` [s] is added; infinite, or 0 for `gain_down`, where no such change does. The
+    frequencies [Hz] belong to the oscillation that begins; NaN where there is none.
     """
 
     _made_by: ClassVar[str] = "mr.control.loop_margins(plant, gain)"
@@ -76,8 +76,8 @@ class DeviceMargins(Summarised):
 class LoopMargins(Summarised):
     """Margins of a linear loop at each device; none if the loop is not stable.
 
-    `sample_time` and `delay` [s] are those of the loop, `driver_rates` [1/s] of the lag of each driver, `None` without
-    one.
+    `sample_time` and `delay` [s] belong to the loop; `driver_rates` [1/s] are the rates of the lags of the drivers,
+    `None` for a driver without lag.
     """
 
     _made_by: ClassVar[str] = "mr.control.loop_margins(plant, gain)"

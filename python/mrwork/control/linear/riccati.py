@@ -55,7 +55,7 @@ class RiccatiSolutions(Summarised):
     `gain` is K of the forces f = -K s of a regulator, shape (n_batch, n_controls, n_states), or L of an observer, shape
     (n_batch, n_states, n_measurements). P is the cost to go s'P s of a regulator, or the covariance of the error of an
     observer, shape (n_batch, n_states, n_states). `residual` is relative to the terms, in coordinates in which P is the
-    identity, or where P is singular in those of `scaling`; `status` is the `RiccatiStatus` of each row.
+    identity, or where P is singular in the coordinates of `scaling`; `status` is the `RiccatiStatus` of each row.
     """
 
     gain: Floats
@@ -191,7 +191,7 @@ def kalman_gains(
     """Gains L of steady Kalman filters, in batches, and the covariances of their errors.
 
     Of x' = A x + B f + L (y - C x - D f), or of the predictor x_{k+1} = A x_k + B f_k + L (y_k - C x_k - D f_k). The
-    equation is that of the regulator of A' and C' (see `regulator_gains`).
+    equation is the Riccati equation of the regulator of A' and C' (see `regulator_gains`).
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def kalman_gains(
         discrete time: E[w w'], E[v v'] and E[w v'], shapes (..., n_states, n_states),
         (..., n_measurements, n_measurements) and (..., n_states, n_measurements).
     time, scaling, threads
-        See `regulator_gains`; the T of s = T z is that of the state.
+        See `regulator_gains`; T of s = T z belongs to the state.
 
     Raises
     ------
@@ -226,7 +226,7 @@ def kalman_gains(
     if cross_noise is not None:
         given["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
     if scaling is not None:
-        # The scaling of A' that goes with that of A.
+        # The scaling of A' that corresponds to the scaling of A.
         given["scaling"] = _transpose(np.linalg.inv(_scaling(scaling, n)).astype(np.float64))
     dual = _solve(given, time, threads)
     return RiccatiSolutions(gain=_transpose(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
@@ -309,9 +309,9 @@ _LEAST_DECAY = 3e-8
 def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Floats, float] | None:
     """Gain, P and residual of an equation that the compiled solver has refused; `None` if it has no solution.
 
-    That solver works in coordinates in which P is the identity, and there are none where P is singular, as for a mode
-    that is damped and not weighed. Here the given coordinates z of s = T z are kept, and a solution has a small
-    residual over its terms, a stable loop, and a gain that Newton's step no longer moves.
+    That solver works in coordinates in which P is the identity, and no such coordinates exist where P is singular, as
+    for a mode that is damped and not weighed. Here the given coordinates z of s = T z are kept, and a solution has a
+    small residual over its terms, a stable loop, and a gain that Newton's step no longer moves.
     """
     n, m = given["control"].shape
     norm = np.linalg.norm
@@ -372,7 +372,7 @@ class LyapunovEquations:
     """
 
     def __init__(self, A: Floats, step: float = 0.0) -> None:
-        # (2 + step A)^-1, by which a sampled equation becomes that of A (1 + step A / 2)^-1.
+        # (2 + step A)^-1, by which a sampled equation becomes a continuous one of A (1 + step A / 2)^-1.
         self._half = np.linalg.inv(np.eye(len(A)) + 0.5 * step * A)
         self._schur, self._basis = scipy.linalg.schur(A @ self._half)
         self.slowest = float(np.linalg.eigvals(self._schur).real.max())

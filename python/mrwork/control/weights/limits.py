@@ -1,4 +1,4 @@
-"""What a weight design is given: limits on rms responses, a budget of force, the semi-active condition."""
+"""Input of a weight design: limits on rms responses, a budget of force, the semi-active condition."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ _QUANTITIES: Mapping[str, tuple[str, str, Callable[[Plant], Outputs]]] = {
 
 @checked
 class SemiActiveCondition:
-    """`E[(f - c v)^2] <= b^2 E[f^2]`: the desired force is that of a damper up to a share b.
+    """`E[(f - c v)^2] <= b^2 E[f^2]`: the desired force is like a damper's up to a share b.
 
     With c = E[f v] / E[v^2] it says that force and rate of elongation have a correlation of sqrt(1 - b^2) at least.
 
@@ -156,7 +156,7 @@ class SemiActiveCondition:
     share
         b, between 0 and 1.
     damping
-        c of each device [N s/m]; by default that of the desired force itself, found by alternation.
+        c of each device [N s/m]; by default the damping of the desired force itself, found by alternation.
     """
 
     _made_by: ClassVar[str] = "mr.control.SemiActiveCondition(share=...)"

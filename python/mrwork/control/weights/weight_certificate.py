@@ -1,4 +1,4 @@
-"""Designed weights: what a regulator weighs, how much of the limits can be reached, what binds, and the certificate."""
+"""Designed weights of a regulator: the share of the limits that can be reached, what binds, and the certificate."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity, mean
 
 @array_dataclass(repr=False)
 class WeightCertificate(Summarised):
-    """What the weights reach, over a lower bound that no linear law passes.
+    """The ratio that the weights reach, beside a lower bound of every linear law.
 
     `rms` of each limited output and `forces`, the rms desired force of each device [N], are by a Lyapunov equation
     those under the regulator of the weights, which knows the state of the building and of the soil; `ratio` is the
@@ -45,7 +45,7 @@ class WeightCertificate(Summarised):
 
     @property
     def law_in_words(self) -> str:
-        """What the gain of the law alone reaches, and with how much of the budget."""
+        """Ratio that the gain of the law alone reaches, and its share of the budget."""
         return f"ratio {self.law_ratio:.4g} with {self.law_force:.4g} of the budget, from the building's state only"
 
     def _summary(self) -> Summary:
@@ -138,9 +138,10 @@ class DesignedWeights(Summarised):
 
     `gain` is K of the desired force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain
     of Q, N, R. All limits can be met at once up to the factor `reachable_ratio` with the budget; where the `bound` of
-    the certificate is above 1 they cannot be reached, and `budget_factor` is that of all budgets with which they can,
-    infinite if none up to 100 does, NaN where that is not determined. `binding` says what keeps the ratio from being
-    lower, `engine` what solved it, and `origin` sentences on ground and budget, where a study has asked for the design.
+    the certificate is above 1 they cannot be reached, and `budget_factor` is the factor on all budgets with which they
+    can, infinite if no factor up to 100 suffices, NaN where it is not determined. `binding` says what keeps the ratio
+    from being lower, `engine` what solved it, and `origin` sentences on ground and budget, where a study has asked for
+    the design.
     """
 
     plant: Plant
@@ -163,7 +164,7 @@ class DesignedWeights(Summarised):
 
     @property
     def advice(self) -> str:
-        """What is to be scanned in the true loop."""
+        """Setting to scan in the true loop."""
         return SCAN_BUDGET if self.semi_active else SCAN
 
     @checked
@@ -240,7 +241,7 @@ class DesignedWeights(Summarised):
 
     @property
     def in_words(self) -> tuple[str, ...]:
-        """What can be reached and what binds, one sentence each; where a study asked, ground and budget first."""
+        """Sentences on what can be reached and what binds; where a study asked, on ground and budget first."""
         return (*self._origin_in_words, *self._reached_in_words)
 
     @property

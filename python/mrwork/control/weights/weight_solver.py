@@ -74,7 +74,7 @@ def design_weights(
         `KanaiTajimi` or `CloughPenzien`, as given or by `mr.motions.fitted_spectrum` of a record; Kanai-Tajimi on firm
         soil by default.
     semi_active
-        Condition that the desired force be mostly that of a damper.
+        Condition that the desired force be mostly like a damper's.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def _rows(building: Building, devices: Sequence[Device] | ArrayLike) -> tuple[Fl
 
 @contextmanager
 def _blame_budget(plant: Plant, spectrum: SpectralDensity, budgets: Floats) -> Iterator[None]:
-    """Say of a design without a solution that the budget is none that the building has use for, if so."""
+    """Blame the budget for a design without a solution, if the building has no use for such a budget."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):
             yield
@@ -190,8 +190,8 @@ class _Task:
     def solve(self, system: DesignSystem) -> tuple[WeightProgram, DualPoint]:
         """The multipliers by a program on a system, judged on the whole building.
 
-        The damping of a semi-active condition that is not given is that of the desired force, by alternation from the
-        force without the condition.
+        A semi-active condition without a damping takes the damping of the desired force, by alternation from the force
+        without the condition.
         """
         # cvxpy takes a second to load, which scripts that do not design should not pay.
         from mrwork.control.weights.program import WeightProgram
