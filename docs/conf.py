@@ -75,7 +75,7 @@ html_domain_indices = False
 html_theme_options = {
     "logo": {"text": "mrwork"},
     "navbar_align": "left",
-    "header_links_before_dropdown": 6,
+    "header_links_before_dropdown": 7,
     "navbar_persistent": ["search-button"],
     "show_prev_next": False,
     "footer_start": [],

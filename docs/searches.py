@@ -30,6 +30,10 @@ ANSWERS = {
     "OpenSees": ("guides/coming_from_opensees",),
     "Optuna": ("tutorials/many_candidates",),
     "choose a model": ("guides/choose_model_and_laws",),
+    "number of dampers": ("guides/write_a_study",),
+    "fragility of few records": ("guides/fragility",),
+    "lag of the load cell": ("guides/steer_an_identification",),
+    "two damper types": ("guides/write_a_study",),
 }
 _FIRST = "(e => e ? e.getAttribute('href') : '')(document.querySelector('ul.search li a'))"
 _SUMMARY = "(document.querySelector('.search-summary') || {textContent: ''}).textContent"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from generate.equations import tex
 from generate.figures import LOOP_CAPTION, loop_words
 from generate.markdown import code, directive, document, fenced, prose, table, toctree, unit
@@ -30,8 +32,29 @@ def _index() -> str:
         "$f v$ is dissipated power. Any parameter may follow the command: see `--law` of "
         "[`mrwork identify`](../verbs/identify.md).",
         table(("model", "name", "parameters", "states", "published sets"), rows),
+        "(published-sets)=\n## Published sets by force",
+        "As `mrwork models --presets` lists them. A study takes a set by `preset`, `count` times.",
+        table(
+            ("force class", "set", "model", "rated force", "stroke to either side", "command"), _by_force()
+        ),
         toctree(*(spec.name for spec in damper_models()), hidden=""),
     )
+
+
+def _by_force() -> list[tuple[str, ...]]:
+    """The published sets, the smallest dampers first."""
+    presets = [spec.preset(name) for spec in damper_models() for name in spec.presets]
+    return [
+        (
+            preset.force_class or "not known",
+            code(preset.name),
+            code(preset.spec.name),
+            f"{preset.rated_force:.0f} N" if preset.rated_force else "",
+            f"{1e3 * preset.rated_stroke:g} mm" if preset.rated_stroke else "",
+            preset.command_in_words,
+        )
+        for preset in sorted(presets, key=lambda each: each.rated_force or math.inf)
+    ]
 
 
 def _page(spec: DamperSpec) -> str:
@@ -84,7 +107,7 @@ def _published(spec: DamperSpec) -> str:
         command_unit = preset.spec.command_unit
         note = f" {preset.note[:1].upper()}{preset.note[1:]}." if preset.note else ""
         command = f", command 0 to {preset.largest_command:g} {command_unit}" if command_unit else ""
-        rated = f", rated force {preset.rated_force:g} N" if preset.rated_force else ""
+        rated = f", rated force {preset.rated_force:.0f} N" if preset.rated_force else ""
         rated += f", rated stroke {1e3 * preset.rated_stroke:g} mm" if preset.rated_stroke else ""
         sections += [
             f"### {code(name)}",

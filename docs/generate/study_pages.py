@@ -95,10 +95,7 @@ def _script_page(script: Path) -> str:
     if (folder / "notes.md").is_file():
         parts.append(f"```{{include}} ../../../studies/{script.stem}/notes.md\n```")
     if script.stem == BENCHMARKS:
-        parts += [
-            "What was measured, and on which machine, stands in {doc}`/explanation/speed`.",
-            _versions(),
-        ]
+        parts.append(_versions())
     return document(*parts)
 
 

@@ -28,7 +28,7 @@ def sends_shares(devices: Sequence[Device]) -> bool:
 
 
 def largest_command(devices: Sequence[Device]) -> float:
-    """Largest command that a law sends to any device [A or V], 1 where commands are shares; each driver limits its own."""
+    """Largest command that a law sends to any device [A or V], 1 where commands are shares; drivers limit their own."""
     return 1.0 if sends_shares(devices) else max(device.largest_command for device in commanded(devices))
 
 
