@@ -1,11 +1,13 @@
-"""What `mrwork check` knows of a record, every verb says that it matters to: the table in `records`, walked."""
+"""What `mrwork check` knows of a record, every verb says that it matters to: all declared kinds of findings."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
 from typing import Any, get_args
 
 import numpy as np
@@ -15,10 +17,12 @@ from odd_files import MM, NEWTON, TIME, write_table
 from record_files import Columns, codes, write_text
 
 import mrwork as mr
+from mrwork import records
 from mrwork.dampers import damper
 from mrwork.identification.minimise import polish
-from mrwork.records import DamperTest, Finding, read_damper_test
-from mrwork.records.findings import CONCERNS, Verb, findings_for
+from mrwork.records import DamperTest, read_damper_test
+from mrwork.records.finding import FindingKind, Verb
+from mrwork.records.findings import findings_for
 
 VERBS: tuple[Verb, ...] = get_args(Verb)
 # Findings of tests together, which stand in no test.
@@ -28,18 +32,31 @@ OF_THE_SET = ("command_mislabelled", "record_repeated")
 PLAIN = mr.synthetic_test("spencer1997_fast")
 
 
+def declared() -> dict[str, FindingKind]:
+    """Every kind of finding that a module of the records declares, by its code."""
+    modules = [import_module(f"mrwork.records.{each.name}") for each in iter_modules(records.__path__)]
+    values = [value for module in modules for value in vars(module).values()]
+    values += [inner for value in values if isinstance(value, dict) for inner in value.values()]
+    kinds = [value for value in values if isinstance(value, FindingKind)]
+    assert len({(each.code, each.verbs) for each in kinds}) == len({each.code for each in kinds})
+    return {each.code: each for each in kinds}
+
+
+DECLARED = declared()
+
+
 def has_finding(code: str, **changes: Any) -> DamperTest:
-    finding = Finding(code=code, severity="warning", message=f"it has {code}; do something")
+    finding = replace(DECLARED[code], text=f"it has {code}", cure="do something").found()
     return replace(PLAIN, **{"findings": (finding,), "sha256": code, **changes})
 
 
 @pytest.mark.parametrize("verb", VERBS)
 @pytest.mark.words
 def test_a_verb_says_a_finding_where_the_table_has_it(verb: Verb) -> None:
-    for code, verbs in CONCERNS.items():
-        alone = [has_finding(code), has_finding("another", findings=())]
+    for code, kind in DECLARED.items():
+        alone = [has_finding(code), replace(PLAIN, findings=(), sha256="another")]
         said = [each.code for each in findings_for(verb, set_with(code) if code in OF_THE_SET else alone)]
-        assert said == ([code] if verb in verbs else [])
+        assert said == ([code] if verb in kind.verbs else [])
 
 
 def set_with(code: str) -> list[DamperTest]:
@@ -52,8 +69,8 @@ def set_with(code: str) -> list[DamperTest]:
 
 @pytest.mark.words
 def test_check_says_everything_and_identify_all_that_it_does_not_refuse() -> None:
-    assert {code for code, verbs in CONCERNS.items() if "check" not in verbs} == set()
-    assert {code for code, verbs in CONCERNS.items() if "identify" not in verbs} == {
+    assert {code for code, kind in DECLARED.items() if "check" not in kind.verbs} == set()
+    assert {code for code, kind in DECLARED.items() if "identify" not in kind.verbs} == {
         "velocity_factor",
         "time_factor",
     }
@@ -108,7 +125,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Run:
     found = frozenset(code for file in files for code in codes(read_damper_test(file)))
     small = ("--model", "bingham", "--generations", "3", "--threads", "1", "--quiet", "--json")
     text = printed("identify", *files, *small, "--out", place / "run")
-    assert told(json.loads(text)) == {code for code in found if "identify" in CONCERNS[code]}
+    assert told(json.loads(text)) == {code for code in found if "identify" in DECLARED[code].verbs}
     return Run(folder=place / "run", files=files, found=found)
 
 
@@ -133,7 +150,7 @@ def arguments_of(verb: Verb, run: Run) -> tuple[object, ...]:
 @pytest.mark.words
 def test_the_verb_says_what_matters_to_it(made: Run, verb: Verb) -> None:
     """On stderr, once each; with --json in the object and nowhere else."""
-    mattering = {code for code in made.found if verb in CONCERNS[code]}
+    mattering = {code for code in made.found if verb in DECLARED[code].verbs}
     # So that the equality says something: some are said, and not all.
     assert len(mattering) >= 6
     assert len(mattering) < len(made.found)

@@ -20,7 +20,7 @@ import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest, Finding, repair
-from mrwork.records.damper_test import Measured
+from mrwork.records.finding import FindingKind, Measured
 from mrwork.records.findings import gathered_findings
 
 OMEGA = 2.0 * np.pi * FREQUENCY
@@ -397,17 +397,15 @@ def test_too_few_samples_per_cycle_are_told() -> None:
     assert "10.0 samples per cycle of 2 Hz" in message(test, "few_samples_per_cycle")
 
 
-def lag(milliseconds: float) -> Finding:
-    return Finding(
-        code="lag",
-        severity="note",
-        message=f"the force lags by {milliseconds:g} ms, as filters do",
-        measured=Measured(value=1e-3 * milliseconds, unit="s"),
-    )
+LAG = FindingKind("lag", "the {0} lags by {late:g} ms, as filters do")
 
 
-OFFSET = Finding(code="offset", severity="warning", message="the force has an offset")
-ALONE = Finding(code="rest", severity="note", message="at rest for 2 s")
+def lag(milliseconds: float, channel: str = "force") -> Finding:
+    return LAG.found(channel, measured=Measured(value=1e-3 * milliseconds, unit="s"), late=milliseconds)
+
+
+OFFSET = FindingKind("offset", "the force has an offset", "subtract it").found()
+ALONE = FindingKind("rest", "at rest for 2 s").found()
 
 
 def with_findings(name: str, *findings: Finding) -> DamperTest:
@@ -422,7 +420,7 @@ def test_findings_that_differ_in_numbers_are_one_with_their_range() -> None:
     ]
     found = gathered_findings(tests)
     warning, note = found.shared
-    assert warning.in_words == "warning in 2 of 3 tests (b, c): the force has an offset"
+    assert warning.in_words == "warning in 2 of 3 tests (b, c): the force has an offset; subtract it"
     assert note.in_words == (
         "note in 2 of 3 tests (a, b): the force lags by 0.5 ms, as filters do "
         "[numbers of a; over these tests 0.0005 to 0.0025 s]"
@@ -436,6 +434,11 @@ def test_a_finding_in_every_test_names_none_and_many_names_are_counted() -> None
     assert everywhere.in_words.startswith("warning in all 9 tests: ")
     assert everywhere.tests == tuple(f"t{number}" for number in range(9))
     assert "8 of 9 tests (t0, t1, t2, t3, t4, t5 and 2 more)" in often.in_words
+
+
+def test_findings_that_differ_in_a_word_are_two() -> None:
+    tests = [with_findings("a", lag(0.5)), with_findings("b", lag(0.5, "velocity"))]
+    assert gathered_findings(tests).shared == ()
 
 
 def test_what_one_test_says_twice_is_not_shared() -> None:

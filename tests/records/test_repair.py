@@ -9,8 +9,8 @@ import pytest
 from refusals import refusal
 
 from mrwork.records import DamperTest, repair
+from mrwork.records.finding import REPAIR_KINDS, RepairKind
 from mrwork.records.reading import synthetic_test
-from mrwork.records.repairs import REPAIR_KINDS, RepairKind
 
 # Its noise has a standard deviation of 8 N.
 NOISE_N = 8.0

@@ -25,7 +25,8 @@ from run_folders import write_fit
 import mrwork as mr
 from mrwork import StoredRun, identify
 from mrwork.identification.residual import ObservedTest
-from mrwork.records import Finding, cut
+from mrwork.records import cut
+from mrwork.records.finding import FindingKind
 from mrwork.records.reading import synthetic_test
 from mrwork.report import html
 from mrwork.report.fit.agreement import amplitude_section
@@ -94,8 +95,8 @@ def page_of(*predictions: Prediction, **changes: object) -> html.Page:
 @pytest.fixture(scope="module")
 def two_tests() -> html.Page:
     noted = (
-        Finding(code="rest", severity="note", message="The first 0.12 s are at rest."),
-        Finding(code="sign", severity="warning", message="The force has been flipped."),
+        FindingKind("rest", "The first 0.12 s are at rest.").found(),
+        FindingKind("sign", "The force has been flipped", "check it").found(),
     )
     return page_of(prediction(findings=noted), prediction("spencer1997", synthetic=True, peak_force=400.0))
 
@@ -129,7 +130,9 @@ def test_the_page_can_be_read_aloud_and_needs_nothing_from_elsewhere(two_tests: 
     assert len(drawings) == len(described) == 2 * 4 + 3 + 1 + 2
     assert all(attributes["role"] == "img" for attributes in drawings)
     text = page.text_in("ul")
-    assert 0 <= text.index("The force has been flipped.") < text.index("The first 0.12 s are at rest.")
+    assert (
+        0 <= text.index("The force has been flipped; check it") < text.index("The first 0.12 s are at rest.")
+    )
     told = page.text_in("section")
     for shown in ("mrwork 0.1.0", "avx2", "rig/10mm1Hz0x5A.csv", "mrwork identify rig/a.csv --seed 1"):
         assert shown in told
@@ -184,7 +187,7 @@ def test_an_unfinished_fit_says_so_in_a_banner() -> None:
 
 def test_names_from_files_cannot_write_markup() -> None:
     hostile = '<script>alert("1")</script>&amp;'
-    found = Finding(code="x", severity="note", message=hostile)
+    found = FindingKind("x", "{text}").found(text=hostile)
     text = page_of(prediction(hostile, findings=(found,)), stop_reason=hostile)
     page = Page(text)
     assert "script" not in {tag for tag, _ in page.elements}
@@ -293,7 +296,7 @@ def worse(number: int) -> Prediction:
     return replace(made, model_force=model)
 
 
-DRIFT = Finding(code="drift", severity="warning", message="the force drifts by 3 %")
+DRIFT = FindingKind("drift", "the force drifts by 3 %", "cool it").found()
 
 
 @pytest.mark.contract

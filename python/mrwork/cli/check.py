@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
             rows.append({"file": path, "error": str(error)})
             note(str(error))
     together, shared = findings_of_set(tests), gathered_findings(tests).shared
-    document = {"files": rows, "set": [asdict(finding) for finding in together]}
+    document = {"files": rows, "set": [finding.document() for finding in together]}
     document |= {"shared": [asdict(each) for each in shared]}
     if tests or options.json:
         print_result(options, document, _summary_of(tests).text(whole=True))

@@ -19,7 +19,8 @@ from mrwork.store.codec import finite
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
     from mrwork.records import DamperTest
-    from mrwork.records.findings import SharedFinding, Verb
+    from mrwork.records.finding import Verb
+    from mrwork.records.findings import SharedFinding
     from mrwork.records.reading import OnRead
     from mrwork.report.section import OnDrawn
 

@@ -20,7 +20,8 @@ from mrwork.errors import SettingError
 from mrwork.identification.residual import NuisanceName
 from mrwork.identification.settings import FitSettings
 from mrwork.records.columns import parse_column_option
-from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, VALUES_IN_WORDS, RepairKind, as_words
+from mrwork.records.finding import REPAIR_KINDS, RepairKind
+from mrwork.records.repairs import AMOUNTS_IN_WORDS, VALUES_IN_WORDS, as_words
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit

@@ -30,7 +30,7 @@ from mrwork.identification.objective import Objective, observe_tests_by, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
 from mrwork.records import DamperTest
-from mrwork.records.motion import Smoother, spectrum
+from mrwork.records.motion import Differentiator
 from mrwork.records.window import excerpt
 
 
@@ -257,8 +257,7 @@ def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:
 
     The noise of a velocity that was derived is that of its derivation.
     """
-    band = spectrum(test.displacement, test.dt)
-    smoother = Smoother.for_band(band.band_edge, test.dt, test.n_time)
+    smoother = Differentiator.of(test.displacement, test.dt)
     is_measured = test.velocity_source == "measured"
     of_displacement = smoother.noise(test.displacement - smoother.smooth(test.displacement))
     of_velocity = smoother.noise(test.velocity - smoother.smooth(test.velocity)) if is_measured else 0.0

@@ -91,7 +91,7 @@ def offset_warning(
     shifts = _shifts(spec)
     if "offset" in names or any(bounds.get(name) != (0.0, 0.0) for name in shifts):
         return ()
-    shifted = [test.label for test in tests if any(each.code == FORCE_OFFSET for each in test.findings)]
+    shifted = [test.label for test in tests if any(each.kind == FORCE_OFFSET for each in test.findings)]
     if not shifted:
         return ()
     fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"

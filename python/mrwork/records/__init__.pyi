@@ -1,8 +1,8 @@
 from .damper_test import DamperTest as DamperTest
-from .damper_test import Finding as Finding
 from .damper_test import Observation as Observation
 from .damper_test import OperatingRange as OperatingRange
 from .damper_test import Outside as Outside
+from .finding import Finding as Finding
 from .likeness import Likeness as Likeness
 from .read import build_damper_test as build_damper_test
 from .read import guess_tests as guess_tests

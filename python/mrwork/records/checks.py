@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError
-from mrwork.records.damper_test import Channel, DamperTest, Finding, Measured, Smoothing
-from mrwork.records.motion import Smoother, SmoothMotion, runs_of, spectrum
+from mrwork.records.damper_test import Channel, DamperTest, Smoothing
+from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
+from mrwork.records.motion import Differentiator, SmoothMotion, runs_of, spectrum
 
 _SMALLEST_RANGE: Final = 1e-9
 _FEWEST_PER_CYCLE: Final = 20.0
 _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
 _OFFSET_SHARE: Final = 0.05
-FORCE_OFFSET: Final = "force_offset"
 _SIGN_SHARE: Final = 0.05
 
 
@@ -33,17 +33,20 @@ def check_varies(samples: Floats, quantity: str, unit: str, *, source: str) -> N
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")
 
 
-def samples_per_cycle(frequency: float, dt: float) -> Iterator[Finding]:
+_FEW_SAMPLES: Final = FindingKind(
+    "few_samples_per_cycle",
+    "only {value:.1f} samples per cycle of {frequency:.3g} Hz (at least {least:.0f} are advised): reversals of the "
+    "motion, where the force changes most, are poorly resolved",
+    "sample at {rate:.3g} Hz or more",
+)
+
+
+def samples_per_cycle(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn if the dominant cycle has fewer than 20 samples."""
-    per_cycle = 1.0 / (frequency * dt)
-    if per_cycle >= _FEWEST_PER_CYCLE:
-        return
-    message = (
-        f"only {per_cycle:.1f} samples per cycle of {frequency:.3g} Hz (at least {_FEWEST_PER_CYCLE:.0f} "
-        "are advised): reversals of the motion, where the force changes most, are poorly resolved"
-    )
-    action = f"sample at {_FEWEST_PER_CYCLE * frequency:.3g} Hz or more"
-    yield Finding.warning("few_samples_per_cycle", message, action=action, measured=Measured(per_cycle, ""))
+    per_cycle = Measured(1.0 / (motion.frequency * test.dt), "")
+    if per_cycle.value < (least := _FEWEST_PER_CYCLE):
+        rate = least * motion.frequency
+        yield _FEW_SAMPLES.found(measured=per_cycle, frequency=motion.frequency, least=least, rate=rate)
 
 
 def samples_at_rest(displacement: Floats) -> int:
@@ -52,12 +55,16 @@ def samples_at_rest(displacement: Floats) -> int:
     return int(np.argmax(left))
 
 
-def rest_before_motion(displacement: Floats, dt: float, frequency: float) -> Iterator[Finding]:
+_REST: Final = FindingKind(
+    "rest_before_motion", "at rest for the first {value:.2f} s of {whole:.2f} s", verbs=ONCE, cured_by="rest"
+)
+
+
+def rest_before_motion(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Note rest at the start that lasts a quarter of the dominant period or longer."""
-    rest = samples_at_rest(displacement) * dt
-    if rest >= _REST_CYCLES / frequency:
-        message = f"at rest for the first {rest:.2f} s of {displacement.size * dt:.2f} s"
-        yield Finding.note("rest_before_motion", message, measured=Measured(rest, "s"))
+    rest = samples_at_rest(test.displacement) * test.dt
+    if rest >= _REST_CYCLES / motion.frequency:
+        yield _REST.found(measured=Measured(rest, "s"), whole=test.n_time * test.dt)
 
 
 # The start ends at this fraction of the peak-to-peak stroke. The overshoot must exceed this fraction of the half range
@@ -65,6 +72,13 @@ def rest_before_motion(displacement: Floats, dt: float, frequency: float) -> Ite
 _BREAKAWAY_STROKE: Final = 0.05
 _BREAKAWAY_SHARE: Final = 0.05
 _BREAKAWAY_ERRORS: Final = 4.0
+_BREAKAWAY: Final = FindingKind(
+    "breakaway",
+    "the damper broke away from rest with {value:.3g} N more than any later force: stiction, which the models do not "
+    "include",
+    "remove the start by --repair rest",
+    cured_by="rest",
+)
 
 
 def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | None:
@@ -77,7 +91,7 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
     if started + 1 >= moved.size:
         return None
     force = np.abs(test.force - mean_over_travel(test.force, motion.velocity))
-    smoother = Smoother(window=5, dt=test.dt)
+    smoother = Differentiator(window=5, dt=test.dt)
     noise = smoother.noise(test.force - smoother.smooth(test.force))
     first = slice(max(rest - 2, 0), started + 1)
     overshoot = float(force[first].max() - force[started + 1 :].max())
@@ -91,13 +105,7 @@ def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Findin
         return
     least = max(_BREAKAWAY_SHARE * half_range(test.force), _BREAKAWAY_ERRORS * overshoot.standard_error)
     if overshoot.value >= least:
-        message = (
-            f"the damper broke away from rest with {overshoot.value:.3g} N more than any later force: stiction, "
-            "which the models do not include"
-        )
-        yield Finding.warning(
-            "breakaway", message, action="remove the start by --repair rest", measured=overshoot
-        )
+        yield _BREAKAWAY.found(measured=overshoot)
 
 
 def mean_over_travel(force: Floats, velocity: Floats) -> float:
@@ -114,6 +122,19 @@ def half_range(force: Floats) -> float:
     return 0.5 * float(np.ptp(np.percentile(force, [0.5, 99.5])))
 
 
+_SIGN_UNCLEAR: Final = FindingKind(
+    "force_sign_unclear",
+    "the energy int F v dt is only {share:.1f} % of int |F v| dt, too little to determine the sign of the force, which "
+    "was not changed",
+    "check the sign of the channel",
+)
+_SIGN_FLIPPED: Final = FindingKind(
+    "force_sign_flipped",
+    "the recorded force has the sign that generates energy (int F v dt is {share:.0f} % of int |F v| dt); it was "
+    "multiplied by -1 so that it resists the motion",
+)
+
+
 def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, ...]]:
     """The force [N] with the sign that dissipates energy, and a note if it was changed.
 
@@ -124,34 +145,33 @@ def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, 
     whole = float(np.abs(power).sum())
     share = float(power.sum()) / whole if whole > 0.0 else 0.0
     if abs(share) < _SIGN_SHARE:
-        message = (
-            f"the energy int F v dt is only {100 * share:.1f} % of int |F v| dt, too little to "
-            "determine the sign of the force, which was not changed"
-        )
-        action = "check the sign of the channel"
-        return force, (Finding.warning("force_sign_unclear", message, action=action),)
+        return force, (_SIGN_UNCLEAR.found(share=100.0 * share),)
     if share > 0.0:
         return force, ()
-    message = (
-        f"the recorded force has the sign that generates energy (int F v dt is {100 * share:.0f} % of "
-        "int |F v| dt); it was multiplied by -1 so that it resists the motion"
-    )
-    return -force, (Finding.note("force_sign_flipped", message),)
+    return -force, (_SIGN_FLIPPED.found(share=100.0 * share),)
 
 
-def force_offset(force: Floats, velocity: Floats) -> Iterator[Finding]:
-    """Note a static offset above 5 % of the half range of the force, which every model has a parameter for."""
-    offset = mean_over_travel(force, velocity)
-    scale = half_range(force)
+FORCE_OFFSET: Final = FindingKind(
+    "force_offset",
+    "the force has a static offset of {value:+.4g} N, {share:.0f} % of its half range of {scale:.4g} N: gas pressure "
+    "or the zero of the load cell, which a model describes by f0 or k x0",
+    # A fit describes the offset of its own tests; that of other tests may differ.
+    verbs=OF_FILES,
+    cured_by="offset",
+)
+
+
+def force_offset(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+    """Note a static offset above 5 % of the half range of the force, which every model has a parameter for.
+
+    A varying command weighs the directions of motion differently, so that the mean force is no static one.
+    """
+    offset = mean_over_travel(test.force, motion.velocity)
+    scale = half_range(test.force)
     # A force of a few spikes has no range between the percentiles.
-    if scale == 0.0 or abs(offset) <= _OFFSET_SHARE * scale:
-        return
-    relative = f"{100 * abs(offset) / scale:.0f} % of its half range of {scale:.4g} N"
-    message = (
-        f"the force has a static offset of {offset:+.4g} N, {relative}: gas pressure or the zero of the load cell, "
-        "which a model describes by f0 or k x0"
-    )
-    yield Finding.note(FORCE_OFFSET, message, measured=Measured(offset, "N"))
+    if not test.has_varying_command and scale > 0.0 and abs(offset) > _OFFSET_SHARE * scale:
+        share = 100.0 * abs(offset) / scale
+        yield FORCE_OFFSET.found(measured=Measured(offset, "N"), share=share, scale=scale)
 
 
 _SHORTEST_RUN: Final = 3
@@ -168,6 +188,24 @@ _OFF_THE_STEPS: Final = 0.05
 _ROUNDED: Final = 1e-9
 
 
+_COARSELY_READ: Final = FindingKind(
+    "coarse",
+    "the {0} is read in steps of {value:.3g} {1}, {share:.2g} % of its half range of {half:.4g} {1}",
+    "measure again with a smaller range or more digits",
+)
+_CLIPPED: Final = FindingKind(
+    "clipped",
+    "the {0} is clipped at its extreme in {share:.2g} % of its samples: the channel exceeded its range",
+    "measure again with a wider one, or omit these parts",
+)
+_HELD: Final = FindingKind(
+    "held_samples",
+    "the {0} has a new value in one of {value:.0f} samples only: it is sampled at {rate:.3g} Hz, and late by "
+    "{late:.3g} ms in the mean",
+    "use --every {value:.0f}, or sample all channels alike",
+)
+
+
 def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     """Warn of channels with few levels, of clipped ones, and of those whose samples are held."""
     channels = [("displacement", test.displacement, "m"), ("force", test.force, "N")]
@@ -177,29 +215,14 @@ def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
         step = coarse_step(samples)
         if step is not None:
             half = 0.5 * float(np.ptp(samples))
-            yield Finding.warning(
-                "coarse",
-                f"the {name} is read in steps of {step:.3g} {unit}, {100 * step / half:.2g} % of its half range of "
-                f"{half:.4g} {unit}",
-                action="measure again with a smaller range or more digits",
-                measured=Measured(step, unit),
-            )
+            measured = Measured(step, unit)
+            yield _COARSELY_READ.found(name, unit, measured=measured, share=100.0 * step / half, half=half)
         elif (share := clipped_share(samples)) > 0.0:
-            yield Finding.warning(
-                "clipped",
-                f"the {name} is clipped at its extreme in {100 * share:.2g} % of its samples: the channel exceeded its "
-                "range",
-                action="measure again with a wider one, or omit these parts",
-                measured=Measured(share, ""),
-            )
+            yield _CLIPPED.found(name, measured=Measured(share, ""), share=100.0 * share)
         if (held := held_samples(samples)) > 1:
-            yield Finding.warning(
-                "held_samples",
-                f"the {name} has a new value in one of {held} samples only: it is sampled at "
-                f"{1.0 / (held * test.dt):.3g} Hz, and late by {500.0 * (held - 1) * test.dt:.3g} ms in the mean",
-                action=f"use --every {held}, or sample all channels alike",
-                measured=Measured(held, "samples"),
-            )
+            late = 500.0 * (held - 1) * test.dt
+            measured = Measured(held, "samples")
+            yield _HELD.found(name, measured=measured, rate=1.0 / (held * test.dt), late=late)
 
 
 def coarse_step(samples: Floats) -> float | None:
@@ -295,36 +318,56 @@ _HIGHEST_FREQUENCY: Final = 500.0
 _LARGEST_COMMANDS: Final[Mapping[CommandUnit, float]] = {"A": 20.0, "V": 240.0}
 
 
+_LONG: Final = FindingKind(
+    "displacement_unusual",
+    "the displacement spans {value:.3g} m, more than any damper of {force}",
+    "check its channel and its unit: are mm taken for m?",
+)
+_SHORT: Final = FindingKind(
+    "displacement_unusual",
+    "the displacement spans {um:.3g} um, no more than rod and mounts of a damper of {force} stretch",
+    "check its channel and its unit: are millimetres taken for micrometres?",
+)
+
+
 def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     """Warn of a stroke that is longer than that of any damper, or that its rod and mounts alone would give."""
     stroke, force = float(np.ptp(test.displacement)), float(np.abs(test.force).max())
     scale = (force / _OF_FORCE) ** _GROWS
+    measured = Measured(stroke, "m")
     if stroke > min(_LONGEST_STROKE, _LONG_STROKE * scale):
-        message = f"the displacement spans {stroke:.3g} m, more than any damper of {_in_newtons(force)}"
-        action = "check its channel and its unit: are mm taken for m?"
+        yield _LONG.found(measured=measured, force=_in_newtons(force))
     elif stroke < _SHORTEST_STROKE * scale:
-        message = (
-            f"the displacement spans {1e6 * stroke:.3g} um, no more than rod and mounts of a damper of "
-            f"{_in_newtons(force)} stretch"
-        )
-        action = "check its channel and its unit: are millimetres taken for micrometres?"
-    else:
-        return
-    yield Finding.warning("displacement_unusual", message, action=action, measured=Measured(stroke, "m"))
+        yield _SHORT.found(measured=measured, um=1e6 * stroke, force=_in_newtons(force))
+
+
+_LARGE: Final = FindingKind(
+    "force_unusual",
+    "the force reaches {force}, more than the {most} of the largest dampers",
+    "check its channel and its unit: are N taken for kN?",
+)
+_SMALL: Final = FindingKind(
+    "force_unusual",
+    "the force reaches {force}, less than the seal of a damper takes",
+    "check its channel and its unit: are kN taken for N?",
+)
 
 
 def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     """Warn of a force that is larger than that of any damper, or smaller than that of a seal."""
     force = float(np.abs(test.force).max())
+    measured = Measured(force, "N")
     if force > _LARGEST_FORCE:
-        bound, taken = f"more than the {_in_newtons(_LARGEST_FORCE)} of the largest dampers", "N taken for kN"
+        yield _LARGE.found(measured=measured, force=_in_newtons(force), most=_in_newtons(_LARGEST_FORCE))
     elif force < _SMALLEST_FORCE:
-        bound, taken = "less than the seal of a damper takes", "kN taken for N"
-    else:
-        return
-    message = f"the force reaches {_in_newtons(force)}, {bound}"
-    action = f"check its channel and its unit: are {taken}?"
-    yield Finding.warning("force_unusual", message, action=action, measured=Measured(force, "N"))
+        yield _SMALL.found(measured=measured, force=_in_newtons(force))
+
+
+_PACE: Final = FindingKind(
+    "time_unusual",
+    "the motion has {value:.2g} Hz and {speed:.2g} mm/s in steps of {dt:.3g} s, {0} than a damper is tested",
+    "check the unit of the time (are {1}?), and that of the displacement",
+)
 
 
 def pace_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -335,13 +378,15 @@ def pace_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     fast = speed > _FASTEST or motion.frequency > _HIGHEST_FREQUENCY or acceleration > _LARGEST_ACCELERATION
     if not slow and not fast:
         return
-    message = (
-        f"the motion has {motion.frequency:.2g} Hz and {1e3 * speed:.2g} mm/s in steps of {test.dt:.3g} s, "
-        f"{'slower' if slow else 'faster'} than a damper is tested"
-    )
-    taken = "ms taken for s" if slow else "s taken for ms"
-    action = f"check the unit of the time (are {taken}?), and that of the displacement"
-    yield Finding.warning("time_unusual", message, action=action, measured=Measured(motion.frequency, "Hz"))
+    words = ("slower", "ms taken for s") if slow else ("faster", "s taken for ms")
+    yield _PACE.found(*words, measured=Measured(motion.frequency, "Hz"), speed=1e3 * speed, dt=test.dt)
+
+
+_LARGE_COMMAND: Final = FindingKind(
+    "command_unusual",
+    "the command reaches {value:.4g} {0}, more than a damper takes",
+    "check its column and its unit: are m{0} taken for {0}?",
+)
 
 
 def command_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
@@ -349,12 +394,7 @@ def command_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     for values, unit in test.commands:
         highest = float(np.max(values))
         if highest > _LARGEST_COMMANDS.get(unit, np.inf):
-            yield Finding.warning(
-                "command_unusual",
-                f"the command reaches {highest:.4g} {unit}, more than a damper takes",
-                action=f"check its column and its unit: are m{unit} taken for {unit}?",
-                measured=Measured(highest, unit),
-            )
+            yield _LARGE_COMMAND.found(unit, measured=Measured(highest, unit))
 
 
 def _in_newtons(force: float) -> str:
@@ -367,7 +407,7 @@ _HARMONICS: Final = np.arange(1, 5)
 # Shortest window [samples]; with fewer, the only null is at or near the Nyquist frequency, as with a low-pass filter.
 _SHORTEST: Final = 4
 # A transform of a long signal takes some twenty times as long where its length has a large prime factor.
-_LONG: Final = 1 << 16
+_LONG_SIGNAL: Final = 1 << 16
 # Longest window, in periods; longer averages are not used in practice, and harmonics interfere there.
 _LONGEST: Final = 0.5
 # Least depth relative to that of a moving average; rounding after the average fills the nulls a little. Combs of
@@ -411,24 +451,35 @@ def detect_smoothing(test: DamperTest, frequency: float | None = None) -> Smooth
     )
 
 
+_AVERAGED_TEXT: Final = (
+    "{0} passed a moving average over {ms:.4g} ms ({samples:.0f} samples, {share:.2g} of the dominant period), which "
+    "rounds the corners of the loop"
+)
+# A fit describes the average of its own tests; that of other tests may differ.
+_AVERAGED: Final = FindingKind(
+    "moving_average",
+    f"{_AVERAGED_TEXT}; identify applies the same average to the model's force",
+    verbs=OF_FILES,
+)
+_MOTION_AVERAGED: Final = FindingKind(
+    "moving_average", _AVERAGED_TEXT, "use the original record, for the force shows none", verbs=OF_FILES
+)
+
+
 def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a moving average, with the fraction of a cycle that it covers."""
     smoothing = test.smoothing
     if smoothing is None:
         return
     window = smoothing.window_seconds
-    share = window * motion.frequency
-    message = (
-        f"{' and '.join(smoothing.channels)} passed a moving average over {1e3 * window:.4g} ms "
-        f"({round(window / test.dt)} samples, {share:.2g} of the dominant period), which rounds the corners of the loop"
+    kind = _AVERAGED if "force" in smoothing.channels else _MOTION_AVERAGED
+    yield kind.found(
+        " and ".join(smoothing.channels),
+        measured=Measured(window, "s", standard_error=test.dt),
+        ms=1e3 * window,
+        samples=window / test.dt,
+        share=window * motion.frequency,
     )
-    measured = Measured(window, "s", standard_error=test.dt)
-    if "force" in smoothing.channels:
-        message += "; identify applies the same average to the model's force"
-        yield Finding.note("moving_average", message, measured=measured)
-    else:
-        action = "use the original record, for the force shows none"
-        yield Finding.warning("moving_average", message, action=action, measured=measured)
 
 
 def detect_average(samples: Floats) -> int | None:
@@ -464,7 +515,7 @@ def detect_average(samples: Floats) -> int | None:
 
 def _transformed_length(n_time: int) -> int:
     """Samples of a signal whose cepstrum is looked at: of a long one, so many that the Fourier transform is fast."""
-    if n_time < _LONG:
+    if n_time < _LONG_SIGNAL:
         return n_time
     # An even length without prime factors above 5, of the differences.
     n_odd: list[int] = [3**three * 5**five for three in range(20) for five in range(14)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -22,13 +22,33 @@ from mrwork.dampers.command import (
 )
 from mrwork.errors import RecordError
 from mrwork.files.named_columns import column_option
-from mrwork.records.damper_test import DamperTest, Finding, Measured, fields_of_commands
+from mrwork.records.damper_test import DamperTest, fields_of_commands
+from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
+from mrwork.records.motion import SmoothMotion
 
 # Fewest samples of a pulse that noise does not explain.
 _PULSE: Final = 3
 # Tolerances: nominal amplitude and frequency are set points, which the rig reaches only approximately.
 _AMPLITUDE: Final = 0.25
 _FREQUENCY: Final = 0.20
+
+
+_VARIES: Final = FindingKind(
+    "command_varies",
+    "the {0} {1} {lowest} and {highest} {2}, by {value:.4g} {2}; a model follows it by current laws (--law)",
+    verbs=ONCE,
+)
+_RINGS: Final = FindingKind(
+    "command_rings",
+    "the {0} rings below zero, to {value:.3g} {1} ({share:.2g} % of the samples); it is taken as zero there, and the "
+    "force is not compared until as long after",
+    verbs=ONCE,
+)
+_NEGATIVE: Final = FindingKind(
+    "command_negative",
+    "the {0} goes down to {value:g}: the force does not depend on its direction",
+    "give its magnitude",
+)
 
 
 def command_of(samples: Floats, unit: CommandUnit, *, source: str) -> tuple[Command, tuple[Finding, ...]]:
@@ -48,23 +68,16 @@ def command_of(samples: Floats, unit: CommandUnit, *, source: str) -> tuple[Comm
     findings = []
     if not is_constant:
         lowest, highest = range_in_words(np.asarray(command.without_ringing().values))
-        span = float(highest) - float(lowest)
-        message = (
-            f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}, by {span:.4g} {unit}; a "
-            "model follows it by current laws (--law)"
-        )
-        findings.append(Finding.note("command_varies", message, measured=Measured(span, unit)))
+        words = quantity, variation_in_words(present), unit
+        span = Measured(float(highest) - float(lowest), unit)
+        findings.append(_VARIES.found(*words, measured=span, lowest=lowest, highest=highest))
     if command.rings_below_zero:
         lowest_sample = float(present.min())
         share = 100.0 * float(np.mean(present < -command_noise(lowest_sample, unit)))
-        message = (
-            f"the {quantity} rings below zero, to {lowest_sample:.3g} {unit} ({share:.2g} % of the samples); it is "
-            "taken as zero there, and the force is not compared until as long after"
-        )
-        findings.append(Finding.note("command_rings", message, measured=Measured(lowest_sample, unit)))
-    if wrong := command.impossibility:
-        message = f"the {quantity} {wrong}"
-        findings.append(Finding(code="command_negative", severity="warning", message=message))
+        findings.append(_RINGS.found(quantity, unit, measured=Measured(lowest_sample, unit), share=share))
+    if command.impossibility:
+        lowest_sample = command_range(command.values)[0]
+        findings.append(_NEGATIVE.found(quantity, measured=Measured(lowest_sample, unit)))
     return Command(value if is_constant else samples, unit), tuple(findings)
 
 
@@ -74,21 +87,43 @@ def _has_pulse(outside: NDArray[np.bool_]) -> bool:
     return bool(np.any(runs > _PULSE - 0.5))
 
 
-def motion_matches_name(
-    displacement: Floats, dominant: float, duration: float, amplitude: float | None, frequency: float | None
-) -> tuple[Finding, ...]:
-    """Warn if amplitude [m] or frequency [Hz] are far from their nominal values."""
-    findings: list[Finding] = []
+DISAGREES: Final = FindingKind(
+    "name_disagrees",
+    "the file name says {article} {0} of {named:.3g} {1}, the record {recorded:.3g} {1}{how}",
+    "rename the file, or check the column and its unit",
+    verbs=OF_FILES,
+)
+
+
+def motion_matches_name(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+    """Warn if amplitude or frequency are far from their nominal values."""
+    amplitude, frequency, dominant = test.amplitude, test.frequency, motion.frequency
     # The dominant frequency is resolved to half a line of the spectrum.
-    if frequency is not None and abs(dominant - frequency) > _FREQUENCY * frequency + 0.5 / duration:
-        findings.append(_disagrees("frequency", frequency, dominant, "Hz"))
-    if amplitude is not None:
-        measured = 0.5 * float(np.ptp(displacement))
-        if abs(measured - amplitude) > _AMPLITUDE * amplitude:
-            findings.append(
-                _disagrees("amplitude", 1e3 * amplitude, 1e3 * measured, "mm", how=" (half the peak to peak)")
-            )
-    return tuple(findings)
+    resolved = 0.5 / (test.dt * test.n_time)
+    if frequency is not None and abs(dominant - frequency) > _FREQUENCY * frequency + resolved:
+        yield DISAGREES.found("frequency", "Hz", article="a", named=frequency, recorded=dominant, how="")
+    recorded = 0.5 * float(np.ptp(test.displacement))
+    if amplitude is not None and abs(recorded - amplitude) > _AMPLITUDE * amplitude:
+        how = " (half the peak to peak)"
+        named, recorded = 1e3 * amplitude, 1e3 * recorded
+        yield DISAGREES.found("amplitude", "mm", article="an", named=named, recorded=recorded, how=how)
+
+
+_SEVERAL: Final = FindingKind(
+    "command_unclear",
+    "the file name says {names}, so its command is not known",
+    "give it, as in --column command=0.5A, or in a table of tests, as mrwork check FILES --table begins it",
+)
+_UNCLEAR: Final = FindingKind(
+    "command_unclear",
+    "column '{0}' may be the command and does not say its unit, so the {named} of the file name are not used",
+    "give one, as in {option} or --column 'command={named}'",
+)
+_NOT_OF_NAME: Final = FindingKind(
+    "name_not_used",
+    "the command is {recorded}; the {named} of the file name are not used",
+    verbs=OF_FILES,
+)
 
 
 def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[str] = ()) -> DamperTest:
@@ -99,43 +134,26 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
     if nominal.command is None:
         if not nominal.several or test.commands or unclear:
             return test
-        message = f"the file name says {' and '.join(nominal.several)}, so its command is not known"
-        action = "give it, as in --column command=0.5A, or in a table of tests, as mrwork check FILES --table begins it"
-        finding = Finding.warning("command_unclear", message, action=action)
+        finding = _SEVERAL.found(names=" and ".join(nominal.several))
         return replace(test, findings=(*test.findings, finding))
     value, unit = float(nominal.command.values), nominal.command.unit
     recorded = {own: command for command, own in test.commands}
     named = f"{value:g} {unit}"
-    findings: tuple[Finding, ...] = ()
     if unit in recorded:
         # A varying command disagrees if it never is the nominal one.
         nearest = float(np.clip(value, *command_range(recorded[unit])))
-        if abs(nearest - value) > command_noise(value, unit):
-            findings = (_disagrees(nominal.command.quantity, value, nearest, unit),)
+        if abs(nearest - value) <= command_noise(value, unit):
+            return test
+        words = nominal.command.quantity, unit
+        finding = DISAGREES.found(*words, article="a", named=value, recorded=nearest, how="")
     elif recorded:
-        message = f"the command is {test.command_in_words}; the {named} of the file name are not used"
-        findings = (Finding.note("name_not_used", message),)
+        finding = _NOT_OF_NAME.found(recorded=test.command_in_words, named=named)
     elif unclear:
-        findings = (
-            Finding.warning(
-                "command_unclear",
-                f"column '{unclear[0]}' may be the command and does not say its unit, so the {named} of the file name "
-                "are not used",
-                action=f"give one, as in {column_option('command', unclear[0], unit)} or --column 'command={named}'",
-            ),
-        )
+        option = column_option("command", unclear[0], unit)
+        finding = _UNCLEAR.found(unclear[0], named=named, option=option)
     else:
         return replace(test, **fields_of_commands([nominal.command]))
-    return replace(test, findings=(*test.findings, *findings))
-
-
-def _disagrees(quantity: str, named: float, measured: float, unit: str, how: str = "") -> Finding:
-    return Finding.warning(
-        "name_disagrees",
-        f"the file name says {'an' if how else 'a'} {quantity} of {named:.3g} {unit}, "
-        f"the record {measured:.3g} {unit}{how}",
-        action="rename the file, or check the column and its unit",
-    )
+    return replace(test, findings=(*test.findings, finding))
 
 
 _NUMBER: Final = r"\d+(?:[x.]\d+)?"

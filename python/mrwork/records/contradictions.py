@@ -17,8 +17,9 @@ from mrwork.base.units import FACTORS
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import RecordError
 from mrwork.records.checks import held_samples
-from mrwork.records.damper_test import DamperTest, Finding, Measured, VelocitySource
-from mrwork.records.motion import Smoother, SmoothMotion, regular_cycles, runs_of
+from mrwork.records.damper_test import DamperTest, VelocitySource
+from mrwork.records.finding import Finding, FindingKind, Measured
+from mrwork.records.motion import Differentiator, SmoothMotion, regular_cycles, runs_of
 
 _MAD_TO_DEVIATION: Final = 1.4826
 # Beyond this share of the range to either side of its middle a channel is on that side.
@@ -33,6 +34,18 @@ _SHORTEST_SWING: Final = 0.15
 _ROUNDING: Final = 1e-6
 
 
+_STANDS: Final = "the {0} stands still for {value:.3g} s, first from {begin:.3g} s on, while the"
+_STILL_CURE: Final = "check the sensor of the {0} and its cable, or omit that part (--from, --until)"
+_STILL_KINDS: Final = {
+    "displacement": FindingKind(
+        "displacement_still", f"{_STANDS} force goes from one side to the other", _STILL_CURE
+    ),
+    "force": FindingKind(
+        "force_still", f"{_STANDS} displacement goes from one side to the other and back", _STILL_CURE
+    ),
+}
+
+
 def still_findings(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a displacement or a force that stands still while the other goes to either side of its range and back.
 
@@ -41,23 +54,13 @@ def still_findings(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """
     smoothed = {
         "displacement": (test.displacement, motion.displacement),
-        "force": (test.force, motion.smoother.smooth(test.force)),
+        "force": (test.force, motion.differentiator.smooth(test.force)),
     }
-    for name, other, code, least_swings in (
-        ("displacement", "force", "displacement_still", 1),
-        ("force", "displacement", "force_still", 2),
-    ):
-        spans = _still_spans(*smoothed[name], *smoothed[other], motion, least_swings)
-        if not spans:
-            continue
-        seconds = test.dt * sum(last - first for first, last in spans)
-        begin = test.start_time + test.dt * spans[0][0]
-        message = (
-            f"the {name} stands still for {seconds:.3g} s, first from {begin:.3g} s on, while the {other} goes from "
-            f"one side to the other{' and back' if least_swings > 1 else ''}"
-        )
-        action = f"check the sensor of the {name} and its cable, or omit that part (--from, --until)"
-        yield Finding.warning(code, message, action=action, measured=Measured(seconds, "s"))
+    for name, other, least_swings in (("displacement", "force", 1), ("force", "displacement", 2)):
+        if spans := _still_spans(*smoothed[name], *smoothed[other], motion, least_swings):
+            seconds = Measured(test.dt * sum(last - first for first, last in spans), "s")
+            begin = test.start_time + test.dt * spans[0][0]
+            yield _STILL_KINDS[name].found(name, measured=seconds, begin=begin)
 
 
 def _still_spans(
@@ -76,12 +79,12 @@ def _still_spans(
     first, last = decided[np.append(0, changes + 1)], decided[np.append(changes, -1)]
     within = (last - first) // 4
     swings = np.stack([(last - within)[:-1], (first + within)[1:] + 1], axis=1)
-    noise = _noise(raw, smooth) * motion.smoother.noise_gain(0)
+    noise = _noise(raw, smooth) * motion.differentiator.noise_gain(0)
     stroke = float(np.ptp(smooth))
     least = max(min(_STILL_NOISE * noise, _STILL * stroke), _ROUNDING * stroke)
     padded = np.append(smooth, smooth[-1])
     ranges = (np.maximum.reduceat(padded, swings.ravel()) - np.minimum.reduceat(padded, swings.ravel()))[::2]
-    shortest = _SHORTEST_SWING / (motion.frequency * motion.smoother.dt)
+    shortest = _SHORTEST_SWING / (motion.frequency * motion.differentiator.dt)
     runs = (run for run in runs_of(ranges <= least) if run[1] - run[0] >= least_swings)
     return [
         _widen_span(smooth, begin, end, least)
@@ -109,6 +112,12 @@ _JUMP_STEPS: Final = 2.0
 _JUMP: Final = 0.02
 _OF_THE_PATH: Final = 0.5
 _PLACES_OF_PATH: Final = 200
+_JUMPS: Final = FindingKind(
+    "displacement_jumps",
+    "the displacement jumps by {size:.3g} mm within a sample of {step:.3g} ms, at {at:.4g} s{others}: that is "
+    "{speed:.3g} m/s, and {usual:.3g} m/s is the most elsewhere",
+    "check its sensor for slip and the record for a cut, and use the part before or after (--from, --until)",
+)
 
 
 def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
@@ -132,14 +141,15 @@ def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
         return
     largest = int(jumps[np.argmax(np.abs(steps[jumps]))])
     size = float(abs(steps[largest]))
-    others = f" and {jumps.size - 1} times more" if jumps.size > 1 else ""
-    message = (
-        f"the displacement jumps by {1e3 * size:.3g} mm within a sample of {1e3 * test.dt:.3g} ms, at "
-        f"{test.start_time + test.dt * largest:.4g} s{others}: that is {size / test.dt:.3g} m/s, and "
-        f"{usual / test.dt:.3g} m/s is the most elsewhere"
+    yield _JUMPS.found(
+        measured=Measured(size, "m"),
+        size=1e3 * size,
+        step=1e3 * test.dt,
+        at=test.start_time + test.dt * largest,
+        others=f" and {jumps.size - 1} times more" if jumps.size > 1 else "",
+        speed=size / test.dt,
+        usual=usual / test.dt,
     )
-    action = "check its sensor for slip and the record for a cut, and use the part before or after (--from, --until)"
-    yield Finding.warning("displacement_jumps", message, action=action, measured=Measured(size, "m"))
 
 
 # A drift moves the displacement by this multiple of what its stroke would be without; beyond the other it is a ramp.
@@ -152,6 +162,12 @@ _BETTER: Final = 0.8
 _HYSTERESIS: Final = (0.0, 0.1, 0.2, 0.4)
 _WIDTHS: Final = (0.03, 0.1, 0.3)
 _MOST_SAMPLES: Final = 2000
+_DRIFTS: Final = FindingKind(
+    "displacement_drifts",
+    "the displacement drifts by {drift:+.3g} mm/s, {whole:+.3g} mm over the record, and the force reverses as if the "
+    "damper did not",
+    "check the sensor, its zero and its fastening, and subtract the drift",
+)
 
 
 def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -177,14 +193,8 @@ def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> Ite
     centred = recorded - level - drift * time[kept]
     as_recorded = _least_residual(test.force[kept], recorded, moved, centred)
     without = _least_residual(test.force[kept], centred, moved - drift, centred)
-    if without >= _BETTER * as_recorded:
-        return
-    message = (
-        f"the displacement drifts by {1e3 * drift:+.3g} mm/s, {1e3 * drift * seconds:+.3g} mm over the record, and the "
-        "force reverses as if the damper did not"
-    )
-    action = "check the sensor, its zero and its fastening, and subtract the drift"
-    yield Finding.warning("displacement_drifts", message, action=action, measured=Measured(drift, "m/s"))
+    if without < _BETTER * as_recorded:
+        yield _DRIFTS.found(measured=Measured(drift, "m/s"), drift=1e3 * drift, whole=1e3 * drift * seconds)
 
 
 def _least_residual(force: Floats, displacement: Floats, velocity: Floats, centred: Floats) -> float:
@@ -206,6 +216,11 @@ _LOOKED_FOR: Final = 50
 _COPIED: Final = 0.05
 # A simulated record without noise repeats itself in every period.
 _LONGER_THAN_PERIODIC: Final = 1.5
+_REPEATED: Final = FindingKind(
+    "part_repeated",
+    "the last {value:.3g} s are a copy of what was recorded {before:.4g} s before, to the last digit, and count twice",
+    "use the record up to there (--until)",
+)
 
 
 def repeated_part(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -220,15 +235,8 @@ def repeated_part(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
         return
     same = (test.force[lag:] == test.force[:-lag]) & (test.displacement[lag:] == test.displacement[:-lag])
     copied = int(np.argmin(np.append(same[::-1], False)))
-    if copied < _COPIED * test.n_time or lag * test.dt * motion.frequency < _LONGER_THAN_PERIODIC:
-        return
-    seconds = copied * test.dt
-    message = (
-        f"the last {seconds:.3g} s are a copy of what was recorded {lag * test.dt:.4g} s before, to the last digit, "
-        "and count twice"
-    )
-    action = "use the record up to there (--until)"
-    yield Finding.warning("part_repeated", message, action=action, measured=Measured(seconds, "s"))
+    if copied >= _COPIED * test.n_time and lag * test.dt * motion.frequency >= _LONGER_THAN_PERIODIC:
+        yield _REPEATED.found(measured=Measured(copied * test.dt, "s"), before=lag * test.dt)
 
 
 _MISFIT: Final = 0.10
@@ -251,19 +259,79 @@ _NOISIER: Final = 2.0
 
 _Kept = slice | NDArray[np.intp]
 
-OFF_BY_FACTOR: Final = "velocity_factor"
-OFF_BY_CLOCK: Final = "time_factor"
 # Steps of a clock that is slow or fast by a thousand, and the units that were confused, by the ratio of the velocity to
 # the derivative: damper tests are sampled at 20 Hz to 50 kHz.
 _SLOW_CLOCK: Final = 0.05
 _FAST_CLOCK: Final = 2e-5
 _CLOCKS: Final = {1e3: ("ms", "s"), 1e6: ("us", "s"), 1e-3: ("s", "ms"), 1e-6: ("s", "us")}
+_TIMES: Final = "the velocity is {value:.4g} times the displacement's derivative"
+# All other verbs refuse these two.
+_OFF_BY_CLOCK: Final = FindingKind(
+    "time_factor",
+    f"{_TIMES}, and its steps are {{dt:.4g}} s, as where a time in {{0}} is taken for one in {{1}}",
+    "give the unit of the time, as in --column time=COLUMN:{0}; if the time is right, the unit of the velocity or the "
+    "displacement is not",
+    verbs=("check",),
+)
+_OFF_BY_UNIT: Final = FindingKind(
+    "velocity_factor",
+    f"{_TIMES}, as where {{0}} are taken for {{1}}",
+    "correct the column, or derive the velocity from the displacement by --repair velocity",
+    verbs=("check",),
+    cured_by="velocity",
+)
+_CHECK: Final = "check both, or derive the velocity from the displacement by --repair velocity"
+_OFF_BY_FACTOR: Final = FindingKind(
+    "velocity_inconsistent",
+    f"{_TIMES}, so one of the two is not in its stated unit",
+    _CHECK,
+    cured_by="velocity",
+)
+_SHIFTED: Final = "the velocity {0} the displacement's derivative by {late:.3g} ms ({samples:.2f} samples)"
+_LATE: Final = FindingKind("velocity_late", f"{_SHIFTED}{{1}}", cured_by="velocity")
+_FAR_LATE: Final = FindingKind(
+    "velocity_inconsistent",
+    f"{_SHIFTED}, a difference of {{difference:.0f}} % (rms)",
+    _CHECK,
+    cured_by="velocity",
+)
+_DIFFERS: Final = FindingKind(
+    "velocity_inconsistent",
+    "the velocity differs from the displacement's derivative by {difference:.0f} % (rms)",
+    "check that both columns belong to this test",
+    cured_by="velocity",
+)
+_TURNED: Final = FindingKind(
+    "velocity_sign_flipped",
+    "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1",
+)
+_DERIVED_INSTEAD: Final = (
+    "it is not used, and the velocity is derived from the displacement as if none were given"
+)
+_NOISY_VELOCITY: Final = FindingKind(
+    "velocity_noisy",
+    "the velocity has a noise of {own:.3g} mm/s, {share:.2g} % of its standard deviation, and the derivative of the "
+    f"displacement {{derived:.2g}} mm/s; {_DERIVED_INSTEAD}",
+)
+_LATE_BY_MAKING: Final = (
+    f"{{late:.3g}} ms ({{samples:g}} samples); {_DERIVED_INSTEAD}; --keep-velocity keeps the column"
+)
+_HELD_VELOCITY: Final = FindingKind(
+    "velocity_held",
+    "the velocity has a new value in one of {held} samples, the displacement in each, and lags in the mean by "
+    f"{_LATE_BY_MAKING}",
+)
+_DIFFERENCE: Final = FindingKind(
+    "velocity_difference",
+    "the velocity is the {0} difference of the displacement, to the last digit, and {1} by "
+    f"{_LATE_BY_MAKING}",
+)
 
 
 def refuse_velocity(test: DamperTest) -> None:
     """Refuse a test whose velocity is a known factor times the derivative of the displacement."""
     for finding in test.findings:
-        if finding.code in (OFF_BY_FACTOR, OFF_BY_CLOCK):
+        if finding.kind in (_OFF_BY_UNIT, _OFF_BY_CLOCK):
             refusal = RecordError(f"{test.label}: {finding.message}")
             refusal.of_columns = True
             raise refusal
@@ -275,16 +343,15 @@ def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Find
     Differences of quantised readings are, and bias the parameters. Noise: `own` [m/s], and `noise` of the displacement
     [m].
     """
-    derived = noise * motion.smoother.noise_gain(1)
+    derived = noise * motion.differentiator.noise_gain(1)
     spread = float(np.std(motion.velocity))
     if own <= max(_NOISY * spread, _NOISIER * derived):
         return ()
-    message = (
-        f"the velocity has a noise of {1e3 * own:.3g} mm/s, {100 * own / spread:.2g} % of its standard deviation, and "
-        f"the derivative of the displacement {1e3 * derived:.2g} mm/s; it is not used, and the velocity is derived "
-        "from the displacement as if none were given"
+    measured = Measured(own, "m/s")
+    found = _NOISY_VELOCITY.found(
+        measured=measured, own=1e3 * own, share=100.0 * own / spread, derived=1e3 * derived
     )
-    return (Finding.note("velocity_noisy", message, measured=Measured(own, "m/s")),)
+    return (found,)
 
 
 # A difference lies within the last digits of both channels at this share of the samples at least, and within this share
@@ -303,21 +370,18 @@ _INCH: Final = FACTORS["displacement"]["in"]
 
 def late_by_making(time: Floats, displacement: Floats, velocity: Floats) -> tuple[Finding, ...]:
     """Note a velocity column that is held while the displacement is not, or a difference of the displacement column."""
+    step = float(np.mean(np.diff(time)))
     held = held_samples(velocity)
     if held > 1 and held_samples(displacement) == 1:
-        lag, code, does = 0.5 * (held - 1), "velocity_held", "lags in the mean"
-        what = f"has a new value in one of {held} samples, the displacement in each"
-    elif lag := _lag_of_difference(time, displacement, velocity):
-        kind, does = ("backward", "lags") if lag > 0.0 else ("forward", "leads")
-        code, what = "velocity_difference", f"is the {kind} difference of the displacement, to the last digit"
-    else:
-        return ()
-    late = Measured(lag * float(np.mean(np.diff(time))), "s")
-    message = (
-        f"the velocity {what}, and {does} by {1e3 * abs(late.value):.3g} ms ({abs(lag):g} samples); it is not used, "
-        "and the velocity is derived from the displacement as if none were given; --keep-velocity keeps the column"
-    )
-    return (Finding.note(code, message, measured=late),)
+        lag = 0.5 * (held - 1)
+        late = Measured(lag * step, "s")
+        return (_HELD_VELOCITY.found(measured=late, held=held, late=1e3 * late.value, samples=lag),)
+    if lag := _lag_of_difference(time, displacement, velocity):
+        words = ("backward", "lags") if lag > 0.0 else ("forward", "leads")
+        late = Measured(lag * step, "s")
+        numbers = {"late": 1e3 * abs(late.value), "samples": abs(lag)}
+        return (_DIFFERENCE.found(*words, measured=late, **numbers),)
+    return ()
 
 
 def _lag_of_difference(time: Floats, displacement: Floats, velocity: Floats) -> float:
@@ -389,33 +453,35 @@ def velocity_agrees(
     dominant frequency is reported only if it is the half sample of backward differences, which degrades fits of loops
     with sharp knees. `uncompared`: spans of samples, first and beyond the last, that were interpolated.
     """
-    smoother = motion.smoother
-    kept = _select_unsmoothed(velocity.size, uncompared, smoother.window // 2)
+    differentiator = motion.differentiator
+    kept = _select_unsmoothed(velocity.size, uncompared, differentiator.window // 2)
     comparison = _compare_velocities(velocity, displacement, motion, kept)
     measured = comparison.measured
     difference = comparison.misfit(measured)
     if comparison.misfit(-measured) <= _MISFIT:
-        message = (
-            "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1"
-        )
         turned, source, opposite = velocity_agrees(-velocity, displacement, motion, uncompared, late=late)
-        return turned, source, (Finding.note("velocity_sign_flipped", message), *opposite)
+        return turned, source, (_TURNED.found(), *opposite)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
         rescaled = _compare_velocities(velocity / factor, displacement, motion, kept)
         if rescaled.misfit(rescaled.measured) <= _MISFIT:
-            return velocity, "measured", (_off_by(factor, smoother.dt),)
+            return velocity, "measured", (_off_by(factor, differentiator.dt),)
 
-    delayed = comparison.delay(motion.acceleration[kept], smoother)
+    delayed = comparison.delay(motion.acceleration[kept], differentiator)
     delay = delayed.value
-    time = smoother.dt * np.arange(velocity.size)[kept]
+    samples = delay / differentiator.dt
+    lags = "lags" if delay > 0.0 else "leads"
+    shift = {"late": 1e3 * abs(delay), "samples": abs(samples)}
+    time = differentiator.dt * np.arange(velocity.size)[kept]
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     replaced: tuple[Finding, ...] = ()
     if difference <= _MISFIT:
-        noise = smoother.noise((displacement - motion.displacement)[kept])
-        replaced = noisy_velocity(smoother.noise((velocity - smoother.smooth(velocity))[kept]), noise, motion)
+        noise = differentiator.noise((displacement - motion.displacement)[kept])
+        replaced = noisy_velocity(
+            differentiator.noise((velocity - differentiator.smooth(velocity))[kept]), noise, motion
+        )
     if late and not replaced and abs(factor - 1.0) < _SAME_MOTION:
-        central, counts = np.gradient(displacement, smoother.dt), np.zeros_like(displacement)
+        central, counts = np.gradient(displacement, differentiator.dt), np.zeros_like(displacement)
         counts[kept] = 1.0
         # The difference of a first or last sample has no neighbour, and is what its author put there.
         counts[[0, -1]] = 0.0
@@ -424,48 +490,30 @@ def velocity_agrees(
     if replaced:
         return motion.velocity, "derived", replaced
     if difference <= _MISFIT:
-        half_sample = 0.4 < delay / smoother.dt < 0.6
+        half_sample = 0.4 < samples < 0.6
         if not delay_explains or not (half_sample or 2.0 * np.pi * motion.frequency * abs(delay) >= _PHASE):
             return velocity, "measured", ()
-        message = f"the velocity {_shift(delay, smoother.dt)}"
-        if half_sample:
-            message += ", as backward differences do"
-        return velocity, "measured", (Finding.note("velocity_late", message, measured=delayed),)
-
+        by_making = ", as backward differences do" if half_sample else ""
+        return velocity, "measured", (_LATE.found(lags, by_making, measured=delayed, **shift),)
     if delay_explains:
-        message = f"the velocity {_shift(delay, smoother.dt)}, a difference of {100 * difference:.0f} % (rms)"
-        return velocity, "measured", (_inconsistent(message, _CHECK, delayed),)
-    message = f"the velocity differs from the displacement's derivative by {100 * difference:.0f} % (rms)"
-    return velocity, "measured", (_inconsistent(message, "check that both columns belong to this test"),)
-
-
-_CHECK: Final = "check both, or derive the velocity from the displacement by --repair velocity"
+        found = _FAR_LATE.found(lags, measured=delayed, difference=100.0 * difference, **shift)
+    else:
+        found = _DIFFERS.found(difference=100.0 * difference)
+    return velocity, "measured", (found,)
 
 
 def _off_by(factor: float, dt: float) -> Finding:
     """Finding of a velocity that is a factor times the derivative at steps `dt` [s], with its explanation if known."""
-    times = f"the velocity is {factor:.4g} times the displacement's derivative"
     measured = Measured(factor, "")
     size = abs(factor)
-    for ratio, (own, taken) in _CLOCKS.items():
+    for ratio, units in _CLOCKS.items():
         clock_is_off = dt >= _SLOW_CLOCK if ratio > 1.0 else dt <= _FAST_CLOCK
         if clock_is_off and abs(size / ratio - 1.0) <= _OF_UNITS:
-            message = (
-                f"{times}, and its steps are {dt:.4g} s, as where a time in {own} is taken for one in {taken}"
-            )
-            action = f"give the unit of the time, as in --column time=COLUMN:{own}; if the time is right, the unit of "
-            action += "the velocity or the displacement is not"
-            return Finding.warning(OFF_BY_CLOCK, message, action=action, measured=measured)
+            return _OFF_BY_CLOCK.found(*units, measured=measured, dt=dt)
     nearest = min(_CONFUSED, key=lambda ratio: abs(np.log(size / ratio)))
     if abs(size / nearest - 1.0) > _OF_UNITS:
-        return _inconsistent(f"{times}, so one of the two is not in its stated unit", _CHECK, measured)
-    explained = "as where {} are taken for {}".format(*_CONFUSED[nearest])
-    action = "correct the column, or derive the velocity from the displacement by --repair velocity"
-    return Finding.warning(OFF_BY_FACTOR, f"{times}, {explained}", action=action, measured=measured)
-
-
-def _inconsistent(message: str, action: str, measured: Measured | None = None) -> Finding:
-    return Finding.warning("velocity_inconsistent", message, action=action, measured=measured)
+        return _OFF_BY_FACTOR.found(measured=measured)
+    return _OFF_BY_UNIT.found(*_CONFUSED[nearest], measured=measured)
 
 
 @array_dataclass()
@@ -486,12 +534,12 @@ class _VelocityMisfit:
         """Regression coefficient of the velocity on the derivative."""
         return float(np.mean(self.measured * self.derivative)) / self.power
 
-    def delay(self, acceleration: Floats, smoother: Smoother) -> Measured:
+    def delay(self, acceleration: Floats, differentiator: Differentiator) -> Measured:
         """Delay [s] by regression on the acceleration, to first order; a window counts as one sample."""
         power = float(np.mean(acceleration**2))
         late = -float(np.mean((self.measured - self.derivative) * acceleration)) / power
         left = float(np.mean((self.measured - self.derivative + late * acceleration) ** 2))
-        n_independent = max(acceleration.size / smoother.window, 1.0)
+        n_independent = max(acceleration.size / differentiator.window, 1.0)
         error = float(np.sqrt(left / (power * n_independent)))
         return Measured(late, "s", standard_error=error)
 
@@ -509,21 +557,14 @@ def _select_unsmoothed(n_time: int, uncompared: Sequence[tuple[int, int]], reach
 def _compare_velocities(
     velocity: Floats, displacement: Floats, motion: SmoothMotion, kept: _Kept
 ) -> _VelocityMisfit:
-    smoother, derivative = motion.smoother, motion.velocity[kept]
-    smooth = smoother.smooth(velocity)
+    differentiator, derivative = motion.differentiator, motion.velocity[kept]
+    smooth = differentiator.smooth(velocity)
     measured = smooth[kept]
     power = float(np.mean(derivative**2))
     noise = np.hypot(
-        smoother.noise((displacement - motion.displacement)[kept]) * smoother.noise_gain(1),
-        smoother.noise((velocity - smooth)[kept]) * smoother.noise_gain(0),
+        differentiator.noise((displacement - motion.displacement)[kept]) * differentiator.noise_gain(1),
+        differentiator.noise((velocity - smooth)[kept]) * differentiator.noise_gain(0),
     )
     # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.
     expected = min(float(noise**2), _NOISE_SHARE**2 * power)
     return _VelocityMisfit(measured=measured, derivative=derivative, power=power, expected=expected)
-
-
-def _shift(delay: float, dt: float) -> str:
-    late = "lags" if delay > 0.0 else "leads"
-    return (
-        f"{late} the displacement's derivative by {1e3 * abs(delay):.3g} ms ({abs(delay) / dt:.2f} samples)"
-    )

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
 from mrwork.records.checks import half_range, mean_over_travel
-from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.damper_test import DamperTest
+from mrwork.records.finding import Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
 
 _FEWEST_FOR_MASS: Final = 2
@@ -49,16 +50,19 @@ def moving_mass(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(mass, "kg", standard_error=error)
 
 
+_MOVING_MASS: Final = FindingKind(
+    "moving_mass",
+    "the force has a component in phase with the acceleration: a mass of {mass} kg or more between load cell and "
+    "damper, or a force that leads the displacement",
+    "subtract it by --repair mass",
+    cured_by="mass",
+)
+
+
 def mass_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a significant moving mass."""
-    mass = moving_mass(test, motion)
-    if mass is None:
-        return
-    message = (
-        f"the force has a component in phase with the acceleration: a mass of {mass.in_words()} kg or "
-        "more between load cell and damper, or a force that leads the displacement"
-    )
-    yield Finding.warning("moving_mass", message, action="subtract it by --repair mass", measured=mass)
+    if (mass := moving_mass(test, motion)) is not None:
+        yield _MOVING_MASS.found(measured=mass, mass=mass.in_words())
 
 
 def _in_phase(force: Floats, acceleration: Floats) -> float:
@@ -113,6 +117,13 @@ def loop_drift(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(change, "", standard_error=error * (1.0 + change))
 
 
+_LOOP_DRIFT: Final = FindingKind(
+    "loop_drift",
+    "at equal stroke the dissipative force changes by {change} % from the first cycle to the last, {0}",
+    "fit a part of the record (--from, --until)",
+)
+
+
 def drift_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a drift above 3 % and four standard errors."""
     drift = loop_drift(test, motion)
@@ -121,12 +132,7 @@ def drift_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     if abs(drift.value) < max(_LEAST_DRIFT, _SIGNIFICANT * drift.standard_error):
         return
     likely = "as in a damper that heats up" if drift.value < 0.0 else "as in one that settles in"
-    message = (
-        f"at equal stroke the dissipative force changes by {drift.in_words(100.0)} % from the "
-        f"first cycle to the last, {likely}"
-    )
-    action = "fit a part of the record (--from, --until)"
-    yield Finding.warning("loop_drift", message, action=action, measured=drift)
+    yield _LOOP_DRIFT.found(likely, measured=drift, change=drift.in_words(100.0))
 
 
 # All in periods of the dominant frequency.
@@ -199,6 +205,14 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(delay * period, "s", standard_error=error * period)
 
 
+_FORCE_DELAY: Final = FindingKind(
+    "force_delay",
+    "the force {0} the displacement by {delay} ms ({samples:.1f} samples), measured at motion reversals",
+    "correct it by --repair delay",
+    cured_by="delay",
+)
+
+
 def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     """Warn of a delay of more than three standard errors and half a sample."""
     delay = force_delay(test, motion)
@@ -207,11 +221,8 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     if abs(delay.value) < max(_SIGNIFICANT_DELAY * delay.standard_error, 0.5 * test.dt):
         return
     lags = "lags" if delay.value > 0.0 else "leads"
-    message = (
-        f"the force {lags} the displacement by {delay.in_words(math.copysign(1e3, delay.value))} ms "
-        f"({abs(delay.value) / test.dt:.1f} samples), measured at motion reversals"
-    )
-    yield Finding.warning("force_delay", message, action="correct it by --repair delay", measured=delay)
+    milliseconds = delay.in_words(math.copysign(1e3, delay.value))
+    yield _FORCE_DELAY.found(lags, measured=delay, delay=milliseconds, samples=abs(delay.value) / test.dt)
 
 
 def _fold_periods(

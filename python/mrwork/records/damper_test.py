@@ -6,7 +6,7 @@ The observation model states how the recorded force follows from the force of th
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import ceil
 from typing import Annotated, Any, ClassVar, Final, Literal
@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.hints import Within
 from mrwork.base.labelled import NamedArrays, WithAxes, over_axis, time_labels
-from mrwork.base.numbers import estimate_in_words
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
@@ -30,6 +29,7 @@ from mrwork.dampers.tested_range import OperatingRange as OperatingRange
 from mrwork.dampers.tested_range import Outside as Outside
 from mrwork.dampers.tested_range import covering, least_stroke
 from mrwork.errors import RecordError, SettingError
+from mrwork.records.finding import Finding as Finding
 from mrwork.records.motion import cycle_lengths
 
 RANGES: Final = {
@@ -184,53 +184,8 @@ def _low_passed(signal: Floats, corner_hz: float, dt: float) -> Floats:
     return np.asarray(lfilter(numerator, denominator, signal, axis=-1, zi=start)[0])
 
 
-Severity = Literal["note", "warning", "repaired"]
 Channel = Literal["displacement", "force"]
 VelocitySource = Literal["measured", "derived"]
-
-
-@dataclass(frozen=True, slots=True)
-class Measured:
-    """A number measured by a check, in `unit`; `standard_error` is `None` if it cannot be estimated."""
-
-    _made_by: ClassVar[str] = "finding.measured"
-
-    value: float
-    unit: str
-    standard_error: float | None = None
-
-    def in_words(self, factor: float = 1.0) -> str:
-        """The number times a factor, with its standard error if that is known."""
-        if self.standard_error is None:
-            return f"{factor * self.value:.3g}"
-        return estimate_in_words(factor * self.value, abs(factor) * self.standard_error)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """Result of a check: `code` for programs, `message` for people, and the measured size, if any.
-
-    The message of a warning ends with what to do; what asks for nothing is a note.
-    """
-
-    _made_by: ClassVar[str] = "test.findings"
-
-    code: str
-    severity: Severity
-    message: str
-    measured: Measured | None = None
-
-    @classmethod
-    @checked
-    def note(cls, code: str, message: str, *, measured: Measured | None = None) -> Finding:
-        """A finding that asks for no action."""
-        return cls(code=code, severity="note", message=message, measured=measured)
-
-    @classmethod
-    @checked
-    def warning(cls, code: str, message: str, *, action: str, measured: Measured | None = None) -> Finding:
-        """A finding with what to do about it."""
-        return cls(code=code, severity="warning", message=f"{message}; {action}", measured=measured)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -430,7 +385,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
             "voltage_v": commands["voltage"],
             "command": commands["command"],
             **named(self, "command_unit", "velocity_source", "synthetic"),
-            "findings": [asdict(finding) for finding in self.findings],
+            "findings": [finding.document() for finding in self.findings],
         }
 
     def _summary(self) -> Summary:

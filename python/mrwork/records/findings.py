@@ -1,16 +1,12 @@
-"""Findings of several tests: shared ones, those that only a set shows, and the verbs that report them.
-
-`CONCERNS` lists the findings that a verb states before anybody relies on what it computes.
-"""
+"""Findings of several tests: those that recur, and those that only a set shows."""
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Final, Literal, get_args
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +14,15 @@ from numpy.typing import NDArray
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.records.checks import mean_over_travel
-from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.damper_test import DamperTest
+from mrwork.records.finding import Finding, FindingKind, Measured, Verb
 from mrwork.records.motion import smooth_motion
-from mrwork.records.repairs import REPAIR_KINDS
+
+_RECORD_REPEATED: Final = FindingKind(
+    "record_repeated",
+    "{names} are the same record, byte for byte, which counts {copies} times",
+    "give it once",
+)
 
 
 def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
@@ -30,11 +32,7 @@ def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
         if test.sha256:
             copies[test.sha256].append(test.label)
     return tuple(
-        Finding.warning(
-            "record_repeated",
-            f"{list_names(labels)} are the same record, byte for byte, which counts {len(labels)} times",
-            action="give it once",
-        )
+        _RECORD_REPEATED.found(names=list_names(labels), copies=len(labels))
         for labels in copies.values()
         if len(labels) > 1
     )
@@ -47,6 +45,14 @@ _APART: Final = 0.1
 _STANDS_OUT: Final = 0.18
 _SIGNIFICANT: Final = 3.5
 _MAD_TO_DEVIATION: Final = 1.4826
+
+
+_MISLABELLED: Final = FindingKind(
+    "command_mislabelled",
+    "{label}: dissipates {share:.0f} % {more} than the other tests at {command:.3g} {unit} in similar motion (their "
+    "spread is {spread:.0f} %){belongs}",
+    "check its {quantity}",
+)
 
 
 def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
@@ -93,15 +99,17 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
             continue
         test = tests[row]
         ratio = float(np.expm1(difference))
-        amount = f"{100 * abs(ratio):.0f} % {'more' if ratio > 0 else 'less'}"
         findings.append(
-            Finding.warning(
-                "command_mislabelled",
-                f"{test.label}: dissipates {amount} than the other tests at "
-                f"{commands[row]:.3g} {unit} in similar motion (their spread is {100 * spread:.0f} %)"
-                f"{_belongs(float(force[row]), levels, at, unit)}",
-                action=f"check its {quantity}",
+            _MISLABELLED.found(
                 measured=Measured(ratio, "", standard_error=spread),
+                label=test.label,
+                share=100.0 * abs(ratio),
+                more="more" if ratio > 0 else "less",
+                command=commands[row],
+                unit=unit,
+                spread=100.0 * spread,
+                belongs=_belongs(float(force[row]), levels, at, unit),
+                quantity=quantity,
             )
         )
     return findings
@@ -148,7 +156,6 @@ def _belongs(force: float, levels: Floats, at: Floats, unit: str) -> str:
 
 # Tests that a sentence names; of more it names some and counts the others.
 _NAMED = 6
-_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,10 +209,10 @@ class GatheredFindings:
 
 def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
     """Separate the findings that recur in several of `tests` from those of one test."""
-    places: dict[tuple[str, str, str], list[tuple[DamperTest, Finding]]] = {}
+    places = defaultdict[tuple[FindingKind, tuple[str, ...]], list[tuple[DamperTest, Finding]]](list)
     for test in tests:
         for finding in test.findings:
-            places.setdefault(_key(finding), []).append((test, finding))
+            places[finding.kind, finding.words].append((test, finding))
     # A check may find the same in two channels of a test.
     named = {key: {id(test): test.name for test, _ in pairs} for key, pairs in places.items()}
     recurring = {key: [finding for _, finding in places[key]] for key, each in named.items() if len(each) > 1}
@@ -213,14 +220,10 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
     return GatheredFindings(
         shared=tuple(sorted(shared, key=lambda each: each.severity != "warning")),
         own=tuple(
-            tuple(finding for finding in test.findings if _key(finding) not in recurring) for test in tests
+            tuple(each for each in test.findings if (each.kind, each.words) not in recurring)
+            for test in tests
         ),
     )
-
-
-def _key(finding: Finding) -> tuple[str, str, str]:
-    """Equal for findings that differ in the numbers of their messages only."""
-    return finding.code, finding.severity, _NUMBER.sub("", finding.message)
 
 
 def _join_findings(findings: Sequence[Finding], tests: tuple[str, ...], n_tests: int) -> SharedFinding:
@@ -240,51 +243,10 @@ def _join_findings(findings: Sequence[Finding], tests: tuple[str, ...], n_tests:
     )
 
 
-Verb = Literal["check", "identify", "predict", "calibrate", "sample", "profile", "plan", "report"]
-
-_EVERY: Final[tuple[Verb, ...]] = get_args(Verb)
-# Verbs that take files; the others take the tests of a run, which its identification has told of.
-_OF_FILES: Final[tuple[Verb, ...]] = ("check", "identify", "predict", "calibrate")
-# What changes no number by itself.
-_TOLD_ONCE: Final[tuple[Verb, ...]] = ("check", "identify")
-
-_SAID_BY: Final[tuple[tuple[tuple[Verb, ...], str], ...]] = (
-    # Samples that the sensors did not give.
-    (_EVERY, "gaps spikes clipped coarse held_samples part_repeated few_samples_per_cycle"),
-    (_TOLD_ONCE, "resampled time_rounded nan_rows_dropped"),
-    # The motion, which drives every simulation.
-    (_EVERY, "time_unusual displacement_unusual displacement_still displacement_jumps displacement_drifts"),
-    (_EVERY, "velocity_sign_flipped velocity_inconsistent velocity_noisy velocity_late"),
-    (_EVERY, "velocity_difference velocity_held"),
-    (_TOLD_ONCE, "velocity_derived rest_before_motion"),
-    # All other verbs refuse it.
-    (("check",), "velocity_factor time_factor"),
-    # The force, with which every simulation is compared.
-    (_EVERY, "force_unusual force_still force_sign_flipped force_sign_unclear force_delay"),
-    (_EVERY, "moving_mass breakaway loop_drift"),
-    # A fit describes the offset and the average of its own tests; those of other tests may differ.
-    (_OF_FILES, "force_offset moving_average"),
-    # What the file says of the test.
-    (_EVERY, "command_negative command_unusual command_unclear command_mislabelled record_repeated"),
-    (_TOLD_ONCE, "command_varies command_rings encoding"),
-    (_OF_FILES, "name_disagrees name_not_used not_used files_not_read further_records"),
-    # Asked for on the command line; that a repair found no cause is news.
-    (_TOLD_ONCE, " ".join(f"repaired_{kind}" for kind in REPAIR_KINDS)),
-    (_OF_FILES, " ".join(f"no_{kind}" for kind in REPAIR_KINDS)),
-)
-CONCERNS: Final = {code: verbs for verbs, codes in _SAID_BY for code in codes.split()}
-"""Verbs that say a finding, by its code. `check` and `identify` say all; a code that is not listed, every verb."""
-
-
-def concerns(finding: Finding, verb: Verb) -> bool:
-    """Whether a verb reports a finding."""
-    return verb in CONCERNS.get(finding.code, _EVERY)
-
-
 def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding, ...]:
     """Findings of several tests that matter to a verb, each once, warnings first."""
     told = [
-        replace(test, findings=tuple(each for each in test.findings if concerns(each, verb)))
+        replace(test, findings=tuple(each for each in test.findings if verb in each.kind.verbs))
         for test in tests
     ]
     gathered = gathered_findings(told)
@@ -294,7 +256,7 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
         for each in findings
     ]
     # The message names the tests that it concerns.
-    of_set = (each for each in findings_of_set(tests) if concerns(each, verb))
+    of_set = (each for each in findings_of_set(tests) if verb in each.kind.verbs)
     together = [_join_findings([each], (), len(tests)) for each in of_set]
     return tuple(sorted((*together, *gathered.shared, *own), key=lambda each: each.severity != "warning"))
 

@@ -7,9 +7,9 @@ damper was in another condition, which the fit has not seen.
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from math import floor, log2, log10
 from typing import ClassVar, Final
 
 import numpy as np
@@ -21,12 +21,14 @@ from mrwork.dampers.command import CommandValues, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 
-# Samples of a cycle, and most samples of a motion that is not periodic.
-_PER_CYCLE: Final = 32
+# Least number of samples in a period of a periodic motion and of any other, and most of the latter; periods of a
+# periodic motion.
+_PER_CYCLE: Final = {True: 64, False: 32}
 _MOST: Final = 2048
-_INT16: Final = 32767.0
-# Relative differences within which lengths of a cycle, amplitudes and commands are those of one setting of a rig. A
-# moving average over a quarter of a period takes 10 % of the amplitude.
+_CYCLES: Final = 2
+_DIGITS: Final = 3
+# Relative differences within which periods, amplitudes and commands are those of one setting of a rig. A moving average
+# over a quarter of a period takes 10 % of the amplitude.
 _PERIOD: Final = 0.01
 _AMPLITUDE: Final = 0.1
 _COMMAND: Final = 0.02
@@ -38,24 +40,19 @@ _CONDITION: Final = 0.1
 _SMOOTHED: Final = 2.0
 # Difference of the force's deviation beyond which tests of unknown command are not taken for one command.
 _FORCE: Final = 0.2
-# Least correlation of displacements: a sine and a triangle have 0.993; smoothed versions of a random motion have lost
-# its fastest part.
-_PERIODIC: Final = 0.995
-_IRREGULAR: Final = 0.98
-# Share of a motion that the other must contain, and most cycles that are compared.
-_SHARE: Final = 0.5
-_CYCLES: Final = 8
+# Least correlation of displacements, and share of a motion that the other must contain. Of a periodic motion: a sine
+# and a triangle have 0.993. Smoothed versions of any other have lost its fastest part.
+_LEAST: Final = {True: (0.995, 0.9), False: (0.98, 0.5)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedMotion:
-    """Motion and command of a test, in the resolution that recognises them.
+    """Motion, force and command of a test, in the resolution that recognises them.
 
-    `shape` is the displacement about its mean per `half_stroke` [m], in steps of `step` [s]: of the mean cycle of a
-    periodic motion at constant command, of the (first part of the) record of any other; as base64 of 16-bit integers.
-    `current` [A] and `voltage` [V] are constant, or the largest of a varying command, whose shape is in `commands`.
-    `force` is the standard deviation of the force [N]; `force_shape` is the force about `force_mean` per `half_force`
-    [N], as the displacement.
+    `displacement` [mm] and `force` [N] are means over `step` [s], a power of two: of two cycles of a periodic motion at
+    constant command, whose mean `period` [s] is then known, of the (first part of the) record of any other. `current`
+    [A], `voltage` [V] and the `command` of another unit are constant, or the largest of a varying one, which is in
+    `commands`; `deviation` is the standard deviation of the force [N].
     """
 
     _made_by: ClassVar[str] = "mr.read_damper_test(path)"
@@ -64,15 +61,12 @@ class RecordedMotion:
     sha256: str
     current: float | None
     voltage: float | None
-    periodic: bool
+    period: float | None
     step: Positive
-    half_stroke: NotNegative
-    shape: str = field(repr=False)
-    force: NotNegative
-    force_mean: float
-    half_force: NotNegative
-    force_shape: str = field(repr=False)
-    commands: tuple[str, ...] = field(default=(), repr=False)
+    deviation: NotNegative
+    displacement: tuple[float, ...] = field(repr=False)
+    force: tuple[float, ...] = field(repr=False)
+    commands: tuple[tuple[float, ...], ...] = field(default=(), repr=False)
     command: float | None = None
     command_unit: CommandUnit | None = None
 
@@ -81,22 +75,23 @@ class RecordedMotion:
         """The motion and command of a test from its sample `n_settle` on."""
         # The motion is the same with and without an observation model.
         settled = slice(test.n_settle, None)
-        displacement = test.displacement[settled]
-        cycles = () if test.has_varying_command else regular_cycles(displacement)
-        n_each = 1
-        force = test.force[settled]
-        if cycles:
-            samples, means = _mean_cycle(displacement, cycles), _means_of_cycle(force, cycles)
-            step = test.dt * (cycles[-1].stop - cycles[0].start) / (len(cycles) * samples.size)
-        else:
-            # A 32nd of a period: of the dominant frequency, or of a quarter of the band edge.
-            band = spectrum(displacement, test.dt)
-            n_each = max(1, int(1.0 / (max(band.dominant, 0.25 * band.band_edge) * test.dt * _PER_CYCLE)))
-            samples, means = _means(displacement, n_each), _means(force, n_each)
-            step = test.dt * n_each
-        half_stroke, shape = _encode_samples(samples)
-        half_force, force_shape = _encode_samples(means)
+        displacement, force = test.displacement[settled], test.force[settled]
         varying = [command[settled] for command, _ in test.commands if isinstance(command, np.ndarray)]
+        band = spectrum(displacement, test.dt)
+        # A motion may start slowly.
+        for start in (0, displacement.size // 2):
+            if cycles := () if varying else regular_cycles(displacement[start:]):
+                part = slice(start + cycles[0].start, start + cycles[:_CYCLES][-1].stop)
+                period = shortest = test.dt * (cycles[-1].stop - cycles[0].start) / len(cycles)
+                break
+        else:
+            part, period = slice(None), None
+            shortest = 1.0 / max(band.dominant, 0.25 * band.band_edge)
+        step = 2.0 ** floor(log2(shortest / _PER_CYCLE[bool(cycles)]))
+
+        def means(samples: Floats) -> tuple[float, ...]:
+            return _rounded(_means(samples[part], step / test.dt))
+
         return cls(
             test=test.label,
             sha256=test.sha256,
@@ -104,25 +99,13 @@ class RecordedMotion:
             voltage=_largest(test.voltage),
             command=_largest(test.command),
             command_unit=test.command_unit,
-            periodic=bool(cycles),
+            period=period,
             step=step,
-            half_stroke=half_stroke,
-            shape=shape,
-            force=float(np.std(force)),
-            force_mean=float(means.mean()),
-            half_force=half_force,
-            force_shape=force_shape,
-            commands=tuple(_encode_samples(_means(command, n_each))[1] for command in varying),
+            deviation=float(np.std(force)),
+            displacement=means(1e3 * displacement),
+            force=means(force),
+            commands=tuple(means(command) for command in varying),
         )
-
-    @property
-    def displacement(self) -> Floats:
-        """The displacement about its mean [m], shape (n_samples,)."""
-        return self.half_stroke * _decode_samples(self.shape)
-
-    @property
-    def _force(self) -> Floats:
-        return self.force_mean + self.half_force * _decode_samples(self.force_shape)
 
     def same_command(self, other: RecordedMotion) -> bool:
         """Whether the commands are equal; where one is unknown, whether the forces are of one size.
@@ -130,7 +113,7 @@ class RecordedMotion:
         Of varying commands, the largest values are compared here and the shapes with the motion.
         """
         known = self._same_known_command(other)
-        alike = abs(self.force - other.force) <= _FORCE * max(self.force, other.force)
+        alike = abs(self.deviation - other.deviation) <= _FORCE * max(self.deviation, other.deviation)
         return alike if known is None else known
 
     def _same_known_command(self, other: RecordedMotion) -> bool | None:
@@ -150,32 +133,20 @@ class RecordedMotion:
 
     def _align_with(self, seen: RecordedMotion) -> _Alignment | None:
         """Motion and force aligned with the part of another test that contains most of the motion; `None` if none."""
+        if seen.period is not None and (
+            self.period is None or abs(self.period / seen.period - 1.0) > _PERIOD
+        ):
+            return None
+        step = max(self.step, seen.step)
         mine, other = (
-            np.stack([each.displacement, each._force, *map(_decode_samples, each.commands)])
+            np.array([each.displacement, each.force, *each.commands])[:, :: round(step / each.step)]
             for each in (self, seen)
         )
-        if self.periodic and seen.periodic:
-            periods = self.step * _PER_CYCLE, seen.step * _PER_CYCLE
-            if abs(periods[0] - periods[1]) > _PERIOD * max(periods):
-                return None
-            # In phases of the cycle, whose lengths may differ a little.
-            return _find_pattern(mine, np.tile(other, 2), least=1.0, limit=_PERIODIC)
-        step = max(self.step, seen.step)
-        if self.periodic:
-            pattern = _at(np.tile(mine, 2), self.step, step)
-            return _find_pattern(pattern, _at(other, seen.step, step), least=1.0, limit=_PERIODIC)
-        own = _at(mine, self.step, step)
-        if seen.periodic:
-            n_cycles = int(_SHARE * self.displacement.size * self.step / (seen.step * _PER_CYCLE))
-            cycles = np.tile(other, max(1, min(n_cycles, _CYCLES)))
-            alignment = _find_pattern(_at(cycles, seen.step, step), own, least=1.0, limit=_PERIODIC)
-            return None if alignment is None else replace(alignment, one=alignment.other, other=alignment.one)
-        record = _at(other, seen.step, step)
-        least = _SHARE
-        if seen.displacement.size == _MOST:
+        limit, least = _LEAST[self.period is not None]
+        if len(seen.displacement) == _MOST:
             # Of a longer motion only the first part is kept.
-            least *= min(1.0, record.shape[1] / own.shape[1])
-        return _find_pattern(own, record, least=least, limit=_IRREGULAR)
+            least *= min(1.0, other.shape[1] / mine.shape[1])
+        return _find_pattern(mine, other, least=least, limit=limit)
 
 
 @array_dataclass()
@@ -294,49 +265,20 @@ def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
     return [[index for index, each in enumerate(group) if each == first] for first in sorted(set(group))]
 
 
-def _mean_cycle(displacement: Floats, cycles: Sequence[slice]) -> Floats:
-    phase = (np.arange(_PER_CYCLE) + 0.5) / _PER_CYCLE
-    place = np.array([cycle.start + phase * (cycle.stop - cycle.start) for cycle in cycles])
-    return np.asarray(np.interp(place, np.arange(displacement.size), displacement).mean(axis=0))
-
-
-def _means_of_cycle(force: Floats, cycles: Sequence[slice]) -> Floats:
-    """Means over the parts of a cycle; single samples of a force that steps at reversals would miss its mean."""
-    edges = np.arange(_PER_CYCLE + 1) / _PER_CYCLE
-    place = np.array([cycle.start + edges * (cycle.stop - cycle.start) for cycle in cycles])
-    total = np.concatenate([[0.0], np.cumsum(force)])
-    sums = np.diff(np.interp(place, np.arange(total.size), total), axis=1)
-    return np.asarray((sums / np.diff(place, axis=1)).mean(axis=0))
-
-
-def _means(samples: Floats, n_each: int) -> Floats:
+def _means(samples: Floats, n_each: float) -> Floats:
     """Means over `n_each` samples each, of the first part of a long record."""
-    n_means = min(samples.size // n_each, _MOST)
-    return np.asarray(samples[: n_means * n_each].reshape(n_means, n_each).mean(axis=1))
+    edges = n_each * np.arange(min(int(samples.size / n_each), _MOST) + 1)
+    total = np.concatenate([[0.0], np.cumsum(samples)])
+    return np.asarray(np.diff(np.interp(edges, np.arange(total.size), total)) / n_each)
 
 
-def _encode_samples(samples: Floats) -> tuple[float, str]:
-    """Largest distance from the mean, and the samples about their mean in its unit as text."""
-    about = samples - samples.mean()
-    largest = max(float(np.max(np.abs(about))), 1e-12)
-    return largest, base64.b64encode(np.round(_INT16 * about / largest).astype("<i2").tobytes()).decode()
-
-
-def _decode_samples(text: str) -> Floats:
-    return np.frombuffer(base64.b64decode(text, validate=True), dtype="<i2").astype(np.float64) / _INT16
+def _rounded(samples: Floats) -> tuple[float, ...]:
+    decimals = _DIGITS - 1 - floor(log10(max(float(np.abs(samples).max(initial=0.0)), 1e-12)))
+    return tuple(np.round(samples, decimals).tolist())
 
 
 def _largest(command: CommandValues | None) -> float | None:
     return None if command is None else command_range(command)[1]
-
-
-def _at(channels: Floats, step: float, wanted: float) -> Floats:
-    """Channels, shape (n, n_samples), in steps of `step` at steps of `wanted`."""
-    if step == wanted:
-        return channels
-    n_samples = channels.shape[1]
-    place = np.arange(int((n_samples - 1) * step / wanted) + 1) * wanted / step
-    return np.stack([np.interp(place, np.arange(n_samples), each) for each in channels])
 
 
 def _find_pattern(pattern: Floats, record: Floats, *, least: float, limit: float) -> _Alignment | None:

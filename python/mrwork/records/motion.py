@@ -37,13 +37,18 @@ def savitzky_golay(
     """Savitzky-Golay derivative of a signal, shape (n_time,): polynomials of `order` fitted to `window` samples each.
 
     Near the ends, the polynomial of the outermost window is used. In NumPy because `scipy.signal` takes a second to
-    load; the sums run in the order of SciPy, so that both give the same bits.
+    load.
     """
     half = window // 2
+    n_inner = signal.size - 2 * half
+    weight = weights(window, order, derivative=derivative, step=step)
+    # In pairs, so that the odd derivative of a constant is exactly zero.
+    pair = np.subtract if derivative % 2 else np.add
+    inner = weight[half] * signal[half : half + n_inner]
+    for by in range(half, 0, -1):
+        inner += weight[half + by] * pair(signal[half - by :][:n_inner], signal[half + by :][:n_inner])
     result = np.empty_like(signal)
-    result[half : signal.size - half] = _inner_sums(
-        signal, weights(window, order, derivative=derivative, step=step)
-    )
+    result[half : signal.size - half] = inner
     at = np.arange(float(window))
 
     def beyond(outermost: Floats, at_which: Floats) -> Floats:
@@ -55,41 +60,7 @@ def savitzky_golay(
     return result
 
 
-def _inner_sums(signal: Floats, weights: Floats) -> Floats:
-    """Convolution of a signal with the weights of a window, at all samples where the whole window lies within it."""
-    half = weights.size // 2
-    n_inner = signal.size - 2 * half
-    total = np.empty(n_inner)
-    for first in range(0, n_inner, _BLOCK):
-        last = min(first + _BLOCK, n_inner)
-        total[first:last] = _sums_of_block(signal[first : last + 2 * half], weights)
-    return total
-
-
-def _sums_of_block(signal: Floats, weights: Floats) -> Floats:
-    half = weights.size // 2
-    n_inner = signal.size - 2 * half
-    along = weights[::-1]
-
-    def shift_signal(by: int) -> Floats:
-        return signal[half + by : half + by + n_inner]
-
-    # Weights that are even or odd up to rounding are treated as such, as in `scipy.ndimage.correlate1d`.
-    for paired, mirrored in ((np.add, along), (np.subtract, -along)):
-        if np.all(np.abs(weights - mirrored)[:half] <= np.finfo(float).eps):
-            total = shift_signal(0) * along[half]
-            for by in range(-half, 0):
-                total += paired(shift_signal(by), shift_signal(-by)) * along[half + by]
-            return np.asarray(total)
-    total = shift_signal(half) * along[-1]
-    for by in range(-half, half):
-        total += shift_signal(by) * along[half + by]
-    return np.asarray(total)
-
-
 _ORDER: Final = 3
-# Samples for which all sums are formed before the next are begun, so that they stay in the cache of the processor.
-_BLOCK: Final = 8192
 _BAND_POWER: Final = 0.999
 # A cubic Savitzky-Golay derivative over a window of half width m [s] has a relative error of (omega m)^4 / 504 for
 # a sine of angular frequency omega. A window of 0.15 periods (omega m = 0.47) keeps that below 1e-4.
@@ -119,22 +90,29 @@ def spectrum(displacement: Floats, dt: float) -> MotionBand:
 
 
 @dataclass(frozen=True, slots=True)
-class Smoother:
-    """Savitzky-Golay filter of order 3 over `window` samples of step `dt` [s].
+class Differentiator:
+    """How velocity and acceleration follow from a displacement: cubic Savitzky-Golay filter over `window` samples.
 
-    The window covers 0.15 periods of the band edge, but at least 5 samples: the longest window, with the least noise,
-    for which the derivative within the band of the motion is accurate to 1e-4.
+    Samples are `dt` [s] apart. The window covers 0.15 periods of the band edge, but at least 5 samples: the longest
+    window, with the least noise, for which the derivative within the band of the motion is accurate to 1e-4.
     """
 
     window: int
     dt: float
 
     @classmethod
-    def for_band(cls, band_edge: float, dt: float, n_time: int) -> Smoother:
-        """Smoother for a motion with a band edge [Hz] and at least 5 samples."""
-        longest = (n_time - 1) // 2
-        half = int(0.5 * _WINDOW_PERIODS / (band_edge * dt))
-        return cls(window=2 * min(max(half, 2), longest) + 1, dt=dt)
+    def of(cls, displacement: Floats, dt: float, band: MotionBand | None = None) -> Differentiator:
+        """That of a displacement, shape (n_time,), of at least 5 samples, whose band may be known."""
+        edge = (band or spectrum(displacement, dt)).band_edge
+        half = int(0.5 * _WINDOW_PERIODS / (edge * dt))
+        return cls(window=2 * min(max(half, 2), (displacement.size - 1) // 2) + 1, dt=dt)
+
+    @property
+    def in_words(self) -> str:
+        """Description in words."""
+        return (
+            f"a cubic Savitzky-Golay filter over {self.window} samples ({1e3 * self.window * self.dt:.3g} ms)"
+        )
 
     def smooth(self, signal: Floats) -> Floats:
         """Smoothed signal."""
@@ -161,26 +139,26 @@ class Smoother:
 class SmoothMotion:
     """Smoothed motion: displacement [m], velocity [m/s], acceleration [m/s^2], shape (n_time,).
 
-    `frequency` is the dominant frequency [Hz]; `smoother` is that for the band of the displacement.
+    `frequency` is the dominant frequency [Hz].
     """
 
     displacement: Floats
     velocity: Floats
     acceleration: Floats
     frequency: float
-    smoother: Smoother
+    differentiator: Differentiator
 
 
 def smooth_motion(displacement: Floats, dt: float) -> SmoothMotion:
     """Smooth a displacement with step `dt` [s], and differentiate it."""
     band = spectrum(displacement, dt)
-    smoother = Smoother.for_band(band.band_edge, dt, displacement.size)
+    differentiator = Differentiator.of(displacement, dt, band)
     return SmoothMotion(
-        displacement=smoother.smooth(displacement),
-        velocity=smoother.derivative(displacement),
-        acceleration=smoother.derivative(displacement, order=2),
+        displacement=differentiator.smooth(displacement),
+        velocity=differentiator.derivative(displacement),
+        acceleration=differentiator.derivative(displacement, order=2),
         frequency=band.dominant,
-        smoother=smoother,
+        differentiator=differentiator,
     )
 
 

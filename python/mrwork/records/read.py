@@ -44,7 +44,13 @@ from mrwork.records.columns import (
     tells_a_test,
     unclear_commands,
 )
-from mrwork.records.command import command_of, motion_matches_name, nominal_from_name, with_nominal_command
+from mrwork.records.command import (
+    DISAGREES,
+    command_of,
+    motion_matches_name,
+    nominal_from_name,
+    with_nominal_command,
+)
 from mrwork.records.contradictions import (
     drift_of_displacement_finding,
     jump_finding,
@@ -54,7 +60,8 @@ from mrwork.records.contradictions import (
     velocity_agrees,
 )
 from mrwork.records.cycles import delay_finding, drift_finding, mass_finding
-from mrwork.records.damper_test import DamperTest, Finding, VelocitySource, fields_of_commands
+from mrwork.records.damper_test import DamperTest, VelocitySource, fields_of_commands
+from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind
 from mrwork.records.motion import SmoothMotion, smooth_motion
 from mrwork.records.rig_table import (
     EVERY_USE,
@@ -77,10 +84,16 @@ from mrwork.records.window import (
 )
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]], ...]] = (
+    checks.force_offset, checks.rest_before_motion, checks.samples_per_cycle, motion_matches_name,
     checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding, checks.stroke_finding,
     checks.force_finding, checks.pace_finding, checks.command_finding, checks.resolution_findings, still_findings,
     jump_finding, drift_of_displacement_finding, repeated_part, drift_finding,
 )  # fmt: skip
+
+
+_DERIVED: Final = FindingKind(
+    "velocity_derived", "no velocity given; derived from the displacement by {by}", verbs=ONCE
+)
 
 
 @checked
@@ -174,15 +187,12 @@ def test_from_arrays(
     displaced = signals.displacement
     motion = smooth_motion(displaced, dt)
     uncompared = uncompared_spans(displaced, motion.velocity, uniform.spiky, uniform.missing, dt)
-    window = motion.smoother.window
-    message = (
-        "no velocity given; derived from the displacement by a cubic Savitzky-Golay filter over "
-        f"{window} samples ({1e3 * window * motion.smoother.dt:.3g} ms)"
-    )
-    about_velocity: tuple[Finding, ...] = (Finding.note("velocity_derived", message),)
     moving = motion.velocity
     velocity_source: VelocitySource = "derived"
-    if signals.velocity is not None:
+    about_velocity: tuple[Finding, ...] = ()
+    if signals.velocity is None:
+        about_velocity = (_DERIVED.found(by=motion.differentiator.in_words),)
+    else:
         late: tuple[Finding, ...] = ()
         if complete.velocity is not None and not keep_velocity:
             late = late_by_making(complete.time, complete.displacement, complete.velocity)
@@ -203,12 +213,7 @@ def test_from_arrays(
         *uniform.findings,
         *about_velocity,
         *about_sign,
-        # A varying command weighs the directions of motion differently, so that the mean force is no static one.
-        *(() if given.commands else checks.force_offset(resisting, motion.velocity)),
-        *checks.rest_before_motion(displaced, dt, motion.frequency),
-        *checks.samples_per_cycle(motion.frequency, dt),
         *(finding for _, about in read for finding in about),
-        *motion_matches_name(displaced, motion.frequency, dt * displaced.size, amplitude, frequency),
     ]
     test = DamperTest(
         name=name,
@@ -446,19 +451,28 @@ def _assign_columns(
     return chosen, scalar
 
 
+_NOT_USED: Final = FindingKind("not_used", "not used: {parts}", verbs=OF_FILES)
+_ENCODING: Final = FindingKind("encoding", "the text is no UTF-8 and was read as {encoding}", verbs=ONCE)
+_FURTHER: Final = FindingKind(
+    "further_records",
+    "{number} more sheets have a record: {names}",
+    "save each as a file of its own to read it",
+    verbs=OF_FILES,
+)
+_NOT_READ: Final = FindingKind("files_not_read", "{sentence}", verbs=OF_FILES)
+
+
 def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, ...]:
     """Note the columns and other parts of a file that no quantity of the test is read from."""
     columns = [f"'{name}'" for name in table.names if name and name not in used]
     named = f"column{'s' if len(columns) > 1 else ''} {list_names(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
-    findings = [Finding.note("not_used", f"not used: {'; '.join(parts)}")] if parts else []
+    findings = [_NOT_USED.found(parts="; ".join(parts))] if parts else []
     if table.encoding:
-        findings.append(Finding.note("encoding", f"the text is no UTF-8 and was read as {table.encoding}"))
+        findings.append(_ENCODING.found(encoding=table.encoding))
     if table.further:
         further = list_names([f"'{name}'" for name in table.further], _MOST_NAMED)
-        message = f"{len(table.further)} more sheets have a record: {further}"
-        action = "save each as a file of its own to read it"
-        findings.append(Finding.warning("further_records", message, action=action))
+        findings.append(_FURTHER.found(number=len(table.further), names=further))
     return tuple(findings)
 
 
@@ -501,7 +515,7 @@ def read_damper_tests(
         each = {**(columns or {}), **row.columns}
         test = read_damper_test(row.file, columns=each, keep_velocity=keep_velocity)
         sentence = unread.get(Path(test.path).parent)
-        beside = () if sentence is None else (Finding.note("files_not_read", sentence),)
+        beside = () if sentence is None else (_NOT_READ.found(sentence=sentence),)
         tests.append(replace(test, findings=(*test.findings, *beside)))
     return tuple(tests)
 
@@ -567,7 +581,7 @@ def _read(file: Path, columns: dict[str, str]) -> str:
         findings = read_damper_test(file, columns=columns).findings
     except MrworkError as error:
         return _plain(error, file)
-    return "; ".join(finding.message for finding in findings if finding.code == "name_disagrees")
+    return "; ".join(finding.message for finding in findings if finding.kind == DISAGREES)
 
 
 def _plain(error: MrworkError, file: Path) -> str:

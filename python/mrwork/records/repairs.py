@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isfinite
-from typing import Final, Literal, get_args
+from typing import Final
 
 import numpy as np
 
@@ -18,14 +18,19 @@ from mrwork.base.keys import closest
 from mrwork.base.values import freeze_samples
 from mrwork.errors import SettingError
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
-from mrwork.records.contradictions import OFF_BY_FACTOR
 from mrwork.records.cycles import force_delay, moving_mass
-from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Finding, Measured, Observation
+from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Observation
+from mrwork.records.finding import OF_FILES, ONCE, REPAIR_KINDS, Finding, FindingKind, Measured, RepairKind
 from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.window import cut
 
-RepairKind = Literal["rest", "delay", "offset", "mass", "velocity"]
-REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
+_REPAIRED: Final = {
+    kind: FindingKind(f"repaired_{kind}", "{message}", verbs=ONCE, repaired=True) for kind in REPAIR_KINDS
+}
+_NO_CAUSE: Final = {
+    kind: FindingKind(f"no_{kind}", f"no {kind} to repair: {{reason}}", verbs=OF_FILES)
+    for kind in REPAIR_KINDS
+}
 
 
 @checked
@@ -72,9 +77,9 @@ def repair(
     repaired, log = test, list[Finding]()
     for kind in REPAIR_KINDS:
         if kind in wanted:
-            changed, entry = _REPAIRS[kind].apply(repaired, given.get(kind))
-            cured = _REPAIRS[kind].cures if entry.severity == "repaired" else ()
-            kept = tuple(finding for finding in changed.findings if finding.code not in cured)
+            changed, entry = _REPAIRS[kind](repaired, given.get(kind))
+            repairs = entry.severity == "repaired"
+            kept = (each for each in changed.findings if not (repairs and each.kind.cured_by == kind))
             repaired = replace(changed, findings=(*kept, entry))
             log.append(entry)
     if any(entry.severity == "repaired" for entry in log):
@@ -83,14 +88,13 @@ def repair(
 
 
 def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
-    frequency = spectrum(test.displacement, test.dt).dominant
-    if not any(rest_before_motion(test.displacement, test.dt, frequency)):
-        return test, _no_cause("rest", "the motion starts within a quarter of a cycle")
+    if not any(rest_before_motion(test, smooth_motion(test.displacement, test.dt))):
+        return test, _NO_CAUSE["rest"].found(reason="the motion starts within a quarter of a cycle")
     rest = samples_at_rest(test.displacement)
     seconds = rest * test.dt
     shorter = cut(test, start=float(test.time[rest]))
     message = f"the first {seconds:.3g} s, at rest, were cut off"
-    return shorter, _repair_finding("rest", message, Measured(seconds, "s"))
+    return shorter, _REPAIRED["rest"].found(measured=Measured(seconds, "s"), message=message)
 
 
 def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
@@ -99,8 +103,8 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
     motion = smooth_motion(test.displacement, test.dt)
     seen = force_delay(test, motion) if amount is None else Measured(amount, "s")
     if seen is None:
-        return test, _no_cause(
-            "delay", "the force has no corner at motion reversals to estimate a delay from; give one"
+        return test, _NO_CAUSE["delay"].found(
+            reason="the force has no corner at motion reversals to estimate a delay from; give one"
         )
     lost = int(np.ceil(abs(seen.value) / test.dt - 1e-9))
     late = seen.value > 0.0
@@ -117,66 +121,52 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
         for first, last in shorter.uncompared
     )
     shifted_test = replace(shorter, force=freeze_samples(shifted), uncompared=uncompared)
-    return shifted_test, _repair_finding("delay", message, seen)
+    return shifted_test, _REPAIRED["delay"].found(measured=seen, message=message)
 
 
 def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     if test.has_varying_command and amount is None:
-        return test, _no_cause("offset", "the mean force under a varying command is no static one; give one")
+        return test, _NO_CAUSE["offset"].found(
+            reason="the mean force under a varying command is no static one; give one"
+        )
     motion = smooth_motion(test.displacement, test.dt)
     offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
     message = f"a static force of {offset:+.4g} N was subtracted"
     repaired = replace(test, force=freeze_samples(test.force - offset))
-    return repaired, _repair_finding("offset", message, Measured(offset, "N"))
+    return repaired, _REPAIRED["offset"].found(measured=Measured(offset, "N"), message=message)
 
 
 def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     motion = smooth_motion(test.displacement, test.dt)
     seen = moving_mass(test, motion) if amount is None else Measured(amount, "kg")
     if seen is None:
-        return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
+        return test, _NO_CAUSE["mass"].found(
+            reason="the force has no component in phase with the acceleration; give one"
+        )
     inertia = seen.value * motion.acceleration
     message = f"the inertia of {seen.in_words()} kg was taken out of the force"
-    return replace(test, force=freeze_samples(test.force - inertia)), _repair_finding("mass", message, seen)
+    repaired = replace(test, force=freeze_samples(test.force - inertia))
+    return repaired, _REPAIRED["mass"].found(measured=seen, message=message)
 
 
 def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
     if test.velocity_source == "derived":
-        return test, _no_cause("velocity", "it is the derivative of the displacement already")
+        return test, _NO_CAUSE["velocity"].found(reason="it is the derivative of the displacement already")
     derived = smooth_motion(test.displacement, test.dt).velocity
     changed = float(np.sqrt(np.mean((test.velocity - derived) ** 2) / np.mean(derived**2)))
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
     repaired = replace(test, velocity=freeze_samples(derived), velocity_source="derived")
-    return repaired, _repair_finding("velocity", message, Measured(changed, ""))
+    return repaired, _REPAIRED["velocity"].found(measured=Measured(changed, ""), message=message)
 
 
-def _repair_finding(kind: RepairKind, message: str, measured: Measured) -> Finding:
-    return Finding(code=f"repaired_{kind}", severity="repaired", message=message, measured=measured)
-
-
-def _no_cause(kind: RepairKind, reason: str) -> Finding:
-    return Finding.note(f"no_{kind}", f"no {kind} to repair: {reason}")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Repair:
-    """What a repair does, the codes of the findings that it removes, and least amount, largest amount and unit."""
-
-    apply: Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]
-    cures: tuple[str, ...]
-    amounts: tuple[float, float, str] | None = None
-
-
-_REPAIRS: Final[Mapping[RepairKind, _Repair]] = {
-    "rest": _Repair(apply=_rest, cures=("rest_before_motion", "breakaway")),
-    "delay": _Repair(apply=_delay, cures=("force_delay",), amounts=(-1e6, 1e6, "s")),
-    "offset": _Repair(apply=_offset, cures=("force_offset",), amounts=(-1e9, 1e9, "N")),
-    "mass": _Repair(apply=_mass, cures=("moving_mass",), amounts=(0.0, 1e6, "kg")),
-    "velocity": _Repair(apply=_velocity, cures=("velocity_late", "velocity_inconsistent", OFF_BY_FACTOR)),
-}
-_AMOUNTS: Final = {kind: entry.amounts for kind, entry in _REPAIRS.items() if entry.amounts is not None}
+_REPAIRS: Final[Mapping[RepairKind, Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]]] = {
+    "rest": _rest, "delay": _delay, "offset": _offset, "mass": _mass, "velocity": _velocity,
+}  # fmt: skip
+_AMOUNTS: Final[Mapping[RepairKind, tuple[float, float, str]]] = {
+    "delay": (-1e6, 1e6, "s"), "offset": (-1e9, 1e9, "N"), "mass": (0.0, 1e6, "kg"),
+}  # fmt: skip
 AMOUNTS_IN_WORDS: Final = ", ".join(
     f"{kind} from {least:g} to {most:g} {unit}" for kind, (least, most, unit) in _AMOUNTS.items()
 )

@@ -16,7 +16,8 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, levels_of_command
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.rounded_times import rounded_grid
-from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.damper_test import DamperTest
+from mrwork.records.finding import ONCE, Finding, FindingKind, Measured
 from mrwork.records.motion import runs_of, spectrum
 
 FEWEST_SAMPLES: Final = 10
@@ -60,6 +61,11 @@ class Signals:
         )
 
 
+_DROPPED: Final = FindingKind(
+    "nan_rows_dropped", "dropped incomplete rows: {start} at the start, {end} at the end", verbs=ONCE
+)
+
+
 def complete_rows(
     signals: Signals, *, source: str, locate: Callable[[int], str]
 ) -> tuple[Signals, int, tuple[Finding, ...]]:
@@ -91,8 +97,7 @@ def complete_rows(
         )
     if last - first == complete.size:
         return signals, first, ()
-    message = f"dropped incomplete rows: {first} at the start, {complete.size - last} at the end"
-    return signals.rows(slice(first, last)), first, (Finding.note("nan_rows_dropped", message),)
+    return signals.rows(slice(first, last)), first, (_DROPPED.found(start=first, end=complete.size - last),)
 
 
 def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> None:
@@ -144,6 +149,15 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
     return is_spike
 
 
+_SEARCHED: Final = {"displacement": "m", "velocity": "m/s", "force": "N"}
+_SPIKES: Final = FindingKind(
+    "spikes",
+    "the {0} has spikes to {value:.4g} {1} in {samples} at {at:.6g} s; they were bridged by straight lines, and are "
+    "neither compared nor part of the tested ranges",
+    "check the channel of the {0}",
+)
+
+
 def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[Finding, ...]]:
     """Signals with straight lines across the spikes, except in commands, and which samples these are."""
     bridged = np.zeros(signals.time.size, dtype=np.bool_)
@@ -154,25 +168,20 @@ def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[
         if not spiky.any():
             continue
         line = np.interp(signals.time, signals.time[~spiky], samples[~spiky])
-        findings.append(_spike_finding(name, signals.time[spiky], samples[spiky]))
+        largest = float(samples[spiky][np.argmax(np.abs(samples[spiky]))])
+        count = np.count_nonzero(spiky)
+        findings.append(
+            _SPIKES.found(
+                name,
+                unit := _SEARCHED[name],
+                measured=Measured(largest, unit),
+                samples="a sample" if count == 1 else f"{count} samples, the first",
+                at=signals.time[spiky][0],
+            )
+        )
         bridges[name] = line
         bridged |= spiky
     return replace(signals, **bridges), bridged, tuple(findings)
-
-
-_SEARCHED: Final = {"displacement": "m", "velocity": "m/s", "force": "N"}
-
-
-def _spike_finding(name: str, time: Floats, samples: Floats) -> Finding:
-    largest = float(samples[np.argmax(np.abs(samples))])
-    plural = "a sample" if samples.size == 1 else f"{samples.size} samples, the first"
-    return Finding.warning(
-        "spikes",
-        f"the {name} has spikes to {largest:.4g} {_SEARCHED[name]} in {plural} at {time[0]:.6g} s; they were bridged "
-        "by straight lines, and are neither compared nor part of the tested ranges",
-        action=f"check the channel of the {name}",
-        measured=Measured(largest, _SEARCHED[name]),
-    )
 
 
 @array_dataclass()
@@ -187,6 +196,25 @@ class UniformSamples:
     spiky: NDArray[np.bool_]
     missing: NDArray[np.bool_]
     findings: tuple[Finding, ...] = ()
+
+
+_ROUNDED_TIMES: Final = FindingKind(
+    "time_rounded",
+    "times are rounded, with steps of {least:.4g} to {most:.4g} ms; taken as uniform every {dt:.6g} ms ({rate:.6g} "
+    "Hz), by regression on the number of the sample",
+    verbs=ONCE,
+)
+_GAPS: Final = FindingKind(
+    "gaps",
+    "{gaps} of {value:.4g} s after {at:.6g} s ({steps:.0f} steps) was bridged by interpolation, and is not compared",
+    "fit a part without it (--from, --until)",
+)
+_RESAMPLED: Final = FindingKind(
+    "resampled",
+    "time steps differ from their median of {median:.4g} ms by up to {share:.3g} %; resampled every {dt:.6g} ms by {0} "
+    "interpolation",
+    verbs=ONCE,
+)
 
 
 def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> UniformSamples:
@@ -211,10 +239,8 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     uniform = rounded_grid(time)
     if uniform is not None:
         dt = float(uniform[-1] - uniform[0]) / (time.size - 1)
-        rounded = Finding.note(
-            "time_rounded",
-            f"times are rounded, with steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; taken "
-            f"as uniform every {1e3 * dt:.6g} ms ({1.0 / dt:.6g} Hz), by regression on the number of the sample",
+        rounded = _ROUNDED_TIMES.found(
+            least=1e3 * steps.min(), most=1e3 * steps.max(), dt=1e3 * dt, rate=1.0 / dt
         )
         given = replace(signals, time=uniform)
         return UniformSamples(signals=given, dt=dt, spiky=spiky, missing=none, findings=(rounded,))
@@ -230,25 +256,14 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     findings: list[Finding] = []
     if gaps.size:
         longest = int(gaps[np.argmax(steps[gaps])])
+        gap = Measured(float(steps[longest]), "s")
         count = "a gap" if gaps.size == 1 else f"{gaps.size} gaps, the longest"
-        findings.append(
-            Finding.warning(
-                "gaps",
-                f"{count} of {steps[longest]:.4g} s after {time[longest]:.6g} s "
-                f"({steps[longest] / median:.0f} steps) was bridged by interpolation, and is not compared",
-                action="fit a part without it (--from, --until)",
-            )
-        )
+        findings.append(_GAPS.found(measured=gap, gaps=count, at=time[longest], steps=gap.value / median))
     grid = np.linspace(time[0], time[-1], n_uniform)
     dt = duration / (n_uniform - 1)
     rule = "PCHIP" if gaps.size else "cubic spline"
-    findings.append(
-        Finding.note(
-            "resampled",
-            f"time steps differ from their median of {1e3 * median:.4g} ms by up to "
-            f"{100 * deviation / median:.3g} %; resampled every {1e3 * dt:.6g} ms by {rule} interpolation",
-        )
-    )
+    share = 100.0 * deviation / median
+    findings.append(_RESAMPLED.found(rule, median=1e3 * median, share=share, dt=1e3 * dt))
     from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
 
     interpolator = PchipInterpolator if gaps.size else CubicSpline
