@@ -25,7 +25,6 @@ from mrwork.store.run_writer import RunAtWork
 from mrwork.study.results import StudyResults
 from mrwork.study.schema import Use
 from mrwork.study.study import Study
-from mrwork.study.summary import study_summary
 
 Results = TypeVar("Results", bound=StudyResults)
 
@@ -133,5 +132,5 @@ def design_lines(study: Study) -> list[str]:
 
 def study_text(results: StudyResults, folder: Path | None) -> str:
     """The summary of a study, and the path of its page."""
-    text = study_summary(results).text(whole=True, width=_WIDEST)
+    text = results._summary().text(whole=True, width=_WIDEST)
     return "\n".join([text, *([f"Report: {folder / REPORT}"] if folder else [])])

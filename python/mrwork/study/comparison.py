@@ -161,23 +161,14 @@ class StudyComparison(Summarised):
     tables: Mapping[tuple[int, int], dict[str, QuantityChange]]
 
     def _summary(self) -> Summary:
-        facts = [] if self.leading is None else [("leading", self.heading(self.leading))]
-        reference = next(iter(self.references), None)
-        rows = [
-            (
-                self.results.rows[row].label,
-                *(in_percent(change.mean) for change in self.changes(row, reference).values()),
-            )
-            for _, rows in self.ranks
-            for row in rows
-            if reference is not None
-        ]
-        over = "" if reference is None else f"against {self.results.rows[reference].label} [%]"
+        # Tables are made of comparisons.
+        from mrwork.study.tables import change_table
+
+        rows = range(len(self.results.rows))
         return Summary(
             title=f"{self.results.title}: changes",
-            facts=facts,
-            columns=(over, *(entry.short for entry in compared_quantities())),
-            rows=rows,
+            facts=[] if self.leading is None else [("leading", self.heading(self.leading))],
+            tables=[change_table(self, reference, rows) for reference in self.references],
             notes=[] if self.leading is None else self.in_words(self.leading),
         )
 

@@ -6,17 +6,16 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 
 from mrwork.base import arguments
-from mrwork.base.arguments import Positive, Whole
 from mrwork.base.table import csv_text
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.dampers.tested_range import covering
 from mrwork.errors import RecordError
-from mrwork.store.codec import json_document
+from mrwork.store.codec import built, json_document
 from mrwork.store.netcdf import netcdf_of, read_netcdf
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
@@ -41,16 +40,13 @@ from mrwork.study.comparison import (
 from mrwork.study.demand import DeviceDemand, worst_by_quantity
 from mrwork.study.histories import Histories
 from mrwork.study.results import (
-    BuildingFacts,
-    DamperFacts,
     Ensemble,
-    MotionFacts,
     StudyResults,
     criterion_band,
     score_band,
 )
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, outcome_names, study_criteria, study_quantities
-from mrwork.study.study import Row, Study, StudyFile
+from mrwork.study.study import Study, StudyFile
 
 
 def _describe_changes(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
@@ -88,31 +84,8 @@ class _RunDemand:
     devices: tuple[DeviceDemand, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Document:
-    """What of the results file is read back; its fields are keys of the JSON object. Numbers of runs are in `RUNS`."""
-
-    title: str
-    rows: tuple[Row, ...]
-    motions: tuple[MotionFacts, ...]
-    command_unit: str
-    floor_names: tuple[str, ...]
-    storey_names: tuple[str, ...]
-    building: BuildingFacts | None
-    dampers: tuple[DamperFacts, ...]
-    demands: tuple[_RunDemand, ...]
-    choices: tuple[str, ...]
-    facts: tuple[tuple[str, str], ...]
-    detailed: Whole
-    with_histories: tuple[Whole, ...]
-    study_warnings: tuple[str, ...]
-    damper_warnings: tuple[str, ...]
-    chosen_on: tuple[str, ...]
-    design_levels: tuple[str, ...]
-    limit: dict[str, Positive]
-
-
-_OF_RESULTS = tuple(each.name for each in fields(_Document) if each.name != "demands")
+# Fields of results that files have in another form.
+_IN_OTHER_FORMS = ("quantities", "labelled", "demanded", "ensemble")
 # Groups of the file of the runs beside the nominal quantities.
 _CRITERIA, _HALF = "criteria", "half_step"
 
@@ -138,28 +111,34 @@ def read_results(folder: str | Path) -> StudyResults:
 
 def results_of_folder(run: RunFolder) -> StudyResults:
     """The results of a study in the folder of a study or of a tuning."""
-    document, content = run.read(_Document, RESULTS), run.content(RUNS)
+    document, content = run.document(RESULTS), run.content(RUNS)
     if document is None or content is None:
         raise RecordError(
             f"{run.path} has no {RUNS if document else RESULTS}; run `mrwork {run.kind.verb}` again"
         )
+    with run.explained(RESULTS):
+        demands = built(tuple[_RunDemand, ...], document["demands"])
+        stated = {
+            name: built(kind, document[name])
+            for name, kind in get_type_hints(StudyResults).items()
+            if name in document
+        }
     with run.explained(RUNS):
         groups = read_netcdf(content, run.file(RUNS))
-        unit = document.command_unit
+        unit = stated["command_unit"]
         quantities = Runs.from_arrays(groups[""], study_quantities(unit), NOMINAL)
         if _HALF in groups:
             quantities = quantities.beside(Runs.from_arrays(groups[_HALF], study_quantities(unit), HALF_STEP))
         labelled = Runs.from_arrays(groups[_CRITERIA], study_criteria(unit))
-    labels, names = [row.label for row in document.rows], [motion.name for motion in document.motions]
+    labels, names = [row.label for row in stated["rows"]], [motion.name for motion in stated["motions"]]
     return StudyResults(
         quantities=quantities,
         labelled=labelled,
         demanded={
-            (labels.index(each.controller), names.index(each.motion)): each.devices
-            for each in document.demands
+            (labels.index(each.controller), names.index(each.motion)): each.devices for each in demands
         },
         ensemble=run.read(Ensemble, ENSEMBLE, verb="respond --ensemble"),
-        **{name: getattr(document, name) for name in _OF_RESULTS},
+        **stated,
     )
 
 
@@ -233,15 +212,13 @@ def _summary(results: StudyResults) -> dict[str, Any]:
     """
     comparison, rows = compared(results), list(enumerate(results.rows))
     passive, labels = comparison.passive, [row.label for row in results.rows]
-    kept = _Document(
-        demands=tuple(
+    stated = {each.name: getattr(results, each.name) for each in fields(StudyResults)}
+    return {name: value for name, value in stated.items() if name not in _IN_OTHER_FORMS} | {
+        "demands": [
             _RunDemand(controller=labels[row], motion=results.motions[motion].name, devices=demands)
             for (row, motion), demands in results.demanded.items()
             if demands
-        ),
-        **{name: getattr(results, name) for name in _OF_RESULTS},
-    )
-    return asdict(kept) | {
+        ],
         "complete": results.complete,
         "scores": {row.label: results.score(number) for number, row in rows},
         "spreads": {row.label: asdict(results.spread(number)) for number, row in rows},

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
 from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, labels_of, tree_of
-from mrwork.base.numbers import counted, format_rounded
+from mrwork.base.numbers import counted
 from mrwork.base.plotted import Plotted
-from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
@@ -61,9 +61,6 @@ class RealisationBand:
         lower, median, upper = np.quantile(values, (0.5 * (1.0 - BAND), 0.5, 0.5 * (1.0 + BAND))).tolist()
         return RealisationBand(lower=lower, median=median, upper=upper)
 
-
-# Motions in the summary.
-_MOTIONS_SHOWN = 5
 
 OFF_BALANCE = (
     "Energies that do not balance indicate that a law chatters or that the step is too long: "
@@ -305,7 +302,7 @@ class StudyResults(Plotted, Summarised):
             quantities=runs,
             labelled=criteria,
             floor_names=study.building.floor_names,
-            storey_names=study.building.storey_names[: len(study.building.drifts)],
+            storey_names=study.building.drift_names,
             chosen_on=tuple(ground.name for ground in study.chosen_on),
             design_levels=study.design_levels,
             limit=study.limit,
@@ -500,21 +497,19 @@ class StudyResults(Plotted, Summarised):
         """Ratio of every criterion to that of a reference row; NaN if there is none or a run did not finish."""
         if reference is None:
             return {entry.name: math.nan for entry in criteria()}
-        ratios = self._over(slice(row, row + 1), slice(motion, motion + 1), reference)
-        return {name: float(ratio[0, 0]) for name, ratio in ratios.items()}
+        return {name: float(ratios[row, motion]) for name, ratios in self.ratios_over(reference).items()}
 
     @arguments.checked
     def ratios_over(self, reference: int) -> dict[str, Floats]:
         """Ratio of every criterion of the runs to that of a reference row, shape (n_rows, n_motions)."""
-        return self._over(slice(None), slice(None), reference)
-
-    def _over(self, rows: slice, motions: slice, reference: int) -> dict[str, Floats]:
-        nominal = slice(0, 1)
-        above, below = (
-            self.labelled.part(each, motions, nominal) for each in (rows, slice(reference, reference + 1))
-        )
-        ratios = above.over(below, bare=self.rows[reference].kind == "uncontrolled")
+        bare, nominal = self.rows[reference].kind == "uncontrolled", self._nominal
+        ratios = nominal.over(nominal.of_row(reference), bare=bare)
         return {name: ratio[:, :, 0] for name, ratio in ratios.items()}
+
+    @property
+    def _nominal(self) -> Runs:
+        """Criteria of the nominal runs."""
+        return self.labelled.part(realisations=slice(1))
 
     @arguments.checked
     def score(self, row: int) -> float:
@@ -529,13 +524,10 @@ class StudyResults(Plotted, Summarised):
     @arguments.checked
     def scores(self, row: int) -> Floats:
         """Score of a row under each motion, shape (n_motions,); NaN where a run did not finish."""
-        reference, nominal = self.row_of("passive_off"), slice(0, 1)
+        reference, nominal = self.row_of("passive_off"), self._nominal
         if reference is None:
             return np.full(len(self.motions), math.nan)
-        own, at_zero = (
-            self.labelled.part(slice(each, each + 1), realisations=nominal) for each in (row, reference)
-        )
-        return np.asarray(own.scores(at_zero)[0, :, 0])
+        return np.asarray(nominal.of_row(row).scores(nominal.of_row(reference))[0, :, 0])
 
     @arguments.checked
     def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
@@ -585,24 +577,10 @@ class StudyResults(Plotted, Summarised):
         return outcome_in_words(outcome)
 
     def _summary(self) -> Summary:
-        shown = range(min(len(self.motions), _MOTIONS_SHOWN))
-        every = [[self.criteria(row, motion) or {} for motion in shown] for row in range(len(self.rows))]
-        return Summary(
-            title=f"{self.title}: {self.done} of {counted(self.total, 'run')}",
-            facts=(
-                *([("dampers", list_names(self.device_names))] if self.device_names else []),
-                *(
-                    (f"{use} motions", list_names([each.name for each in self.motions if each.use == use]))
-                    for use in get_args(Use)
-                ),
-            ),
-            columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
-            rows=[
-                (row.label, *(format_rounded(each.get("peak_drift")) for each in own))
-                for row, own in zip(self.rows, every, strict=True)
-            ],
-            notes=[f"warning: {each}" for each in self.warnings()],
-        )
+        # It compares these results.
+        from mrwork.study.summary import study_summary
+
+        return study_summary(self)
 
 
 def _relative_change(value: float, other: float) -> float:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import isfinite
+from typing import get_args
 
 import numpy as np
 
-from mrwork.base.summary import Summary
+from mrwork.base.summary import Summary, list_names
 from mrwork.base.table import Table
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
@@ -21,6 +22,7 @@ from mrwork.study.comparison import (
     motion_groups,
 )
 from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults
+from mrwork.study.schema import Use
 from mrwork.study.tables import (
     bands_of_study,
     change_table,
@@ -38,6 +40,13 @@ def study_summary(results: StudyResults) -> Summary:
     changes = [] if leading is None else comparison.in_words(leading)
     return Summary(
         title=results.title,
+        facts=(
+            ("dampers", list_names(results.device_names)),
+            *(
+                (f"{use} motions", list_names([each.name for each in results.motions if each.use == use]))
+                for use in get_args(Use)
+            ),
+        ),
         cautions=results.warnings(),
         tables=[*_tables(comparison)],
         notes=[

@@ -237,31 +237,20 @@ def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -
     )
 
 
-def band_table(
-    rows: Sequence[tuple[str, Sequence[RealisationBand | None]]], count: int, *, note: str
-) -> Table:
-    """Bands of the score and of its ratios over realisations, for each label."""
-    return Table(
-        label="Bands over realisations",
-        columns=("", "Score", *(criterion(name).short for name in SCORE)),
-        rows=tuple((label, *map(_band, bands)) for label, bands in rows),
-        note=f"Median, and the ends between which {100.0 * BAND:.0f} % of the {count} realisations lie; each number "
-        f"is a mean over the motions, over i = 0 in the same realisation. {note}",
-    )
-
-
 def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
     """Bands of the score and of its ratios to i = 0 over the realisations of a study."""
     off = results.row_of("passive_off")
     bands = [
-        (
-            results.rows[row].label,
-            [score_band(results, row), *(ratio_band(results, row, off, name) for name in SCORE)],
-        )
-        for row in rows
+        (score_band(results, row), *(ratio_band(results, row, off, name) for name in SCORE)) for row in rows
     ]
-    note = "All rows have the same realisations; the laws are those of the nominal study."
-    return band_table(bands, results.n_realisations, note=note)
+    return Table(
+        label="Bands over realisations",
+        columns=("", "Score", *(criterion(name).short for name in SCORE)),
+        rows=tuple((results.rows[row].label, *map(_band, own)) for row, own in zip(rows, bands, strict=True)),
+        note=f"Median, and the ends between which {100.0 * BAND:.0f} % of the {results.n_realisations} realisations "
+        "lie; each number is a mean over the motions, over i = 0 in the same realisation. All rows have the same "
+        "realisations; the laws are those of the nominal study.",
+    )
 
 
 def step_table(results: StudyResults, rows: Collection[int]) -> Table:
