@@ -120,14 +120,14 @@ def test_a_damper_behind_a_brace_takes_the_drift_less_the_brace(tmp_path: Path) 
     assert equipped.devices[0].row == pytest.approx(np.append(study.building.storeys[0], -1.0))
     # The brace moves with its own deformation alone: the building is the same without dampers, its drifts too.
     assert study.arrangements[0].building.n_coordinates == 5
-    assert len(equipped.storeys) == 5
+    assert len(equipped.places["storey"]) == 5
 
 
 def test_an_isolated_building_is_compared_on_its_own_floors_and_storeys(tmp_path: Path) -> None:
     isolated = study_of(STUDY, tmp_path).arrangements[3]
-    assert isolated.floors == (1, 2, 3, 4, 5)
-    assert isolated.storeys == (1, 2, 3, 4, 5)
-    assert isolated.strokes == (0,)
+    assert isolated.places["floor"] == [1, 2, 3, 4, 5]
+    assert isolated.places["storey"] == [1, 2, 3, 4, 5]
+    assert isolated.strokes == [0]
 
 
 @pytest.mark.parametrize("name", list(STATED))

@@ -22,7 +22,7 @@ from mrwork.study.folder import study_document
 from mrwork.study.loop_runs import simulate_criteria, vary_building
 from mrwork.study.realisations import nominal
 from mrwork.study.results import RealisationBand
-from mrwork.study.study import Arrangement, Row, make_arrangement
+from mrwork.study.study import Arrangement, Row
 
 CONTROLLER = """
 [[controller]]
@@ -53,7 +53,7 @@ def simulated(given: mr.Study, realisations: Any) -> Any:
     arrangement = next(each for each in given.arrangements if each.row.kind == "controller")
     assert arrangement.law is not None
     inputs = (arrangement, arrangement.law, given.grounds, given.hardware, realisations)
-    return simulate_criteria(*inputs, bare=given.building, threads=1)
+    return simulate_criteria(*inputs, threads=1)
 
 
 def test_the_nominal_realisation_gives_the_bits_of_the_study(tmp_path: Path) -> None:
@@ -96,8 +96,8 @@ def test_the_spring_of_a_tuned_mass_does_not_vary_with_the_building() -> None:
     bare = mr.building("uts")
     tuned = with_tuned_mass(bare, floor=5, mass=30.0, frequency=3.0, ratio=0.1)
     row = Row(label="TMD", kind="baseline")
-    arrangement: Arrangement = make_arrangement(bare, row, tuned, (), None)
-    varied = vary_building(arrangement, bare, stiffness=1.1, damping=1.0)
+    arrangement = Arrangement(row=row, bare=bare, building=tuned, devices=(), law=None)
+    varied = vary_building(arrangement, stiffness=1.1, damping=1.0)
     n = bare.n_coordinates
     difference = varied.stiffness - tuned.stiffness
     assert np.allclose(difference[:n, :n], 0.1 * bare.stiffness)
@@ -107,8 +107,9 @@ def test_the_spring_of_a_tuned_mass_does_not_vary_with_the_building() -> None:
 def test_an_isolated_building_varies_above_its_isolators() -> None:
     bare = mr.building("uts")
     isolated = mr.buildings.with_base_isolation_of_period(bare, mass=330.0, period=2.0, ratio=0.1)
-    arrangement = make_arrangement(bare, Row(label="isolated", kind="baseline"), isolated, (), None)
-    varied = vary_building(arrangement, bare, stiffness=1.2, damping=1.0)
+    row = Row(label="isolated", kind="baseline")
+    arrangement = Arrangement(row=row, bare=bare, building=isolated, devices=(), law=None)
+    varied = vary_building(arrangement, stiffness=1.2, damping=1.0)
     # A rigid motion of the building on its isolators has the strain energy of these alone.
     rigid = np.linalg.lstsq(
         isolated.storeys, np.eye(len(isolated.storeys))[arrangement.strokes[0]], rcond=None

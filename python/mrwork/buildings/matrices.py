@@ -211,6 +211,11 @@ class Building(Plotted, Summarised):
         return self.storeys[: len(self.storeys) - self.n_strokes]
 
     @property
+    def drift_names(self) -> tuple[str, ...]:
+        """Names of the storeys whose drifts `drifts` has."""
+        return self.storey_names[: len(self.drifts)]
+
+    @property
     def drift_heights(self) -> Floats:
         """Heights of the storeys whose drifts `drifts` has [m], shape (n_storeys - n_strokes,), or empty."""
         return self.heights[: len(self.drifts)]

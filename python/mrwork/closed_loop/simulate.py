@@ -187,7 +187,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
     linear = replace(
         building,
         storeys=building.drifts,
-        storey_names=building.storey_names[: len(building.drifts)],
+        storey_names=building.drift_names,
         heights=building.drift_heights,
         loads=np.empty(0),
         n_strokes=0,

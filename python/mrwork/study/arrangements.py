@@ -45,7 +45,6 @@ from mrwork.study.study import (
     Row,
     StudyLaw,
     constant_share,
-    make_arrangement,
 )
 
 # Numbers of a matrix among the settings: those of a weight of a building with 1000 coordinates.
@@ -94,25 +93,24 @@ def arrangements(
     settings: Sequence[Mapping[str, Any] | None],
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law with its settings."""
-    building, devices = problem.building, problem.all_devices
+    devices = problem.all_devices
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
-    arrangements_of_study = [make_arrangement(bare, none, bare, (), constant_share((), 0.0))]
-    if devices:
-        off = Row(label=PASSIVE_OFF, kind="passive_off", description="the dampers without a command")
-        if not any(device.spec.follows_command for device in devices):
-            off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
-        arrangements_of_study.append(
-            make_arrangement(bare, off, building, devices, constant_share(devices, 0.0))
-        )
+    without = Arrangement(row=none, bare=bare, building=bare, devices=(), law=constant_share((), 0.0))
+    off = Row(label=PASSIVE_OFF, kind="passive_off", description="the dampers without a command")
+    if not any(device.spec.follows_command for device in devices):
+        off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
+    at_zero = Arrangement(
+        row=off, bare=bare, building=problem.building, devices=devices, law=constant_share(devices, 0.0)
+    )
 
     def changed(number: int) -> Arrangement:
         with keyed("baseline", number):
-            return _baseline(table.baseline[number], table, bare, folder)
+            return _baseline(table.baseline[number], table, without, folder)
 
     def controlled(number: int) -> Arrangement:
         with keyed("controller", number):
             return _arrange_controller(
-                table.controller[number], number, settings[number], problem, bare, folder, hardware
+                table.controller[number], number, settings[number], problem, at_zero, folder, hardware
             )
 
     further: list[Arrangement] = []
@@ -120,23 +118,17 @@ def arrangements(
         for read, tables in ((changed, table.baseline), (controlled, table.controller)):
             with part():
                 further += read_each(read, range(len(tables)))
-    for each in further:
-        if each.row.kind == "passive_off" and each.row.label:
-            # It exists already; only its label may differ.
-            former = arrangements_of_study[1]
-            arrangements_of_study[1] = replace(former, row=replace(former.row, label=each.row.label))
-    arrangements_of_study += [each for each in further if each.row.kind != "passive_off"]
+    # The row at i = 0 exists already; only its label may differ.
+    labels = [each.row.label for each in further if each.row.kind == "passive_off" and each.row.label]
+    further = [each for each in further if each.row.kind != "passive_off"]
+    first = [replace(at_zero, row=replace(off, label=[off.label, *labels][-1]))] if devices else []
     driven = [device for device in devices if device.is_commanded]
     if table.references != "none" and driven:
         names = ["best_passive", *(["best_passive_by_group"] if len(products_of(driven)) > 1 else [])]
-        known = [each.row for each in arrangements_of_study]
+        known = [each.row for each in (*first, *further)]
         references = (_added(name, known) for name in names)
-        arrangements_of_study[2:2] = [
-            replace(make_arrangement(bare, row, building, devices, None), added=True)
-            for row in references
-            if row is not None
-        ]
-    return tuple(arrangements_of_study)
+        first += [replace(at_zero, row=row, law=None, added=True) for row in references if row is not None]
+    return (without, *first, *further)
 
 
 def _added(name: str, known: Sequence[Row]) -> Row | None:
@@ -153,7 +145,7 @@ def _arrange_controller(
     number: int,
     given: Mapping[str, Any] | None,
     problem: DesignProblem,
-    bare: Building,
+    at_zero: Arrangement,
     folder: Path,
     hardware: Hardware,
 ) -> Arrangement:
@@ -196,10 +188,9 @@ def _arrange_controller(
         law = replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
     label = controller.label if kind == "passive_off" else controller.label or title
     row = Row(label=label, kind=kind, description=description)
-    made = make_arrangement(bare, row, problem.building, limited.all_devices, law)
-    if named is None:
-        return made
-    return replace(made, law=named.design(limited, {})) if named.is_complete else replace(made, named=named)
+    if named is not None and named.is_complete:
+        law, named = named.design(limited, {}), None
+    return replace(at_zero, row=row, devices=limited.all_devices, law=law, named=named)
 
 
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
@@ -253,7 +244,8 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
         raise InvalidSettingError(key, lacking)
 
 
-def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:
+def _baseline(baseline: BaselineTable, table: StudyTable, without: Arrangement, folder: Path) -> Arrangement:
+    bare = without.bare
     with keyed("building"):
         changed = table.building.override_with(baseline.building).build(folder)
         known = {*changed.floor_names, *changed.storey_names}
@@ -263,7 +255,7 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
                 f"the baseline has no {missing[0]}; it may add floors and storeys to the building, not remove them"
             )
     row = Row(label=baseline.label, kind="baseline", description=changed.name)
-    return make_arrangement(bare, row, changed, (), constant_share((), 0.0))
+    return replace(without, row=row, building=changed)
 
 
 def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mapping[str, Any] | None:

@@ -119,6 +119,11 @@ def levels_of(devices: Sequence[Device]) -> Floats:
     return np.linspace(0.0, [each.largest_command for each in commanded(devices)], LEVELS)
 
 
+def n_constant(arrangement: Arrangement) -> int:
+    """Most constant commands that are tried for a row without a law."""
+    return LEVELS * (ROUNDS * len(products_of(commanded(arrangement.devices))) if arrangement.by_group else 1)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstantSearch:
     """The arrangement, motions and hardware on which constant commands are tried; one has no score if a run failed."""
@@ -137,7 +142,6 @@ class ConstantSearch:
             self.motions,
             self.hardware,
             nominal(self.arrangement.devices),
-            bare=self.arrangement.building,
             threads=self.threads,
             on_block=self.on_block,
         )

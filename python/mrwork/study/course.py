@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import math
+import os
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
+import numpy as np
+
 from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.user_law import UserLaw
+from mrwork.control.laws.control_law import ControlLaw
+from mrwork.motions import GroundMotion
+from mrwork.study.study import Arrangement
 from mrwork.workers.engine import by_whom
 
 Kind = Literal["without dampers", "core", "rollout", "Python", "JAX"]
@@ -102,3 +111,44 @@ class Course:
         if _CORE in rates:
             rates.setdefault("rollout", rates[_CORE])
         return sum(left[kind] * rates[kind] for kind in left) if left.keys() <= rates.keys() else None
+
+
+# Runs that one thread does at once where there are as many, with any law and with a rollout.
+_LANES, _LANES_OF_ROLLOUT = 32, 16
+# What a step of all trials of a rollout costs, in steps of the loop.
+_TRIALS = 4.0
+# Steps per second of the model of a rollout, where its law says none.
+_MODEL_STEPS = 400.0
+
+
+def kind_of(arrangement: Arrangement) -> Kind:
+    """What the runs of an arrangement are simulated by."""
+    law = arrangement.law
+    if not arrangement.devices:
+        return "without dampers"
+    if isinstance(law, UserLaw):
+        return "Python"
+    if arrangement.devices[0].spec.own is not None and not arrangement.has_actuators:
+        return "JAX"
+    return "core" if law is None or not law.spec.needs_model else "rollout"
+
+
+def cost_of(
+    arrangement: Arrangement,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    n_each: int,
+    threads: int = 0,
+) -> float:
+    """Integration steps times coordinates of runs, `n_each` under each motion, where lanes and threads are full."""
+    law, lanes = arrangement.law, _LANES
+    steps = hardware.steps / hardware.sample_time
+    if isinstance(law, ControlLaw) and law.spec.needs_model:
+        lanes = _LANES_OF_ROLLOUT
+        decision, step, *_ = np.ravel(law.tables["timing"]).tolist()
+        steps += (
+            _TRIALS * float(np.max(law.gains["horizon"])) * (1.0 / step if step else _MODEL_STEPS) / decision
+        )
+    rounds = math.ceil(n_each * len(motions) / lanes / (threads or os.cpu_count() or 1))
+    seconds = sum(motion.duration for motion in motions) / max(len(motions), 1)
+    return steps * seconds * rounds * arrangement.building.n_coordinates

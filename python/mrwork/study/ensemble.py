@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SimulationError
 from mrwork.study.comparison import StudyComparison, compared, compared_quantities, rounds_to_increase
-from mrwork.study.loop_runs import simulate
+from mrwork.study.loop_runs import loop_of
 from mrwork.study.results import Ensemble, StudyResults, Verdict
 from mrwork.study.study import Study
 
@@ -79,11 +80,13 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
     row, motion = max(reach, key=lambda key: reach[key])
     arrangement = study.arrangements[row]
     assert arrangement.law is not None
-    responses = simulate(
-        arrangement,
-        arrangement.law,
+    building, devices, law, hardware = loop_of(arrangement, arrangement.law, study.hardware)
+    responses = simulate_loop(
+        building,
+        devices,
+        law,
         [study.grounds[motion]],
-        study.hardware,
+        hardware,
         motion_numbers=[motion],
         histories=True,
         threads=threads,

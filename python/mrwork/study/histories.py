@@ -44,7 +44,7 @@ def _kept_signals() -> list[Quantity]:
 def history_of(history: History, arrangement: Arrangement) -> RunHistory:
     """The history of a run, for the floors and storeys of the bare building."""
     devices = range(len(arrangement.devices))
-    places = {"floor": [*arrangement.floors], "storey": [*arrangement.storeys], "device": [*devices]}
+    places = {**arrangement.places, "device": [*devices]}
     energies = (
         history.input_energy,
         history.kinetic_energy(arrangement.building),
@@ -94,7 +94,7 @@ class Histories:
         labels = {
             "time": time_labels(history.time),
             "floor": labels_of(study.building.floor_names),
-            "storey": labels_of(study.building.storey_names[: history.drift.shape[1]]),
+            "storey": labels_of(study.building.drift_names),
             "device": labels_of(study.device_names[: history.force.shape[1]]),
             "energy_part": labels_of(_ENERGY),
         }

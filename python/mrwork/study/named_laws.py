@@ -34,10 +34,9 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.study.course import Course, Kind, StudyProgress
+from mrwork.study.course import Course, Kind, StudyProgress, cost_of
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.realisations import nominal
-from mrwork.study.row_runs import cost_of
 from mrwork.study.runs import Runs, recall_or_compute
 from mrwork.study.study import (
     WEIGHT,
@@ -48,7 +47,6 @@ from mrwork.study.study import (
     TakenSettings,
     constant_share,
     digest_of_run,
-    make_arrangement,
 )
 
 # Values of a setting that is scanned, over the range in which a search would look for it.
@@ -329,8 +327,13 @@ class _Trials:
         return _Response(off=off, on=on, magnitudes=magnitudes)
 
     def _arranged(self, problem: DesignProblem) -> Arrangement:
-        row = Row(label="", kind="controller")
-        return make_arrangement(self.bare, row, problem.building, problem.all_devices, None)
+        return Arrangement(
+            row=Row(label="", kind="controller"),
+            bare=self.bare,
+            building=problem.building,
+            devices=problem.all_devices,
+            law=None,
+        )
 
     def _run(self, problem: DesignProblem, law: ControlLaw) -> Runs:
         return simulate_criteria(
@@ -339,6 +342,5 @@ class _Trials:
             problem.motions,
             self.hardware,
             nominal(problem.all_devices),
-            bare=self.bare,
             on_block=self._course.advance,
         )

@@ -37,7 +37,7 @@ def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Place
     own = Counter(bare.storey_name(each.storey) for each in dampers)
     with keyed("places", "storeys"):
         names = list(dict.fromkeys(bare.storey_name(each) for each in places.storeys or ()))
-    names = names or list(bare.storey_names[: len(bare.drifts)])
+    names = names or list(bare.drift_names)
     number = places.dampers or len(dampers)
     if len(dampers) not in (1, number):
         raise InvalidSettingError(

@@ -61,12 +61,12 @@ from mrwork.study.schema import (
     target_spectrum,
 )
 from mrwork.study.study import (
+    Arrangement,
     Kind,
     MotionOfStudy,
     Row,
     Study,
     StudyFile,
-    make_arrangement,
 )
 
 # What a row is that is designed for the motions, or chosen on them.
@@ -220,8 +220,8 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
         from mrwork.study.constant import ConstantSearch
 
         row = Row(label=PASSIVE_OFF, kind="passive_off")
-        arrangement = make_arrangement(bare, row, building, devices, None)
-        return ConstantSearch(arrangement=arrangement, motions=chosen_on, hardware=hardware).reference_peaks()
+        at_zero = Arrangement(row=row, bare=bare, building=building, devices=devices, law=None)
+        return ConstantSearch(arrangement=at_zero, motions=chosen_on, hardware=hardware).reference_peaks()
 
     driven = commanded(devices)
     problem = DesignProblem(

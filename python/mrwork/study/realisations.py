@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,12 +38,6 @@ class Realisations(Summarised):
     def __len__(self) -> int:
         """Number of realisations."""
         return len(self.stiffness)
-
-    def first(self, count: int) -> Realisations:
-        """The first of them."""
-        of_all = ("stiffness", "damping", "delay", "seed")
-        first: dict[str, Any] = {name: getattr(self, name)[:count] for name in of_all}
-        return replace(self, **first, theta=tuple(rows[:count] for rows in self.theta))
 
     @property
     def digest(self) -> str:

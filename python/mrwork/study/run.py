@@ -2,23 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.closed_loop.evaluation import Scales
+from mrwork.closed_loop.responses import history_signals
+from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.errors import Interrupted
+from mrwork.motions import GroundMotion
 from mrwork.store.journal import Journal
-from mrwork.study.course import Course, StudyProgress
+from mrwork.study.constant import BestByGroup, BestConstant, ConstantSearch, n_constant
+from mrwork.study.course import Course, Kind, StudyProgress, cost_of, kind_of
 from mrwork.study.damper_size import judged_by_demand
-from mrwork.study.histories import RunHistory
-from mrwork.study.loop_runs import scales_of
+from mrwork.study.histories import RunHistory, history_of
+from mrwork.study.loop_runs import loop_of, scales_of, simulate_criteria
 from mrwork.study.named_laws import designed
 from mrwork.study.results import StudyResults
-from mrwork.study.row_runs import RowRuns, costs_of_study
-from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, study_criteria, study_quantities
-from mrwork.study.study import Arrangement, Study, fingerprint_of
-from mrwork.workers.engine import Workers, on_executor
+from mrwork.study.runs import (
+    HALF_STEP,
+    NOMINAL,
+    Axes,
+    Runs,
+    knows_least_strokes,
+    numbered,
+    own_axes,
+    recall_or_compute,
+    recall_or_simulate,
+    runs_of,
+    study_criteria,
+    study_quantities,
+)
+from mrwork.study.study import Arrangement, Study, constant_commands, digest_of_run, fingerprint_of
+from mrwork.workers.engine import Workers, on_executor, present_workers
+
+# Histories that need more memory than this are simulated one at a time [bytes].
+_MOST_BYTES = 2.0**28
 
 
 @checked
@@ -71,41 +93,253 @@ def run_study(
     study = designed(study, journal=journal, on_progress=on_progress)
     if journal is not None:
         journal.agree("study", fingerprint_of(study))
-    rows, motions = list(study.arrangements), range(len(study.motions))
-    steps = (NOMINAL, HALF_STEP) if check_step else (NOMINAL,)
-    n_realisations = 0 if study.realisations is None else len(study.realisations)
-    costs = costs_of_study(study, threads, check_step=check_step)
-    course = Course(on_progress, costs, len(rows) * len(motions) * len(steps))
-    of_row = RowRuns(study=study, journal=journal, threads=threads, course=course, kept=kept, keep=keep)
-    runs = Runs.empty(of_row.axes(rows, motions, steps), study_quantities(study.command_unit))
-    realised = Runs.empty(
-        of_row.axes(rows, motions, numbered(n_realisations)), study_criteria(study.command_unit)
+    axes = {
+        "row": tuple(each.row.label for each in study.arrangements),
+        "motion": tuple(motion.name for motion in study.motions),
+        "realisation": (NOMINAL, HALF_STEP) if check_step else (NOMINAL,),
+        **own_axes(study.arrangements),
+    }
+    realised = numbered(0 if study.realisations is None else len(study.realisations))
+    runs = _StudyRuns(
+        study=study,
+        journal=journal,
+        threads=threads,
+        on_progress=on_progress,
+        kept=kept,
+        keep=keep,
+        rows=[*study.arrangements],
+        runs=Runs.empty(axes, study_quantities(study.command_unit)),
+        realised=Runs.empty({**axes, "realisation": realised}, study_criteria(study.command_unit)),
+        choices=[],
     )
-    choices: list[str] = []
     try:
-        for row, arrangement in enumerate(rows):
-            if arrangement.law is None:
-                rows[row], choice = of_row.with_best_constant(arrangement, runs.n_done)
-                choices.append(choice)
-            runs.put(of_row.nominal(row, rows[row], runs.n_done), row, motions, 0)
-        if study.realisations is not None:
-            for row, arrangement in enumerate(rows):
-                realised.put(of_row.realised(arrangement, runs.n_done), row, motions, 0)
-        # After all other runs, so that a study without this check can be resumed with it.
-        if check_step:
-            for row, arrangement in enumerate(rows):
-                runs.put(of_row.with_half_step(row, arrangement, runs.n_done), row, motions, 1)
+        runs.simulate()
     except KeyboardInterrupt:
-        raise Interrupted(_results(study, rows, runs, realised, choices), "study") from None
-    return _results(study, rows, runs, realised, choices)
+        raise Interrupted(runs.results, "study") from None
+    return runs.results
 
 
-def _results(
-    study: Study, rows: Sequence[Arrangement], runs: Runs, realised: Runs, choices: Sequence[str]
-) -> StudyResults:
-    """Results of the runs that are done."""
-    scales = Scales.of_rows([scales_of(each, study.building) for each in rows], 2)
-    runs = runs.with_labels("row", [each.row.label for each in rows])
-    criteria = runs.criteria(scales, study.command_unit).beside(realised)
-    results = StudyResults.of(study, [each.row for each in rows], runs, criteria, choices)
-    return judged_by_demand(results, study.devices, study.building, study.device_storeys)
+@dataclass(slots=True, kw_only=True)
+class _StudyRuns:
+    """The runs of a study, filled in row by row; arguments are those of `run_study`.
+
+    `rows` without a law get their best constant commands, on which `choices` are sentences; `shares` are the best
+    shares of the largest commands that were found, by the digest of the row.
+    """
+
+    study: Study
+    journal: Journal | None
+    threads: int
+    on_progress: Callable[[StudyProgress], None] | None
+    kept: Callable[[int, int], bool]
+    keep: Callable[[int, int, RunHistory], None]
+    rows: list[Arrangement]
+    runs: Runs
+    realised: Runs
+    choices: list[str]
+    course: Course = field(default_factory=Course)
+    shares: dict[str, BestConstant] = field(default_factory=dict)
+
+    def simulate(self) -> None:
+        """Do all steps of the study, or recall them from the journal."""
+        steps, costs = [*self._steps()], dict[Kind, float]()
+        for row, _, cost, _ in steps:
+            kind = kind_of(self.rows[row])
+            costs[kind] = costs.get(kind, 0.0) + cost
+        self.course = Course(self.on_progress, costs, self.runs.outcome.size)
+        for row, what, cost, step in steps:
+            label = ", ".join(filter(None, [self.rows[row].row.label, what]))
+            self.course.begin(label, kind_of(self.rows[row]), cost, self.runs.n_done)
+            step(row)
+
+    def _steps(self) -> Iterator[tuple[int, str, float, Callable[[int], None]]]:
+        """The steps of the study: row, what is simulated of it, cost, and what does it."""
+        study, n_realisations = self.study, self.realised.shape[2]
+
+        def cost(row: int, n_each: int = 1, motions: Sequence[GroundMotion] = study.grounds) -> float:
+            return cost_of(self.rows[row], motions, study.hardware, n_each, self.threads)
+
+        for row, each in enumerate(study.arrangements):
+            if each.law is None:
+                tried = cost(row, n_constant(each), study.chosen_on)
+                yield row, "constant commands", tried, self._choose_constants
+            yield row, "", cost(row), self._simulate_nominal
+        for row in range(len(self.rows)) if n_realisations else ():
+            yield row, "realisations", cost(row, n_realisations), self._simulate_realised
+        # After all other runs, so that a study without this check can be resumed with it.
+        for row in range(len(self.rows)) if self.runs.shape[2] > 1 else ():
+            yield row, HALF_STEP, 2.0 * cost(row), self._simulate_half_step
+
+    @property
+    def results(self) -> StudyResults:
+        """Results of the runs that are done."""
+        study, scales = self.study, Scales.of_rows([*map(scales_of, self.rows)], 2)
+        runs = self.runs.with_labels("row", [each.row.label for each in self.rows])
+        criteria = runs.criteria(scales, study.command_unit).beside(self.realised)
+        results = StudyResults.of(study, [each.row for each in self.rows], runs, criteria, self.choices)
+        return judged_by_demand(results, study.devices, study.building, study.device_storeys)
+
+    def _choose_constants(self, row: int) -> None:
+        """Give a row its best constant commands."""
+        study, arrangement = self.study, self.rows[row]
+        search = ConstantSearch(
+            arrangement=arrangement,
+            motions=study.chosen_on,
+            hardware=study.hardware,
+            threads=self.threads,
+            on_block=self.course.advance,
+        )
+        inputs = digest_of_run(arrangement, *study.chosen_on)
+        if inputs not in self.shares:
+            self.shares[inputs] = recall_or_compute(
+                self.journal, "best_constant", inputs, BestConstant, search.best_share
+            )
+        share = self.shares[inputs]
+        best: BestConstant | BestByGroup = share
+        if arrangement.by_group:
+            best = recall_or_compute(
+                self.journal, "best_by_group", inputs, BestByGroup, lambda: search.best_by_group(share)
+            )
+        label = f"{arrangement.row.label}, {best.label(arrangement.devices)}"
+        named, law = replace(arrangement.row, label=label), constant_commands(best.commands)
+        self.rows[row] = replace(arrangement, row=named, law=law)
+        self.choices.append(best.in_words(label, arrangement.devices))
+
+    def _simulate_nominal(self, row: int) -> None:
+        """The nominal runs of a row, of which the histories that the study keeps are stored."""
+        recalling = self.journal is not None and self.journal.recalling
+        self._fill(self.runs, slice(1), "runs", row, lambda: self._in_batches(row))
+        for motion in self._stored(range(len(self.study.motions)), self.runs.of_row(row)):
+            if recalling and not self.kept(row, motion):
+                self._simulate(row, [motion], detailed=True)
+
+    def _simulate_half_step(self, row: int) -> None:
+        """The runs of a row with half the integration step."""
+        every = range(len(self.study.motions))
+        self._fill(
+            self.runs,
+            slice(1, 2),
+            "runs with half the step",
+            row,
+            lambda: self._simulate(row, every, step_factor=2),
+        )
+
+    def _simulate_realised(self, row: int) -> None:
+        """Criteria of a row with the realisations of the study."""
+        study, arrangement = self.study, self.rows[row]
+        realisations, law = study.realisations, arrangement.law
+        assert realisations is not None
+        assert law is not None
+        self._fill(
+            self.realised,
+            slice(None),
+            "realisations",
+            row,
+            lambda: simulate_criteria(
+                arrangement,
+                law,
+                study.grounds,
+                study.hardware,
+                realisations,
+                threads=self.threads,
+                on_block=self.course.advance,
+            ),
+        )
+
+    def _fill(
+        self, into: Runs, realisations: slice, step: str, row: int, simulate: Callable[[], Runs]
+    ) -> None:
+        """Fill in some realisations of a row, from the journal or simulated, and then recorded."""
+        part = into.part(slice(row, row + 1), realisations=realisations)
+        inputs = digest_of_run(self.rows[row], *self.study.grounds)
+        made = recall_or_simulate(self.journal, step, inputs, part.axes, part.declared, simulate)
+        into.put(made, row, range(len(self.study.motions)), realisations.start or 0)
+
+    def _axes(self, row: int, motions: Sequence[int]) -> Axes:
+        """Axes of the nominal runs of a row under some motions."""
+        names = tuple(self.study.motions[motion].name for motion in motions)
+        return {
+            **self.runs.axes, "row": (self.rows[row].row.label,), "motion": names, "realisation": (NOMINAL,),
+        }  # fmt: skip
+
+    def _in_batches(self, row: int) -> Runs:
+        runs, done = Runs.empty(self._axes(row, range(len(self.study.motions))), self.runs.declared), 0
+        for motions, detailed in _batches(self.study, self.rows[row]):
+            runs.put(self._simulate(row, motions, detailed=detailed, before=done), 0, motions, 0)
+            done += len(motions)
+        return runs
+
+    def _simulate(
+        self,
+        row: int,
+        motions: Sequence[int],
+        *,
+        detailed: bool = False,
+        step_factor: int = 1,
+        before: int = 0,
+    ) -> Runs:
+        """Simulate a row under some motions, and store histories where it is `detailed`."""
+        study, arrangement = self.study, self.rows[row]
+        assert arrangement.law is not None
+        building, devices, law, hardware = loop_of(arrangement, arrangement.law, study.hardware)
+        responses = simulate_loop(
+            building,
+            devices,
+            law,
+            [study.grounds[motion] for motion in motions],
+            hardware,
+            motion_numbers=motions,
+            histories=detailed,
+            step_factor=step_factor,
+            threads=self.threads,
+            on_progress=lambda done, _: self.course.advance(before + done, len(study.motions)),
+        )
+        runs = runs_of(responses, arrangement, arrangement.law, self._axes(row, motions))
+        for motion in self._stored(motions, runs):
+            if responses.histories is not None:
+                self.keep(row, motion, history_of(responses.histories[motions.index(motion)], arrangement))
+        return runs
+
+    def _stored(self, motions: Sequence[int], runs: Runs) -> list[int]:
+        """Motions of which the study keeps the history of a run; one without an end has numbers that are not finite."""
+        finished = runs.finished[0, :, 0]
+        return [
+            each
+            for each, ended in zip(motions, finished, strict=True)
+            if ended and each in self.study.histories
+        ]
+
+
+def _batches(study: Study, arrangement: Arrangement) -> list[tuple[list[int], bool]]:
+    """Motions that are simulated together, and whether with their histories; these must fit into memory together.
+
+    Small strokes leave the tested range of some dampers: the least stroke of a run is known from its history.
+    """
+    every = list(range(len(study.motions)))
+    detailed = every if knows_least_strokes(arrangement) else [*study.histories]
+    needed = _bytes_per_second(study, arrangement) * np.array([ground.duration for ground in study.grounds])
+    # Workers send none back: this process simulates the runs with histories.
+    if not detailed or (needed.sum() < _MOST_BYTES and present_workers() is None):
+        return [(every, bool(detailed))]
+    batches: list[list[int]] = [[]]
+    for motion in detailed:
+        if batches[-1] and needed[[*batches[-1], motion]].sum() >= _MOST_BYTES:
+            batches.append([])
+        batches[-1].append(motion)
+    others = [motion for motion in every if motion not in detailed]
+    return [*((batch, True) for batch in batches), *([(others, False)] if others else [])]
+
+
+def _bytes_per_second(study: Study, arrangement: Arrangement) -> float:
+    """Memory of a run's history per second of motion [bytes/s]."""
+    building = arrangement.building
+    columns = {
+        "run": 1,
+        "floor": len(building.floors),
+        "storey": len(building.storeys),
+        "device": max(len(arrangement.devices), 1),
+        "element": len(building.elements),
+        "state": 2 * building.n_coordinates,
+    }
+    width = sum(columns[signal.axis] for signal in history_signals())
+    return 8.0 * width / study.hardware.sample_time

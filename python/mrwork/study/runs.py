@@ -321,22 +321,22 @@ def runs_of(
         for columns, labels in _parts_of(responses, quantity, arrangement, law):
             known = np.where(ended.reshape(-1, *[1] * (columns.ndim - 1)), columns, np.nan)
             array = runs.numbers[quantity.name]
-            if not quantity.own_axes:
-                array[...] = known.reshape(runs.shape)
-                continue
-            places = [axes[quantity.axis].index(label) for label in labels]
-            array[..., places] = known.reshape(*runs.shape, len(places))
+            if labels is None:
+                array[...] = known.reshape(array.shape)
+            else:
+                places = [axes["device"].index(label) for label in labels]
+                array[..., places] = known.reshape(*runs.shape, len(places))
     return runs
 
 
 def _parts_of(
     responses: Responses, quantity: Quantity, arrangement: Arrangement, law: StudyLaw
-) -> Iterator[tuple[Floats, Sequence[str]]]:
-    """Columns of a quantity of all runs with their labels along its own axis."""
+) -> Iterator[tuple[Floats, Sequence[str] | None]]:
+    """Columns of a quantity of all runs, those of devices with their labels."""
     name, n_dampers = quantity.name, len(arrangement.devices)
     dampers, strokes, elements = _device_labels(arrangement)
     if name == "steps":
-        yield responses.steps.astype(np.float64), ()
+        yield responses.steps.astype(np.float64), None
     elif name == "least_stroke":
         # Those of others would depend on which histories are kept.
         if responses.histories is not None and knows_least_strokes(arrangement):
@@ -350,18 +350,12 @@ def _parts_of(
         if not (name in _COMMANDS and commands_force(law)):
             yield responses.numbers[name][:, :n_dampers], dampers
         if name == "peak_stroke":
-            yield responses.peak_drift[:, _strokes(arrangement)], strokes
+            yield responses.peak_drift[:, arrangement.strokes], strokes
         if name in _OF_ELEMENTS:
             yield responses.numbers[_OF_ELEMENTS[name]][:, arrangement.passive_devices], elements
     else:
-        places = {"floor": arrangement.floors, "storey": arrangement.storeys}
-        columns = responses.numbers[name]
-        own = places.get(quantity.axis)
-        yield (
-            (columns, ())
-            if own is None
-            else (columns[:, list(own)], _labels_along(quantity.axis, arrangement))
-        )
+        places, columns = arrangement.places.get(quantity.axis), responses.numbers[name]
+        yield (columns if places is None else columns[:, places]), None
 
 
 def knows_least_strokes(arrangement: Arrangement) -> bool:
@@ -369,25 +363,12 @@ def knows_least_strokes(arrangement: Arrangement) -> bool:
     return any(device.knows_least_stroke for device in arrangement.devices) and not arrangement.has_actuators
 
 
-def _labels_along(axis: str, arrangement: Arrangement) -> list[str]:
-    building = arrangement.building
-    if axis == "floor":
-        return [building.floor_names[place] for place in arrangement.floors]
-    return [building.storey_names[place] for place in arrangement.storeys]
-
-
-def _strokes(arrangement: Arrangement) -> list[int]:
-    """Added storeys without devices, such as isolators, which have a stroke, too."""
-    n_storeys = len(arrangement.building.storeys)
-    return [] if arrangement.devices else [each for each in arrangement.strokes if each < n_storeys]
-
-
 def _device_labels(arrangement: Arrangement) -> tuple[list[str], list[str], list[str]]:
     """Labels of the dampers, of added storeys with a stroke and of the passive devices of an arrangement."""
     building = arrangement.building
     groups = (
         [device.name for device in arrangement.devices],
-        [building.storey_names[place] for place in _strokes(arrangement)],
+        [building.storey_names[place] for place in arrangement.strokes],
         [building.elements[place].name for place in arrangement.passive_devices],
     )
     taken: dict[str, int] = {}
@@ -404,12 +385,8 @@ def own_axes(arrangements: Sequence[Arrangement]) -> dict[str, tuple[str, ...]]:
     """Labels of floors and storeys of the bare building, and of the devices of all arrangements, dampers first."""
     groups = [_device_labels(each) for each in arrangements]
     devices = dict.fromkeys(name for kind in zip(*groups, strict=True) for labels in kind for name in labels)
-    first = arrangements[0]
-    return {
-        "floor": tuple(_labels_along("floor", first)),
-        "storey": tuple(_labels_along("storey", first)),
-        "device": tuple(devices),
-    }
+    bare = arrangements[0].bare
+    return {"floor": bare.floor_names, "storey": bare.drift_names, "device": tuple(devices)}
 
 
 def numbered(count: int) -> tuple[str, ...]:

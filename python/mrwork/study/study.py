@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
 
@@ -158,25 +159,21 @@ class NamedLaw:
             return self.shaped(design_law(self.table.law, problem, settings))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Arrangement:
     """A building with devices under one law; without a law, it gets the best constant command.
 
     A law that is `named` is still to be designed, see `mr.study.designed`.
     `taken` are settings that the study file leaves out; `added` says that it has no such row, so that a journal of the
-    same file without it can be continued.
-
-    `floors` and `storeys` are the indices of the floors and storeys of the bare building, since an arrangement may add
-    a base slab or a storey of isolators. `strokes` are the indices of the added storeys.
+    same file without it can be continued. `bare` is the building without dampers, to which an arrangement may add
+    a base slab or a storey of isolators.
     """
 
     row: Row
+    bare: Building
     building: Building
     devices: tuple[Device, ...]
     law: StudyLaw | None
-    floors: tuple[int, ...]
-    storeys: tuple[int, ...]
-    strokes: tuple[int, ...]
     named: NamedLaw | None = None
     taken: TakenSettings | None = None
     added: bool = False
@@ -186,6 +183,20 @@ class Arrangement:
             driven = commanded(self.devices)
             law = self.law.placeholder(driven) if isinstance(self.law, UserLaw) else self.law
             law.gain_rows(len(driven), 2 * self.building.n_coordinates)
+
+    @cached_property
+    def places(self) -> Mapping[str, list[int]]:
+        """Indices of every floor and storey of the bare building."""
+        return {
+            "floor": [*map(self.building.floor_names.index, self.bare.floor_names)],
+            "storey": [*map(self.building.storey_names.index, self.bare.drift_names)],
+        }
+
+    @property
+    def strokes(self) -> list[int]:
+        """Indices of added storeys without devices, such as isolators, which have a stroke, too."""
+        added = set(range(len(self.building.storeys))).difference(self.places["storey"])
+        return [] if self.devices else sorted(added)
 
     @property
     def has_actuators(self) -> bool:
@@ -508,19 +519,6 @@ def constant_share(devices: Sequence[Device], share: float) -> ControlLaw:
 def constant_commands(commands: ArrayLike) -> ControlLaw:
     """The law with constant commands, shape (n_devices,), or (n_candidates, n_devices) [A or V]."""
     return ControlLaw(name="passive", gains={"command": np.atleast_2d(commands)})
-
-
-def make_arrangement(
-    bare: Building, row: Row, building: Building, devices: tuple[Device, ...], law: StudyLaw | None
-) -> Arrangement:
-    """An arrangement with the indices of its floors and storeys that belong to the bare building."""
-    floors = tuple(building.floor_names.index(name) for name in bare.floor_names)
-    drifts = bare.storey_names[: len(bare.drifts)]
-    storeys = tuple(building.storey_names.index(name) for name in drifts)
-    strokes = tuple(number for number in range(len(building.storey_names)) if number not in storeys)
-    return Arrangement(
-        row=row, building=building, devices=devices, law=law, floors=floors, storeys=storeys, strokes=strokes
-    )
 
 
 def fingerprint_of(study: Study) -> dict[str, object]:

@@ -25,7 +25,6 @@ from mrwork.study.study import (
     Study,
     constant_commands,
     digest_of_run,
-    make_arrangement,
 )
 from mrwork.tuning.results import Placement
 
@@ -60,9 +59,7 @@ def compare_places(
     def at(arrangement: Arrangement, command: float, motions: Sequence[GroundMotion]) -> Runs:
         law = constant_commands([command] * len(arrangement.devices))
         once = nominal(arrangement.devices)
-        return simulate_criteria(
-            arrangement, law, motions, hardware, once, bare=study.building, threads=threads
-        )
+        return simulate_criteria(arrangement, law, motions, hardware, once, threads=threads)
 
     @cache
     def without_dampers(*, test: bool) -> Runs:
@@ -72,7 +69,7 @@ def compare_places(
         tables = placed_tables(first, placed)
         building, devices = equip_building(study.building, tables, [one] * len(tables))
         row = Row(label="placement", kind="best_passive")
-        return make_arrangement(study.building, row, building, devices, None)
+        return Arrangement(row=row, bare=study.building, building=building, devices=devices, law=None)
 
     def best_of(placed: Placed) -> Placement:
         best, runs = ConstantSearch(

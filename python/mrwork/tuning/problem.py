@@ -89,9 +89,7 @@ class Bench(Summarised):
             digest_of([motion.name for motion in motions], len(realised)),
             candidate_axes(1, motions, len(realised)),
             study_criteria(study.command_unit),
-            lambda: simulate_criteria(
-                study.at_zero, law, motions, study.hardware, realised, bare=study.building, threads=threads
-            ),
+            lambda: simulate_criteria(study.at_zero, law, motions, study.hardware, realised, threads=threads),
         )
         return Bench(
             study=study,
@@ -148,7 +146,6 @@ class Bench(Summarised):
             self.motions,
             self.study.hardware,
             self.realisations,
-            bare=self.study.building,
             largest_commands=largest_commands,
             shaping=shaping,
             threads=self.threads,
