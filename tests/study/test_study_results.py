@@ -241,7 +241,7 @@ def test_the_file_says_which_motions_scores_stand_on_and_their_spread(tmp_path: 
     results = study_samples.many_motions()
     document = study_document(results)
     assert document["judged_on"] == "10 test motions"
-    assert [motion["use"] for motion in document["motions"]].count("training") == 2
+    assert [motion.use for motion in document["motions"]].count("training") == 2
     spread = document["spreads"]["Clipped-optimal"]
     assert spread["motions"] == 10
     assert spread["least"] < spread["lower_quartile"] < spread["median"] < spread["most"]

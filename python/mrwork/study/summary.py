@@ -38,8 +38,9 @@ def study_summary(results: StudyResults) -> Summary:
     comparison = compared(results)
     leading = comparison.leading
     changes = [] if leading is None else comparison.in_words(leading)
+    begun = "" if results.complete else f": {results.done} of {results.total} runs"
     return Summary(
-        title=results.title,
+        title=f"{results.title}{begun}",
         facts=(
             ("dampers", list_names(results.device_names)),
             *(
