@@ -51,7 +51,8 @@ storey_damping = [0.3, 0.2]
 
 def stated(text: str, folder: Path = Path()) -> Building:
     place = Place(origin="study.toml", path=("building",))
-    return read_table(BuildingTable, tomllib.loads(text), place).build(folder)
+    with place.prefix_errors():
+        return read_table(BuildingTable, tomllib.loads(text), place).build(folder)
 
 
 def assert_same(ours: Building, theirs: Building) -> None:

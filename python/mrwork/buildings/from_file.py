@@ -18,9 +18,9 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.documents import read_table
-from mrwork.base.keys import Arguments, keys_of, optional, positive, refuse_missing
+from mrwork.base.keys import Arguments, keys_of, optional, positive
 from mrwork.base.numbers import counted
-from mrwork.base.places import Place, all_mistakes, read_each
+from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.values import Floats
 from mrwork.buildings.frames import building as published_building
 from mrwork.buildings.frames import (
@@ -47,7 +47,7 @@ from mrwork.buildings.passive_devices import (
 )
 from mrwork.buildings.state_space import LinearSystem, building_of, mass_of_forces, order_of_states
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
-from mrwork.errors import MrworkWarning, RecordError
+from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
 from mrwork.store.input_file import TOML, is_folder, text_of
 from mrwork.store.parse import toml_lines, toml_table
@@ -142,12 +142,11 @@ class BuildingTable:
     liquid_column: _Additions = optional(
         "liquid columns", functions=(with_optimal_liquid_column, with_liquid_column)
     )
-    place: Place
 
     def override_with(self, other: BuildingTable) -> BuildingTable:
         """Replace keys of the table by the keys that another table gives."""
         given = {name: getattr(other, name) for name in _list_given_keys(other)}
-        return replace(self, place=other.place, **given)
+        return replace(self, **given)
 
     def build(self, folder: Path = Path()) -> Building:
         """The building; names of files are relative to `folder`."""
@@ -192,9 +191,8 @@ def read_building(path: str | Path) -> Building:
 def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     """Read a building; `readers` are the files that refer to this one, to detect cycles."""
     if is_folder(path) or path.suffix.lower() == ".mat":
-        place = Place(origin=str(path))
-        table = BuildingTable(name=path.stem, source=str(path), place=place)
-        with place.prefix_errors():
+        table = BuildingTable(name=path.stem, source=str(path))
+        with Place(origin=str(path)).prefix_errors():
             return _from_matrices(read_matrices(path, _TITLES), table).check()
     if path.suffix.lower() != ".toml":
         raise RecordError(
@@ -209,18 +207,20 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     place = Place(origin=str(path), lines=toml_lines(text), title="the building")
     table = read_table(BuildingTable, document, place)
     table = replace(table, name=path.stem) if table.name is None else table
-    built = _make_building(table, path.parent, (*readers, real_place(path)))
+    with place.prefix_errors():
+        built = _make_building(table, path.parent, (*readers, real_place(path)))
     return built if built.source else replace(built, source=str(path))
 
 
 def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]) -> Building:
-    place, given = table.place, _list_given_keys(table)
+    given = _list_given_keys(table)
     forms: list[str] = [name for name in ("published", "file", "system", "masses") if name in given]
     forms += ["mass"] if "mass" in given and not forms else []
     if len(forms) != 1:
         given_forms = " and ".join(forms) or "none of them"
-        place.refuse(
-            f"a building is given by published, file, system, mass and stiffness, or masses; here by {given_forms}"
+        raise InvalidSettingError(
+            (),
+            f"a building is given by published, file, system, mass and stiffness, or masses; here by {given_forms}",
         )
     form = forms[0]
     foreign: tuple[str, ...] = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
@@ -230,15 +230,16 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             if name in given:
                 goes = "system" if name == "inputs" else "masses" if name in _SHEAR else "matrices"
                 with part():
-                    place.within(name).refuse(
-                        f"{name} goes with {goes}, and this building is given by {form}"
+                    raise InvalidSettingError(
+                        name, f"{name} goes with {goes}, and this building is given by {form}"
                     )
         damped = [
             name for name in ("damping", "storey_damping", "rayleigh", "modal_damping") if name in given
         ]
         if len(damped) > 1:
             with part():
-                place.within(damped[-1]).refuse(f"{' and '.join(damped[:2])} both give the damping; keep one")
+                sentence = f"{' and '.join(damped[:2])} both give the damping; keep one"
+                raise InvalidSettingError(damped[-1], sentence)
         with part():
             additions = read_each(Arguments.call, table.additions())
     # What overflows is refused by `Building`.
@@ -250,37 +251,39 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
         elif form == "system":
             built = _from_system(table, folder)
         else:
-            name, where = getattr(table, form), place.within(form)
+            name = getattr(table, form)
             if isinstance(name, str) and form == "file" and real_place(folder / name) in readers:
-                where.refuse(f"{name} refers back to itself; name the file of another building")
-            with where.prefix_errors():
+                raise InvalidSettingError(
+                    form, f"{name} refers back to itself; name the file of another building"
+                )
+            with keyed(form):
                 if isinstance(name, str):
                     known = published_building(name) if form == "published" else _read(folder / name, readers)
                 else:
                     known = name
             built = _replace_matrices(known, table, folder)
-        with place.prefix_errors():
-            built = _with_statements(built, table).check()
+        built = _with_statements(built, table).check()
         of_damping = (table.rayleigh, table.modal_damping)
         if table.element or any(each not in of_damping for each in table.additions()):
-            refuse_without_masses(built, place.within(form))
+            with keyed(form):
+                refuse_without_masses(built)
         for add in additions:
             built = add(built)
         if table.p_delta:
             if table.loads is not None:
-                place.within("loads").refuse("p_delta and loads both give the weights; keep one")
-            with place.within("p_delta").prefix_errors():
+                raise InvalidSettingError("loads", "p_delta and loads both give the weights; keep one")
+            with keyed("p_delta"):
                 built = with_p_delta(built)
-    with place.prefix_errors():
-        return built.check()
+    return built.check()
 
 
-def refuse_without_masses(building: Building, place: Place) -> None:
+def refuse_without_masses(building: Building) -> None:
     """Refuse dampers and additions for a building without known masses."""
     if building.status == WITHOUT_MASSES:
-        place.refuse(
+        raise InvalidSettingError(
+            (),
             "A alone does not say what a force does, and the building has dampers or additions; give M in the file, or "
-            'inputs = ["ground", 1], which says what the columns of its B are'
+            'inputs = ["ground", 1], which says what the columns of its B are',
         )
 
 
@@ -290,12 +293,13 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
     n_strokes = building.n_strokes if table.n_strokes is None else table.n_strokes
     count = max(len(building.storeys) - n_strokes, 0)
     if table.height is not None and table.heights is not None:
-        table.place.within("height").refuse("height and heights both give the heights; keep one")
+        raise InvalidSettingError("height", "height and heights both give the heights; keep one")
     given = (table.height,) * count if table.height is not None else table.heights
     if given is not None and len(given) != count:
-        table.place.within("heights").refuse(
+        raise InvalidSettingError(
+            "heights",
             f"heights has {counted(len(given), 'number')} for {counted(count, 'storey')}; give one for each, or one "
-            "height for all"
+            "height for all",
         )
     strokes = np.zeros(len(building.storeys) - count)
     stated: dict[str, Any] = {
@@ -310,20 +314,18 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
 
 
 def _shear(table: BuildingTable) -> Building:
-    (entry,) = (entry for entry in keys_of(BuildingTable) if entry.name == "stiffnesses")
     if not table.stiffnesses:
-        refuse_missing(entry, table.place)
+        raise InvalidSettingError((), "the building has no stiffnesses; give those of its storeys [N/m]")
     masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
-    with table.place.prefix_errors():
-        return shear_building(
-            name=table.name or "building",
-            masses=masses,
-            stiffnesses=stiffnesses,
-            storey_damping=damping,
-            floor_names=table.floor_names or (),
-            storey_names=table.storey_names or (),
-            source=table.source or "",
-        )
+    return shear_building(
+        name=table.name or "building",
+        masses=masses,
+        stiffnesses=stiffnesses,
+        storey_damping=damping,
+        floor_names=table.floor_names or (),
+        storey_names=table.storey_names or (),
+        source=table.source or "",
+    )
 
 
 def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
@@ -332,11 +334,11 @@ def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     count = table.n_storeys
     if count is None or not values:
         return values
-    with table.place.within("n_storeys").prefix_errors():
+    with keyed("n_storeys"):
         check_storeys(count)
     if len(values) not in (1, count):
-        table.place.within(name).refuse(
-            f"{name} has {len(values)} numbers for {count} storeys; give one, or one for each"
+        raise InvalidSettingError(
+            name, f"{name} has {len(values)} numbers for {count} storeys; give one, or one for each"
         )
     return values * count if len(values) == 1 else values
 
@@ -348,8 +350,7 @@ def _replace_matrices(known: Building, table: BuildingTable, folder: Path) -> Bu
         status = known.status if known.status == WITHOUT_MASSES else "ours"
         arrays |= {"status": status, "source": source_with(known, f"{', '.join(arrays)} replaced")}
     words = {name: getattr(table, name) for name in ("floor_names", "storey_names", "name", "source")}
-    with table.place.prefix_errors():
-        return replace(known, **arrays, **{name: word for name, word in words.items() if word is not None})
+    return replace(known, **arrays, **{name: word for name, word in words.items() if word is not None})
 
 
 def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
@@ -357,7 +358,7 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
     for name in (*_MATRICES, *_ROWS, "influence"):
         value = getattr(table, name)
         if isinstance(value, str):
-            with table.place.within(name).prefix_errors():
+            with keyed(name):
                 arrays[name] = read_matrix(folder / value)
         elif value is not None:
             arrays[name] = np.array(value, dtype=np.float64)
@@ -366,12 +367,14 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
 
 def _from_system(table: BuildingTable, folder: Path) -> Building:
     """The building of a state space; masses are stated, follow from forces of dampers, or stay unknown."""
-    place, path = table.place.within("system"), folder / str(table.system)
+    path = folder / str(table.system)
     name, given = table.name or path.stem, _arrays(table, folder)
-    with place.prefix_errors():
+    with keyed("system"):
         found = read_matrices(path, ("A", "B", "M"))
         if "A" not in found:
-            place.refuse(f"{path}: a state space needs A, and M or B; found {', '.join(found) or 'nothing'}")
+            raise InvalidSettingError(
+                (), f"{path}: a state space needs A, and M or B; found {', '.join(found) or 'nothing'}"
+            )
         A = found["A"]
         B = found.get("B", np.empty((len(A), 0)))
         system = LinearSystem(A=A, B=B, C=np.empty((0, len(A))), D=np.empty((0, B.shape[1])))
@@ -380,8 +383,9 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
     influence, mass = given.get("influence", np.ones(n)), given.get("mass", found.get("M"))
     inputs = table.inputs or ()
     if inputs and len(inputs) != B.shape[1]:
-        table.place.within("inputs").refuse(
-            f"inputs has {counted(len(inputs), 'name')}, and B has {counted(B.shape[1], 'column')}; name each"
+        raise InvalidSettingError(
+            "inputs",
+            f"inputs has {counted(len(inputs), 'name')}, and B has {counted(B.shape[1], 'column')}; name each",
         )
     if "ground" in inputs and "influence" not in given:
         influence = -B[order[n:], inputs.index("ground")]
@@ -396,11 +400,11 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
         storey_names=table.storey_names or (),
         source=table.source or str(path),
     )
-    with place.prefix_errors():
+    with keyed("system"):
         building = built(mass=mass)
     forces = [number for number, each in enumerate(inputs) if each != "ground"]
     if mass is None and forces:
-        with table.place.within("inputs").prefix_errors():
+        with keyed("inputs"):
             rows = np.stack([building.storey_row(inputs[number]) for number in forces])
             return built(mass=mass_of_forces(system, forces, rows, name))
     if mass is None:
@@ -419,23 +423,22 @@ def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Buil
     for title in ("mass", "stiffness"):
         if title not in named:
             given_names = ", ".join(matrices) or "nothing"
-            table.place.refuse(
-                f"a building needs mass (M), stiffness (K) and usually damping (C); found {given_names}"
+            raise InvalidSettingError(
+                (), f"a building needs mass (M), stiffness (K) and usually damping (C); found {given_names}"
             )
     n = len(named["mass"])
-    with table.place.prefix_errors():
-        check_size(n, "building")
-        floors = named.get("floors", np.eye(n))
-        storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))
-        return Building(
-            name=table.name or "building",
-            mass=named["mass"],
-            damping=named.get("damping", np.zeros((n, n))),
-            stiffness=named["stiffness"],
-            influence=named.get("influence", np.ones(n)).ravel(),
-            floors=floors,
-            storeys=storeys,
-            floor_names=table.floor_names or number_names("floor", len(floors)),
-            storey_names=table.storey_names or number_names("storey", len(storeys)),
-            source=table.source or "",
-        )
+    check_size(n, "building")
+    floors = named.get("floors", np.eye(n))
+    storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))
+    return Building(
+        name=table.name or "building",
+        mass=named["mass"],
+        damping=named.get("damping", np.zeros((n, n))),
+        stiffness=named["stiffness"],
+        influence=named.get("influence", np.ones(n)).ravel(),
+        floors=floors,
+        storeys=storeys,
+        floor_names=table.floor_names or number_names("floor", len(floors)),
+        storey_names=table.storey_names or number_names("storey", len(storeys)),
+        source=table.source or "",
+    )

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
-from mrwork.base.numbers import duration_in_words
-from mrwork.base.progress import ProgressLine, ProgressReport
+from mrwork.base.progress import ProgressLine
 from mrwork.cli.frame import Frame, command_line
 from mrwork.cli.output import in_words, is_quiet, print_result, progress_line, renew_page
 from mrwork.cli.terminal import keep_stdout, note
@@ -22,6 +21,7 @@ from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import REPORT, RunKind
 from mrwork.store.run_writer import RunAtWork
+from mrwork.study.course import StudyProgress
 from mrwork.study.results import StudyResults
 from mrwork.study.schema import Use
 from mrwork.study.study import Study
@@ -45,22 +45,6 @@ class StudyVerb(Generic[Results]):
     text: Callable[[Results, bool, bool], str]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Reading(ProgressReport):
-    """Progress of reading a study, with the time since it began [s]."""
-
-    seconds: float = 0.0
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line."""
-        return f"reading the study and designing its laws, {duration_in_words(self.seconds)}"
-
-    def later(self, seconds: float) -> _Reading:
-        """The same after some time."""
-        return _Reading(seconds=self.seconds + seconds)
-
-
 def run_on_study(
     options: argparse.Namespace,
     kind: RunKind,
@@ -77,7 +61,7 @@ def run_on_study(
 
     began = time.perf_counter()
     with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
-        line(_Reading())
+        line(StudyProgress(label="reading the study and designing its laws"))
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
     frame = Frame.of(options, kind, default, kept)

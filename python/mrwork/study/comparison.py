@@ -31,14 +31,6 @@ BOTH = ("peak_drift", "peak_acceleration")
 """Criteria that a law must lower together to be better than a constant command."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionGroup:
-    """Motions that have something in common: its name, and their indices."""
-
-    name: str
-    motions: tuple[int, ...]
-
-
 def judged_in_words(results: StudyResults) -> str:
     """The motions that scores stand on, as "16 test motions"; "16 motions" where the study has no training motions."""
     judged = results.judged_motions
@@ -66,7 +58,7 @@ def _n_training(results: StudyResults) -> int:
     return 0 if judged.issuperset(results.chosen_on) else len(results.chosen_on)
 
 
-def motion_groups(results: StudyResults) -> tuple[MotionGroup, ...]:
+def motion_groups(results: StudyResults) -> dict[str, list[int]]:
     """Groups that hold some of the judged motions, but not all; and the training motions beside test motions."""
     judged = results.judged_motions
     members: dict[str, list[int]] = {}
@@ -76,8 +68,7 @@ def motion_groups(results: StudyResults) -> tuple[MotionGroup, ...]:
     groups = {name: motions for name, motions in members.items() if len(motions) < len(judged)}
     every = enumerate(results.motions)
     others = [number for number, each in every if number not in judged and each.use == "training"]
-    made = [*groups.items(), *([("training motions", others)] if others else [])]
-    return tuple(MotionGroup(name=name, motions=tuple(motions)) for name, motions in made)
+    return {**groups, **({"training motions": others} if others else {})}
 
 
 def times_better(results: StudyResults, row: int, reference: int, names: Sequence[str] = BOTH) -> int | None:

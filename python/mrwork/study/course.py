@@ -30,24 +30,23 @@ _CORE: Kind = "core"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyProgress(ProgressReport):
-    """Progress of a study: runs done and in total, the label of the present ones, elapsed time [s].
+    """Progress of a study: the label of the present runs, those done and in total, elapsed time [s].
 
     `left` is the time that is left [s], `None` where it is not known, as before the first runs of a kind are done.
     """
 
-    done: int
-    total: int
     label: str
-    seconds: float
+    done: int = 0
+    total: int = 0
+    seconds: float = 0.0
     left: float | None = None
 
     @property
     def in_words(self) -> str:
         """Progress in one line: completed runs, the next ones, the remaining time."""
+        runs = [f"{self.done} of {self.total} runs"] if self.total else []
         left = [] if self.left is None else [f"about {duration_in_words(self.left)} left"]
-        return ", ".join(
-            [f"{self.done} of {self.total} runs", self.label, duration_in_words(self.seconds), *left]
-        )
+        return ", ".join([*runs, self.label, duration_in_words(self.seconds), *left])
 
     @property
     def share(self) -> float | None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from mrwork.base.keys import suggestion
 from mrwork.base.numbers import counted
-from mrwork.base.places import Place, keyed, read_each
+from mrwork.base.places import keyed, read_each
 from mrwork.base.units import CommandUnit, DriverUnit, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
@@ -323,7 +323,7 @@ def equip_building(
 def _row_of(bare: Building, table: DamperTable) -> Floats:
     """Stretch of the dampers of a table over the coordinates of the bare building."""
     if table.row is None:
-        refuse_without_masses(bare, Place())
+        refuse_without_masses(bare)
     with keyed("storey"):
         row = bare.storey_row(table.storey)
     if table.row is None:

@@ -227,11 +227,11 @@ def _summary(results: StudyResults) -> dict[str, Any]:
         "judged_on": judged_in_words(results),
         "groups": [
             {
-                "name": group.name,
-                "motions": [results.motions[motion].name for motion in group.motions],
-                "scores": {row.label: results.score_under(number, group.motions) for number, row in rows},
+                "name": name,
+                "motions": [results.motions[motion].name for motion in motions],
+                "scores": {row.label: results.score_under(number, motions) for number, row in rows},
             }
-            for group in motion_groups(results)
+            for name, motions in motion_groups(results).items()
         ],
         "changes": list(_describe_changes(comparison)),
         "realisations": results.n_realisations,

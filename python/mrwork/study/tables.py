@@ -328,13 +328,13 @@ def group_table(results: StudyResults, rows: Sequence[int]) -> Table:
     groups = motion_groups(results)
     return Table(
         label="Score under groups of motions",
-        columns=("", *(f"{group.name[:1].upper()}{group.name[1:]}" for group in groups)),
+        columns=("", *(f"{name[:1].upper()}{name[1:]}" for name in groups)),
         rows=(
-            ("Motions", *(format_fixed(len(group.motions), 0) for group in groups)),
+            ("Motions", *(format_fixed(len(motions), 0) for motions in groups.values())),
             *(
                 (
                     results.rows[row].label,
-                    *(format_fixed(results.score_under(row, group.motions), 3) for group in groups),
+                    *(format_fixed(results.score_under(row, motions), 3) for motions in groups.values()),
                 )
                 for row in rows
             ),
