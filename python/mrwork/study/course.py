@@ -64,7 +64,7 @@ class Course:
 
     def __init__(
         self,
-        on_progress: Callable[[StudyProgress], None] | None = None,
+        on_progress: Callable[[StudyProgress], bool | None] | None = None,
         costs: Mapping[Kind, float] = MappingProxyType({}),
         total: int = 0,
     ) -> None:

@@ -28,21 +28,20 @@ from mrwork.closed_loop.evaluation import searched
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import command_unit_of, in_command_unit
 from mrwork.control.laws.control_law import ControlLaw, control_law
-from mrwork.control.laws.law_problem import DesignProblem, LawSettings, Magnitude, Magnitudes, ReferencePeaks
+from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, ReferencePeaks
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 from mrwork.study.course import Course, Kind, StudyProgress, cost_of
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.realisations import nominal
-from mrwork.study.runs import Runs, recall_or_compute
+from mrwork.study.runs import Runs
 from mrwork.study.study import (
     WEIGHT,
     Arrangement,
     NamedLaw,
-    Row,
     Study,
     TakenSettings,
     constant_share,
@@ -69,7 +68,7 @@ def magnitudes_of_runs(
     on: Runs,
     *,
     devices: Sequence[Device],
-    constant: ReferencePeaks | None,
+    constant: ReferencePeaks | None = None,
 ) -> Magnitudes:
     """Typical peaks of the response, medians over the motions, from the runs at i = 0 and at the largest command."""
     first = 2.0 * math.pi * float(building.frequencies[0])
@@ -106,15 +105,6 @@ def magnitudes_of_runs(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Response:
-    """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
-
-    off: Runs
-    on: Runs
-    magnitudes: Magnitudes
-
-
 @checked
 def designed(
     study: Study,
@@ -149,12 +139,11 @@ def designed(
     if not lacking or study.problem is None:
         return study
     trials = _Trials(
-        bare=study.building,
+        at_zero=replace(study.at_zero, law=None),
         problem=study.problem,
         hardware=study.hardware,
         n_scanned=sum(bool(each.missing) for each in lacking),
-        journal=journal,
-        on_progress=on_progress,
+        call=LongCall(journal=journal, on_progress=on_progress),
     )
 
     def arranged(each: Arrangement) -> Arrangement:
@@ -176,39 +165,34 @@ class _Trials:
     Nothing is simulated before a law asks.
     """
 
-    bare: Building
+    at_zero: Arrangement
     problem: DesignProblem
     hardware: Hardware
     n_scanned: int
-    journal: Journal | None
-    on_progress: Callable[[StudyProgress], None] | None
+    call: LongCall[StudyProgress, Study]
 
     @cached_property
     def _course(self) -> Course:
         """Progress of all scans, of as many steps each."""
         n_candidates = 2 + _STEPS * self.n_scanned
         costs: Mapping[Kind, float] = {"core": self._cost(2) + self._cost(_STEPS) * self.n_scanned}
-        return Course(self.on_progress, costs, n_candidates * len(self.problem.motions))
+        return Course(self.call.on_progress, costs, n_candidates * len(self.problem.motions))
 
     def _cost(self, n_candidates: int) -> float:
-        return cost_of(self._arranged(self.problem), self.problem.motions, self.hardware, n_candidates)
+        return cost_of(self.at_zero, self.problem.motions, self.hardware, n_candidates)
 
     def design(self, named: NamedLaw) -> tuple[ControlLaw, TakenSettings]:
         """A law with the settings that it lacks, and how they came."""
         law, problem = named.table.law, named.problem
         with keyed("controller", named.number):
             problem, beside = self._expect_motion(problem) if named.lacks_motion else (problem, "")
-            inputs = digest_of(
-                law,
-                toml_value(as_document(named.given)),
-                digest_of_run(self._arranged(problem), *problem.motions),
-            )
-            taken = recall_or_compute(
-                self.journal,
+            taken = self.call.step(
                 f"settings of {law}",
-                inputs,
                 TakenSettings,
                 partial(self._take, named, problem, beside),
+                law,
+                toml_value(as_document(named.given)),
+                digest_of_run(replace(self.at_zero, devices=problem.all_devices), *problem.motions),
             )
             return named.design(problem, taken.settings), taken
 
@@ -219,14 +203,13 @@ class _Trials:
             f"amplitude = {toml_value(shaken.amplitude)} and velocity = {toml_value(shaken.velocity)} of the "
             "[[damper]] for its static model, up to the peak stroke at i = 0"
         )
-        if problem is problem.whole:
-            return shaken, says
-        return shaken.limited_to(problem.largest_command), says
+        limited = problem is not problem.whole
+        return shaken.limited_to(problem.largest_command) if limited else shaken, says
 
     @cached_property
     def _shaken(self) -> DesignProblem:
         """The problem with the motion that the response of its dampers lets expect."""
-        whole, expected = self.problem.whole, self._response.magnitudes
+        whole, (_, _, expected) = self.problem.whole, self._response
         amplitude, velocity = (
             (round_to(_SMALLEST * each), round_to(each)) for each in (expected.stroke, expected.rate)
         )
@@ -237,8 +220,14 @@ class _Trials:
         kind, given, missing = SETTINGS[named.table.law], named.given, named.missing
         if not missing:
             return TakenSettings(settings={}, origin=(beside,), remedy="")
-        taken, says = self._weights(kind, given, [entry.name for entry in missing])
-        magnitudes = self._response.magnitudes
+        taken, says = dict[str, Any](), list[str]()
+        # Of a regulator without R.
+        if WEIGHT in [entry.name for entry in missing]:
+            if "designed" in given:
+                taken, says = {WEIGHT: 1.0}, ["control_weight, R as designed"]
+            elif not kind.weight_names() & given.keys():
+                taken, says = dict(kind.weighed_by_default), ["equal weights of all drifts"]
+        _, _, magnitudes = self._response
         magnitudes = replace(magnitudes, cost=kind.cost({**given, **taken}, magnitudes))
         scanned: dict[str, Floats] = {}
         for entry in missing:
@@ -266,18 +255,6 @@ class _Trials:
             remedy=f"settings = {toml_value(as_document(given) | taken)}",
         )
 
-    def _weights(
-        self, kind: type[LawSettings], given: Mapping[str, Any], missing: Sequence[str]
-    ) -> tuple[dict[str, Any], list[str]]:
-        """The weights of a regulator without R, and words on them."""
-        if WEIGHT not in missing:
-            return {}, []
-        if "designed" in given:
-            return {WEIGHT: 1.0}, ["control_weight, R as designed"]
-        if kind.weight_names() & given.keys():
-            return {}, []
-        return dict(kind.weighed_by_default), ["equal weights of all drifts"]
-
     def _scan(
         self,
         named: NamedLaw,
@@ -289,14 +266,14 @@ class _Trials:
         law, count = named.table.law, len(next(iter(scanned.values())))
         many = [{name: float(each[step]) for name, each in scanned.items()} for step in range(count)]
         designed = design_candidates(law, problem, [settings_of(law, {**held, **each}) for each in many])
-        response, scores = self._response, np.full(count, math.inf)
+        (off, on, _), scores = self._response, np.full(count, math.inf)
         self._course.begin(f"settings of {law}", "core", self._cost(count), 0)
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
             runs = self._run(problem, named.shaped(designed.law))
-            of_runs = runs.scores(response.off).mean(axis=(1, 2))
+            of_runs = runs.scores(off).mean(axis=(1, 2))
             if control_law(law).commands_force:
-                within = (runs.peak_force <= response.on.peak_force)[:, :, 0].all(axis=1)
+                within = (runs.peak_force <= on.peak_force)[:, :, 0].all(axis=1)
                 of_runs = np.where(within, of_runs, math.nan)
             scores[list(designed.designed)] = searched(of_runs)
         best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
@@ -309,35 +286,28 @@ class _Trials:
         if not np.isfinite(scores).any():
             return many[best], f"{ranges}, the middle, since none of {count} values has a score"
         number, active = len(problem.motions), control_law(law).commands_force
-        on = f"the {'motion' if number == 1 else counted(number, 'motion')} that it is judged on, too"
+        judged = f"the {'motion' if number == 1 else counted(number, 'motion')} that it is judged on, too"
         limit = " with no more force than the dampers at the largest command" if active else ""
         return many[best], (
             f"{ranges}, the best of {count} values{limit} (score {scores[best]:.3f} on "
-            f"{on if problem.judged else counted(number, 'training motion')})"
+            f"{judged if problem.judged else counted(number, 'training motion')})"
         )
 
     @cached_property
-    def _response(self) -> _Response:
+    def _response(self) -> tuple[Runs, Runs, Magnitudes]:
+        """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
         problem = self.problem.whole
         self._course.begin("dampers at i = 0 and at the largest command", "core", self._cost(2), 0)
         off, on = (self._run(problem, constant_share(problem.devices, share)) for share in (0.0, 1.0))
-        magnitudes = magnitudes_of_runs(
-            problem.building, problem.motions, off, on, devices=problem.devices, constant=None
-        )
-        return _Response(off=off, on=on, magnitudes=magnitudes)
-
-    def _arranged(self, problem: DesignProblem) -> Arrangement:
-        return Arrangement(
-            row=Row(label="", kind="controller"),
-            bare=self.bare,
-            building=problem.building,
-            devices=problem.all_devices,
-            law=None,
+        return (
+            off,
+            on,
+            magnitudes_of_runs(problem.building, problem.motions, off, on, devices=problem.devices),
         )
 
     def _run(self, problem: DesignProblem, law: ControlLaw) -> Runs:
         return simulate_criteria(
-            self._arranged(problem),
+            replace(self.at_zero, devices=problem.all_devices),
             law,
             problem.motions,
             self.hardware,

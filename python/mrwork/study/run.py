@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.responses import history_signals
 from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.errors import Interrupted
 from mrwork.motions import GroundMotion
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 from mrwork.study.constant import BestByGroup, BestConstant, ConstantSearch, n_constant
 from mrwork.study.course import Course, Kind, StudyProgress, cost_of, kind_of
 from mrwork.study.damper_size import judged_by_demand
@@ -30,7 +31,6 @@ from mrwork.study.runs import (
     knows_least_strokes,
     numbered,
     own_axes,
-    recall_or_compute,
     recall_or_simulate,
     runs_of,
     study_criteria,
@@ -102,9 +102,8 @@ def run_study(
     realised = numbered(0 if study.realisations is None else len(study.realisations))
     runs = _StudyRuns(
         study=study,
-        journal=journal,
+        call=LongCall(journal=journal, on_progress=on_progress, so_far=lambda: runs.results),
         threads=threads,
-        on_progress=on_progress,
         kept=kept,
         keep=keep,
         rows=[*study.arrangements],
@@ -112,10 +111,8 @@ def run_study(
         realised=Runs.empty({**axes, "realisation": realised}, study_criteria(study.command_unit)),
         choices=[],
     )
-    try:
+    with runs.call.keeping("study"):
         runs.simulate()
-    except KeyboardInterrupt:
-        raise Interrupted(runs.results, "study") from None
     return runs.results
 
 
@@ -128,9 +125,8 @@ class _StudyRuns:
     """
 
     study: Study
-    journal: Journal | None
+    call: LongCall[StudyProgress, StudyResults]
     threads: int
-    on_progress: Callable[[StudyProgress], None] | None
     kept: Callable[[int, int], bool]
     keep: Callable[[int, int, RunHistory], None]
     rows: list[Arrangement]
@@ -146,7 +142,7 @@ class _StudyRuns:
         for row, _, cost, _ in steps:
             kind = kind_of(self.rows[row])
             costs[kind] = costs.get(kind, 0.0) + cost
-        self.course = Course(self.on_progress, costs, self.runs.outcome.size)
+        self.course = Course(self.call.on_progress, costs, self.runs.outcome.size)
         for row, what, cost, step in steps:
             label = ", ".join(filter(None, [self.rows[row].row.label, what]))
             self.course.begin(label, kind_of(self.rows[row]), cost, self.runs.n_done)
@@ -191,15 +187,12 @@ class _StudyRuns:
         )
         inputs = digest_of_run(arrangement, *study.chosen_on)
         if inputs not in self.shares:
-            self.shares[inputs] = recall_or_compute(
-                self.journal, "best_constant", inputs, BestConstant, search.best_share
-            )
+            self.shares[inputs] = self.call.step("best_constant", BestConstant, search.best_share, inputs)
         share = self.shares[inputs]
         best: BestConstant | BestByGroup = share
         if arrangement.by_group:
-            best = recall_or_compute(
-                self.journal, "best_by_group", inputs, BestByGroup, lambda: search.best_by_group(share)
-            )
+            by_group = partial(search.best_by_group, share)
+            best = self.call.step("best_by_group", BestByGroup, by_group, inputs)
         label = f"{arrangement.row.label}, {best.label(arrangement.devices)}"
         named, law = replace(arrangement.row, label=label), constant_commands(best.commands)
         self.rows[row] = replace(arrangement, row=named, law=law)
@@ -207,7 +200,7 @@ class _StudyRuns:
 
     def _simulate_nominal(self, row: int) -> None:
         """The nominal runs of a row, of which the histories that the study keeps are stored."""
-        recalling = self.journal is not None and self.journal.recalling
+        recalling = self.call.recalling
         self._fill(self.runs, slice(1), "runs", row, lambda: self._in_batches(row))
         for motion in self._stored(range(len(self.study.motions)), self.runs.of_row(row)):
             if recalling and not self.kept(row, motion):
@@ -252,7 +245,7 @@ class _StudyRuns:
         """Fill in some realisations of a row, from the journal or simulated, and then recorded."""
         part = into.part(slice(row, row + 1), realisations=realisations)
         inputs = digest_of_run(self.rows[row], *self.study.grounds)
-        made = recall_or_simulate(self.journal, step, inputs, part.axes, part.declared, simulate)
+        made = recall_or_simulate(self.call.journal, step, inputs, part.axes, part.declared, simulate)
         into.put(made, row, range(len(self.study.motions)), realisations.start or 0)
 
     def _axes(self, row: int, motions: Sequence[int]) -> Axes:
