@@ -6,7 +6,7 @@ The force is compared with the base shear of the building without dampers.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,13 +14,11 @@ from numpy.typing import NDArray
 
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
-from mrwork.base.values import Floats
-from mrwork.buildings import Building
-from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.control.weights.limits import sine_force
 from mrwork.study.demand import damper_warnings, demands_of
 from mrwork.study.results import BuildingFacts, DamperFacts, StudyResults
+from mrwork.study.study import Study
 
 # Share of the base shear below which dampers hardly change a response: with 2 % of it the peak drift of a frame of six
 # storeys under El Centro decreases by 5 % at the most.
@@ -34,33 +32,6 @@ _RIGID = 5.0
 _NAMED = 3
 
 _COMMANDED = ("passive_off", "passive", "best_passive", "best_passive_by_group", "controller")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DevicePlace:
-    """Index and stiffness [N/m] of the storey where a device stands, and the first natural frequency [Hz].
-
-    `share` is that of `DamperFacts`.
-    """
-
-    storey: int
-    stiffness: float
-    frequency: float
-    share: float
-
-    @staticmethod
-    def of(building: Building, storey: int, stretch: Floats) -> DevicePlace:
-        """Of a storey of the building without dampers, its stiffness against opposite forces at its two ends.
-
-        `stretch` is the row of the device, which has the coordinates of its braces behind those of the building.
-        """
-        row = building.storeys[storey]
-        return DevicePlace(
-            storey=storey,
-            stiffness=1.0 / float(row @ np.linalg.solve(building.stiffness, row)),
-            frequency=float(building.frequencies[0]),
-            share=float(stretch[: row.size] @ row / (row @ row)),
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,15 +74,9 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     )
 
 
-def judged_by_demand(
-    results: StudyResults, devices: Sequence[Device], building: Building, storeys: Sequence[int]
-) -> StudyResults:
-    """Results with the demands on their devices, which stand in these storeys, and with the warnings on them."""
-    motions = results.motions
-    places = [
-        DevicePlace.of(building, storey, np.asarray(device.row))
-        for device, storey in zip(devices, storeys, strict=True)
-    ]
+def judged_by_demand(results: StudyResults, study: Study) -> StudyResults:
+    """Results of a study with the demands on its devices, and with the warnings on them."""
+    motions, devices = results.motions, study.devices
     demanded = {
         (row, motion): demands_of(results.quantities, row, motion, devices, motions[motion].duration)
         for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
@@ -119,16 +84,16 @@ def judged_by_demand(
     results = replace(
         results,
         demanded=demanded,
-        building=BuildingFacts.of(building),
+        building=BuildingFacts.of(study.building),
         dampers=tuple(
-            DamperFacts.of(device, place.storey, place.share)
-            for device, place in zip(devices, places, strict=True)
+            DamperFacts.of(device, study.building, table.storey)
+            for device, table in zip(devices, study.table.damper, strict=True)
         ),
     )
     named = {
         (results.rows[row].label, motions[motion].name): each for (row, motion), each in demanded.items()
     }
-    warnings = (*damper_warnings(named), *_weak(results), *_locked_storeys(results, devices, places))
+    warnings = (*damper_warnings(named), *_weak(results), *_locked_storeys(results, study))
     return replace(results, damper_warnings=warnings)
 
 
@@ -144,14 +109,15 @@ def _weak(results: StudyResults) -> Iterator[str]:
     )
 
 
-def _locked_storeys(
-    results: StudyResults, devices: Sequence[Device], places: Sequence[DevicePlace]
-) -> Iterator[str]:
+def _locked_storeys(results: StudyResults, study: Study) -> Iterator[str]:
     """A sentence for each device that locks its storey at i = 0, else with a law or a constant command."""
     off, commanded = results.row_of("passive_off"), _commanded(results)
     stroke, force = (results.quantities.numbers[name][..., 0, :] for name in ("peak_stroke", "peak_force"))
-    for device, place in enumerate(places):
-        ratios = place.share**2 * ratio(force[..., device], stroke[..., device]) / place.stiffness
+    for device, damper in enumerate(results.dampers):
+        row = study.building.storeys[damper.storey]
+        # Against opposite forces at the two ends of the storey.
+        stiffness = 1.0 / float(row @ np.linalg.solve(study.building.stiffness, row))
+        ratios = damper.share**2 * ratio(force[..., device], stroke[..., device]) / stiffness
         stiff = commanded & (ratios > _RIGID)
         at_zero = off is not None and bool(stiff[off].any())
         if at_zero:
@@ -163,7 +129,7 @@ def _locked_storeys(
         others = [f"{len(labels) - _NAMED} more"] if len(labels) > _NAMED + 1 else labels[_NAMED:]
         named = list_names([*labels[:_NAMED], *others])
         when, remedy = (
-            ("already at i = 0", _fewer(results, devices[device], place, int(worst[1])))
+            ("already at i = 0", _fewer(results, study, device, int(worst[1])))
             if at_zero
             else (f"with {named}", "; a smaller largest_command of the law or fewer dampers free it")
         )
@@ -182,15 +148,15 @@ def _commanded(results: StudyResults) -> NDArray[np.bool_]:
     return np.asarray(results.quantities.finished[:, :, 0] & kinds[:, None])
 
 
-def _fewer(results: StudyResults, device: Device, place: DevicePlace, motion: int) -> str:
+def _fewer(results: StudyResults, study: Study, number: int, motion: int) -> str:
     """How many dampers have a tenth of the base shear at the drift without dampers."""
-    bare = results.quantities.at(0, motion)
+    bare, device, damper = results.quantities.at(0, motion), study.devices[number], results.dampers[number]
     # A storey of what was built in, such as a tuned mass, is none of the building without dampers.
-    if not results.finished_under(0, (motion,)) or place.storey >= len(bare["peak_drift"]):
+    if not results.finished_under(0, (motion,)) or damper.storey >= len(bare["peak_drift"]):
         return ""
-    drift = place.share * float(bare["peak_drift"][place.storey])
-    rate = 2.0 * math.pi * place.frequency * drift
-    force = place.share * float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
+    drift = damper.share * float(bare["peak_drift"][damper.storey])
+    rate = 2.0 * math.pi * float(study.building.frequencies[0]) * drift
+    force = damper.share * float(np.abs(sine_force(device, drift, rate, device.largest_command)).max())
     count = device.count * _ADVISED * float(bare["peak_base_shear"]) / force
     if count < 1.0:
         return f"; one alone has {_percent(_ADVISED / count)} % of the base shear, take a smaller damper"

@@ -124,18 +124,20 @@ class DamperFacts:
     command_unit: str = "A"
 
     @staticmethod
-    def of(device: Device, storey: int, share: float) -> DamperFacts:
-        """Those of a device in a storey; of its laws, those of the parameters that follow the command."""
-        spec = device.spec
+    def of(device: Device, building: Building, storey: int | str) -> DamperFacts:
+        """Those of a device in a storey of the building without dampers; of its laws, those that follow the command."""
+        spec, row = device.spec, building.storey_row(storey)
+        # Behind the coordinates of the building the device has those of braces.
+        stretch = np.asarray(device.row)[: row.size]
         following = [f"{name} {law}" for name, law in spec.laws_by_name.items() if not law.is_constant]
         return DamperFacts(
             name=device.name,
             model=f"{spec.name}, {', '.join(following) or 'all constant'}",
             count=device.count,
             largest_command=device.largest_command,
-            storey=storey,
+            storey=building.storey_names.index(building.storey_name(storey)),
             tested=device.tested,
-            share=share,
+            share=float(stretch @ row / (row @ row)),
             command_unit=spec.command_unit or "A",
         )
 

@@ -173,7 +173,7 @@ class _StudyRuns:
         runs = self.runs.with_labels("row", [each.row.label for each in self.rows])
         criteria = runs.criteria(scales, study.command_unit).beside(self.realised)
         results = StudyResults.of(study, [each.row for each in self.rows], runs, criteria, self.choices)
-        return judged_by_demand(results, study.devices, study.building, study.device_storeys)
+        return judged_by_demand(results, study)
 
     def _choose_constants(self, row: int) -> None:
         """Give a row its best constant commands."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,6 @@ from mrwork.motions import GroundMotion
 from mrwork.store.codec import array_of, plain
 from mrwork.store.journal import Journal
 from mrwork.study.study import Arrangement, StudyLaw, commands_force
-
-T = TypeVar("T")
 
 Axes = Mapping[str, tuple[str, ...]]
 """Labels along each axis by its name."""
@@ -403,13 +401,6 @@ def candidate_axes(
         "motion": tuple(motion.name for motion in motions),
         "realisation": numbered(n_realisations),
     }
-
-
-def recall_or_compute(
-    journal: Journal | None, step: str, inputs: str, kind: type[T], compute: Callable[[], T]
-) -> T:
-    """The result of a step from the journal, or computed, and then recorded; see `Journal.once`."""
-    return compute() if journal is None else journal.once(step, inputs, kind, compute)
 
 
 def recall_or_simulate(

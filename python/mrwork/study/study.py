@@ -304,12 +304,6 @@ class Study(Summarised):
         return joined_units(device.spec.command_unit for device in commanded(self.devices)) or "A"
 
     @property
-    def device_storeys(self) -> tuple[int, ...]:
-        """Indices of the storeys of the devices."""
-        names = [self.building.storey_name(each.storey) for each in self.table.damper]
-        return tuple(map(self.building.storey_names.index, names))
-
-    @property
     def facts(self) -> tuple[tuple[str, str], ...]:
         """Headings and sentences on the parts of the study and the designs of its laws."""
         return (*self.described, *((heading, " ".join(notes)) for heading, notes in self.design_notes))
