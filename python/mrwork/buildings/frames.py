@@ -330,7 +330,7 @@ def with_viscous_damper(
 
 
 def with_element(building: Building, element: PassiveElement, says: str) -> Building:
-    """The building with an element, whose spring and dashpot join the matrices; its source `says` what it does."""
+    """The building with an element, whose spring and dashpot join the matrices; `says` goes into its source."""
     square = np.outer(element.row, element.row)
     return replace(
         building,

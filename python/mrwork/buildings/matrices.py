@@ -140,7 +140,7 @@ class Building(Plotted, Summarised):
         Number of last rows of `storeys` that are strokes of additions (a tuned mass, a damper behind its brace).
         They are not drifts and do not count in drift criteria.
     elements
-        What yields, slips or loses head; modes, regulators and observers do not see it.
+        Elements that yield, slip or lose head; modes, regulators and observers do not see them.
     heights
         Height of each storey [m], shape (n_storeys,), lowest first, 0 for a row that is no storey, such as isolators or
         a stroke; empty where they are not known. Drift ratios stand on them.
@@ -222,7 +222,7 @@ class Building(Plotted, Summarised):
 
     @property
     def site_stiffness(self) -> Floats:
-        """Stiffness matrix of what is simulated beside the elements [N/m], shape (n, n).
+        """Stiffness matrix in the simulation, beside the elements [N/m], shape (n, n).
 
         It is K without the initial stiffness of the parts of the frame that yield, whose loops take its place, and
         without P / h of each storey under the weight P (P-delta). Modes, regulators and observers go by K.

@@ -28,11 +28,11 @@ _FREE: Final = 1e-6
 # Squares of frequencies that differ by less are equal, relative to their own and to the highest.
 _SAME: Final = 1e-8
 _EPSILON: Final = 1e-14
-# Weight of what the ground drives beside damping, where both single out shapes.
+# Weight of the motion that the ground drives beside damping, where both single out shapes.
 _DRIVEN: Final = 1e-6
 OF_ADDITIONS: Final = 0.9
-"""Share of the kinetic energy in coordinates of additions above which a mode is none of the frame."""
-# With more coordinates, damping ratios are those without the coupling between modes: poles would take minutes.
+"""Share of the kinetic energy in coordinates of additions above which a mode does not belong to the frame."""
+# With more coordinates, damping ratios leave out the coupling between modes: poles would take minutes.
 _MOST_COUPLED: Final = 300
 
 
@@ -76,7 +76,7 @@ def spaces_of(squares: Floats) -> list[slice]:
 
 
 def settle_shapes(omega: Floats, modes: Floats, damping: Floats, driven: Floats) -> Floats:
-    """Mode shapes, of several of one frequency those that damping does not couple; of equal damping one is driven.
+    """Mode shapes that damping does not couple where several have one frequency; of equally damped ones one is driven.
 
     `driven` is M r, shape (n,): the first of modes with equal damping has all their participation, the others none.
     """
@@ -202,7 +202,7 @@ def _modes_have(count: int, n_modes: int) -> str:
 def is_damped(mass: Floats, damping: Floats, stiffness: Floats, ratio: float) -> bool:
     """Whether it is certain that no damping ratio is below `ratio`."""
     typical = _typical_frequency(mass, stiffness)
-    # What a skew part of C does is no work.
+    # A skew part of C does no work.
     rest = damping + damping.T
     rest *= 0.5
     rest -= (ratio * typical) * mass

@@ -460,7 +460,7 @@ def _read_series(lines: Lines, place: int, series: re.Match[str], source: str) -
 
 
 def _read_points(lines: Lines, place: int, points: re.Match[str], source: str) -> GroundMotion:
-    """Accelerations, or pairs of times and these, some lines after one that states their number and duration."""
+    """Accelerations, or pairs of time and acceleration, some lines after one that states their number and duration."""
     unit, tenth = found.groups() if (found := _UNITS.search(lines.at(place + 1))) else ("", None)
     factor = factor_to_si(unit, "acceleration", context=lines.where(place)) / (10.0 if tenth else 1.0)
     count, first = int(points[1]), place + _AFTER_POINTS
@@ -502,7 +502,7 @@ VOLUME = Format(
 
 
 def _read_smc(lines: Lines, _: Stated) -> GroundMotion:
-    """11 lines of text, 48 integers, 50 numbers, comments, then cm/s^2, or pairs of time and these (USGS, SMC)."""
+    """11 lines of text, 48 integers, 50 numbers, comments, then cm/s^2, or pairs with time (USGS, SMC)."""
     if "ACCELEROGRAM" not in lines.at(0):
         raise RecordError(
             f"{lines.where(0)}: this SMC file is of the kind '{quote_text(lines.at(0))}'; give one of acceleration"

@@ -1,7 +1,7 @@
 """Read ground motions from files; the format is recognised by the content.
 
-What is no format of a network is a table: text columns with or without names, accelerations with a stated step, or a
-.mat file.
+A file in no network's format is read as a table: text columns with or without names, accelerations with a stated step,
+or a .mat file.
 """
 
 from __future__ import annotations

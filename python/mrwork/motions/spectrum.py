@@ -251,9 +251,9 @@ class ShakeTable:
     """A shake table: an actuator with limits and a bandwidth, on which the specimen has no effect.
 
     The table follows a command as a low-pass filter of second order, `a'' + 2 zeta w a' + w^2 a = w^2 a_command`: at
-    the corner frequency its gain is `1 / (2 zeta)`. The limits hold for what the table does, from rest in its middle.
-    The defaults are our definition of a table of medium size with a specimen of some hundred kilograms; they are those
-    of no particular machine.
+    the corner frequency its gain is `1 / (2 zeta)`. The limits hold for the motion of the table, from rest in its
+    middle. The defaults are our definition of a table of medium size with a specimen of some hundred kilograms; they
+    describe no particular machine.
 
     Parameters
     ----------

@@ -419,7 +419,7 @@ def _duration(rng: np.random.Generator, longest: float) -> float:
 
 
 def _lognormal(rng: np.random.Generator, sigma: float, *, limit: float) -> float:
-    """A factor with median 1 and logarithmic standard deviation `sigma`, within `limit` of these."""
+    """A factor with median 1 and logarithmic standard deviation `sigma`, within `limit` standard deviations."""
     deviate = math.inf
     while abs(deviate) > limit:
         deviate = rng.standard_normal()

@@ -58,7 +58,7 @@ class StandardGA:
     Parameters
     ----------
     name
-        What records of fits call the search.
+        Name of the search in records of fits.
     population
         Chromosomes P, at least 4.
     crossover_probability
@@ -150,7 +150,7 @@ class EfficientGA:
     Parameters
     ----------
     name
-        What records of fits call the search.
+        Name of the search in records of fits.
     population
         Chromosomes P, at least 4.
     elite_share
@@ -231,7 +231,7 @@ class DifferentialEvolution:
     Parameters
     ----------
     name
-        What records of fits call the search.
+        Name of the search in records of fits.
     population
         Members, at least 5.
     base

@@ -45,7 +45,7 @@ class ParticleSwarm:
     Parameters
     ----------
     name
-        What records of fits call the search.
+        Name of the search in records of fits.
     population
         Particles, at least 2.
     inertia

@@ -88,7 +88,7 @@ def sensitivities(
 def _resolved(
     spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory, most: int
 ) -> tuple[Floats, Floats, Counts]:
-    """Force of each row, what it wants, and its sub-steps; rows that want more than `most` have none."""
+    """Force of each row, sub-steps that it needs, and sub-steps that it gets: 0 where it needs more than `most`."""
     force = np.full((len(theta), history.n_time), np.inf)
     given = twin_of(spec).relaxation is not None or not spec.n_states
     wanted = _relaxation(spec, theta, history) if given else np.ones(len(theta))
@@ -128,14 +128,14 @@ def _last_counts(spec: DamperSpec, history: _rust.LoadingHistory) -> dict[bytes,
 
 
 def _counts(wanted: Floats, most: int) -> Counts:
-    """The power of two that is at least what is wanted; 0 beyond `most`, and where it is not a number."""
+    """Smallest power of two that is not below `wanted`; 0 beyond `most` and for NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
         counts = np.exp2(np.ceil(np.log2(np.maximum(wanted, 1.0))))
         return np.where(counts <= most, counts, 0.0).astype(np.uint32)
 
 
 def _groups(substeps: Counts) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Each number of sub-steps, and the rows that have it; those without any are left out."""
+    """Each number of sub-steps with its rows; rows without sub-steps are left out."""
     for count in np.unique(substeps[substeps > 0]):
         yield int(count), np.flatnonzero(substeps == count)
 

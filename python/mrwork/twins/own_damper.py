@@ -221,9 +221,9 @@ class _Check:
         self._rest = jnp.asarray(spec.nominal), jnp.zeros(spec.n_states), jnp.float64(0.0), jnp.float64(0.0)
 
     def run(self, functions: Mapping[str, Callable[..., Any]]) -> tuple[bool, bool]:
-        """Refuse equations that cannot be simulated, in a sentence with the place of the function; what follows.
+        """Refuse equations that cannot be simulated, in a sentence with the place of the function.
 
-        That is whether a motion the other way gives the opposite force, and whether states move at rest.
+        Returns whether the opposite motion gives the opposite force, and whether states move at rest.
         """
         for role, function in functions.items():
             place = place_of(function)

@@ -70,7 +70,7 @@ def _count(spec: DamperSpec, theta: Array, record: RecordArrays) -> Array:
 
 
 def _power_of_two(wanted: Array) -> Array:
-    """The power of two that is at least what is wanted; 0 beyond the most, and where it is not a number."""
+    """Smallest power of two that is not below `wanted`; 0 beyond `MOST_SUBSTEPS` and for NaN."""
     counts = 2 ** np.arange(MOST_SUBSTEPS.bit_length())
     place = jnp.searchsorted(counts.astype(float), wanted)
     return jnp.append(counts, 0)[place]

@@ -1,4 +1,4 @@
-"""Functions of a point as JAX has them: its coordinates, the parameters that these give, and arrays as operands."""
+"""Functions of a point for JAX: coordinates of the point, its parameters, and arrays as operands."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperFo
 def _stroke(
     problem: DesignProblem, device: Device, elongation: float, rate: float
 ) -> tuple[float, float, str]:
-    """Amplitude [m] and peak velocity [m/s] of a sinusoid, and what they are."""
+    """Amplitude [m] and peak velocity [m/s] of a sinusoid, and their origin in words."""
     tested = device.tested
     if tested is not None and min(tested.stroke, tested.velocity) > 0.0:
         return tested.stroke, tested.velocity, "over its tested range"

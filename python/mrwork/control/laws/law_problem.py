@@ -207,7 +207,7 @@ class Magnitudes(Summarised):
     rate [m/s] of a device at i = 0, its force [N] at the largest command, peak of the ground motions [m/s^2], largest
     command [A or V], 1 where dampers follow commands in both units, which are then `shares`. `constant_drift` [m] and
     `constant_acceleration` [m/s^2] are mean peaks under the best constant command, where a law refers to them. `cost`
-    is what the weights that are not free add up to.
+    is the sum of the costs of the held weights.
     """
 
     drift: float

@@ -36,8 +36,8 @@ _SMALLEST = 1e-9
 def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     """A weight as a symmetric positive semidefinite matrix, shape (size, size).
 
-    It is given as one number for all entries, one for each, or a matrix. Messages have its `name` and what the entries
-    belong to, such as "storeys".
+    The weight is one number for all entries, one for each, or a matrix. Messages have its `name` and the noun of the
+    entries, `each`, such as "storeys".
     """
     try:
         value = np.asarray(given, dtype=np.float64)
@@ -254,7 +254,7 @@ def regulators_of_weights(
 def regulators_of_costs(
     plant: Plant, costs: Sequence[tuple[Weighed, ArrayLike] | SettingError]
 ) -> list[Regulator | SettingError]:
-    """The regulators of what weights add up to with their R, all by one call; errors keep their places."""
+    """Regulators of sums of weights with their R, in one call; an error stands in the place of its regulator."""
     return solve_together(
         lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]), costs
     )

@@ -90,7 +90,7 @@ class LoopMargins(Summarised):
 
     @property
     def in_words(self) -> str:
-        """The margins, what loop they are of, and what they do not cover."""
+        """Sentences on the margins, their loop, and what they do not cover."""
         rates = dict.fromkeys(self.driver_rates)
         lags = ", ".join("no lag" if rate is None else f"lag {rate:.3g} 1/s" for rate in rates)
         loop = f"samples of {1e3 * self.sample_time:g} ms, delay {1e3 * self.delay:g} ms, driver with {lags}"

@@ -395,7 +395,8 @@ class LyapunovEquations:
         return symmetric(self._basis @ solution @ self._basis.T / scale)
 
 
-# Seconds of an equation of one state, about, times the cube of their number; those that are told, and told of [s].
+# A solution takes about this time [s] times the cube of the number of states; from so many states on, and above this
+# time [s], it is announced.
 _SECONDS = 2e-7
 _MANY_STATES, _LONG = 250, 5.0
 

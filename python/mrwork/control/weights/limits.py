@@ -117,7 +117,7 @@ class LimitedOutputs:
         return cls(names=names, units=units, settings=settings, limits=np.array(numbers))
 
     def of_plant(self, plant: Plant) -> Outputs:
-        """These outputs of a plant of the same floors, storeys and devices."""
+        """The limited outputs of a plant of the same floors, storeys and devices."""
         return stack_outputs(*(outputs(plant) for _, _, outputs in _QUANTITIES.values())).select(self.names)
 
 

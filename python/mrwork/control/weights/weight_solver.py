@@ -31,7 +31,7 @@ from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 if TYPE_CHECKING:
     from mrwork.control.weights.program import WeightProgram
 
-# Modes up to which the program has all of a building, and those that it has at most.
+# Number of modes up to which the program contains the whole building, and the most that it contains.
 _ALL_MODES, _MOST_MODES = 20, 40
 _MOST_GAP = 0.01
 _ALTERNATIONS = 13
