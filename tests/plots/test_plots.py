@@ -44,7 +44,7 @@ UNITS = {
     "g": 9.80665,
 }
 # Labels of ratios and counts have no unit.
-UNITLESS = ("Likelihood ratio", "Dynamic range", "over i = 0")
+UNITLESS = ("Likelihood ratio", "Dynamic range", "over i = 0", "Dampers in each place")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +121,7 @@ DRAWN = [
     *(Drawn(figure="fronts", kind=kind) for kind in ("Front", "TuningResults", "TunedStudy")),
     Drawn(figure="ida", kind="Fragilities", options={"rows": ["uncontrolled", 1]}),
     Drawn(figure="fragility", kind="Fragilities", pairs=(("intensity", "reached"),)),
+    Drawn(figure="damper_counts", kind="DamperCounts", pairs=(("dampers", "reached"),)),
     Drawn(figure="fronts", kind="SizeFront", pairs=(("envelope_volume", "dynamic_range"),)),
 ]
 
@@ -218,6 +219,11 @@ def numbers_of(result: Any) -> dict[str, Any]:
         case mr.study.Fragilities():
             one = next(iter(result.rows.values()))
             return {"intensity": one.levels, "reached": one.crossed}
+        case mr.study.DamperCounts(tried=tried):
+            return {
+                "dampers": [each.uniform for each in tried],
+                "reached": [each.values[1] for each in tried],
+            }
         case SizeFront(designs=designs):
             return {
                 name: [getattr(each, name) for each in designs]

@@ -21,6 +21,7 @@ from mrwork.dampers.design import SizeFront
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Multistart
 from mrwork.records.reading import Reading
+from mrwork.study.least_counts import RowCount, TriedCounts
 from mrwork.tuning import Front
 from mrwork.tuning.judging import with_tuning
 from mrwork.tuning.results import FrontPoint
@@ -164,6 +165,36 @@ def size_front() -> SizeFront:
     return SizeFront(designs=(small, replace(small, turns=small.turns + 10)), evaluations=2)
 
 
+def damper_counts() -> mr.study.DamperCounts:
+    """Two rows, of which one keeps a drift of 10 mm."""
+    tried = (
+        TriedCounts(counts=(count, count), values=(0.02, 0.016 / count, 0.014 + 1e-3 * count))
+        for count in (1, 2, 4)
+    )
+    return mr.study.DamperCounts(
+        criterion="peak_drift",
+        limit=0.01,
+        unit="m",
+        by="uniform",
+        most=4,
+        bare=0.02,
+        places=("one", "other"),
+        rows=(
+            RowCount(
+                label="Optimal passive",
+                kind="best_passive",
+                keeps=True,
+                counts=(2, 2),
+                value=0.008,
+                dampers=4,
+            ),
+            RowCount(label="Lyapunov", kind="controller", keeps=False, counts=(1, 1), value=0.015, dampers=2),
+        ),
+        tried=tuple(tried),
+        runs=100,
+    )
+
+
 RESULTS: dict[str, Callable[[], Any]] = {
     "Fit": fit_with_laws,
     "StoredRun": run,
@@ -176,6 +207,7 @@ RESULTS: dict[str, Callable[[], Any]] = {
     "Responses": responses,
     "StudyResults": study_samples.results,
     "Fragilities": lambda: mr.fragility(study_samples.incremental(), {"peak_drift": "20 mm"}),
+    "DamperCounts": damper_counts,
     "GroundMotion": motion,
     "Building": lambda: mr.building("uts"),
     "Pushover": lambda: mr.buildings.pushover(

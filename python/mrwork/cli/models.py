@@ -12,12 +12,10 @@ from mrwork.base.table import Table
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import Range, add_number, named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import print_result, show_results
+from mrwork.cli.output import check_figure, print_result, show_results, write_figure
 from mrwork.cli.own_models import is_own, own_model
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError
-from mrwork.store.output_file import replacing
-from mrwork.store.run_folder import check_output
 
 _AMPLITUDE = Range(within=Within(least=1e-6, most=1.0), unit="m")
 _FREQUENCY = Range(within=Within(least=1e-4, most=1e3), unit="Hz")
@@ -113,16 +111,11 @@ def _list_presets(options: argparse.Namespace) -> int:
 
 
 def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
-    suffix = options.figure.suffix.lower()
-    if suffix not in (".svg", ".png"):
-        raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
-    check_output(options.figure, replace=True, otherwise="")
-    from mrwork.plots.canvas import png_bytes, svg_bytes
+    check_figure(options.figure)
     from mrwork.plots.of_dampers import nominal_loops
 
     figure = nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
-    with replacing(options.figure) as stream:
-        stream.write(svg_bytes(figure) if suffix == ".svg" else png_bytes(figure))
+    write_figure(options.figure, figure)
 
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:

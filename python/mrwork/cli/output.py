@@ -13,10 +13,14 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from mrwork.base.progress import ProgressLine, ProgressReport, display_here
 from mrwork.base.summary import Summarised
 from mrwork.cli.terminal import note, show, write_stderr
-from mrwork.errors import MrworkError, OutputError, reason_of
+from mrwork.errors import MrworkError, OutputError, SettingError, reason_of
 from mrwork.store.codec import finite
+from mrwork.store.output_file import replacing
+from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from mrwork.identification.fit import Fit
     from mrwork.records import DamperTest
     from mrwork.records.finding import Verb
@@ -82,6 +86,22 @@ def show_results(
     """Print results: the `document` with --json, else their summaries and the lines `below`."""
     texts = [each._summary().text(whole=True) for each in results]
     print_result(options, document, "\n".join(["\n\n".join(texts), *below]))
+
+
+def check_figure(place: Path) -> None:
+    """Refuse a file of --figure that cannot be written, or of another format."""
+    suffix = place.suffix.lower()
+    if suffix not in (".svg", ".png"):
+        raise SettingError(f"--figure {place} ends with {suffix or 'nothing'}; give .svg or .png")
+    check_output(place, replace=True, otherwise="")
+
+
+def write_figure(place: Path, figure: Figure) -> None:
+    """Write a figure into a file that `check_figure` has seen."""
+    from mrwork.plots.canvas import png_bytes, svg_bytes
+
+    with replacing(place) as stream:
+        stream.write(svg_bytes(figure) if place.suffix.lower() == ".svg" else png_bytes(figure))
 
 
 def end_addition(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import is_quiet, print_result
+from mrwork.cli.output import check_figure, in_words, is_quiet, print_result, progress_line, write_figure
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
 from mrwork.cli.workers import add_workers
@@ -53,6 +53,18 @@ def add_options(parser: CommandParser) -> None:
         action="store_true",
         help="push the building sideways in its first mode, print base shear and drifts over the displacement of the "
         "roof and exit",
+    )
+    listings.add_argument(
+        "--size",
+        choices=("count", "storey"),
+        help="find the least dampers that keep the limit of the study, report.limit or drift_limit of its building: "
+        "with count as many in each [[damper]], with storey a count of each; print them and exit",
+    )
+    listings.add_argument(
+        "--figure",
+        type=named_path,
+        metavar="FILE",
+        help="with --size, draw the criterion over the number of dampers, as an .svg or a .png file",
     )
     add_seed(parser, "noise and synthetic motions")
     study.add_argument(
@@ -115,6 +127,12 @@ def run(options: argparse.Namespace) -> int:
         facts = {**asdict(BuildingFacts.of(building)), **modal, "warnings": building.warnings}
         print_result(options, finite(facts), repr(building))
         return 0
+    if options.size is not None:
+        return _find_counts(options)
+    if options.figure is not None:
+        raise SettingError(
+            "--figure draws what --size finds; leave it out, the page has the figures of a study"
+        )
     # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study
 
@@ -126,6 +144,41 @@ def run(options: argparse.Namespace) -> int:
         partial(_verb, options),
         use=options.motions,
     )
+
+
+def _find_counts(options: argparse.Namespace) -> int:
+    """Find how many dampers keep the limit of a study, draw the figure, print the table."""
+    if options.figure is not None:
+        check_figure(options.figure)
+    from mrwork.runs.study import read_study
+    from mrwork.study.least_counts import damper_counts
+
+    study = read_study(options.study, seed=options.seed, on_python=note)
+    study = study if options.motions == "all" else study.of_use(options.motions)
+    with progress_line(in_words, quiet=is_quiet(options)) as line:
+        found = damper_counts(
+            study,
+            by="uniform" if options.size == "count" else "storey",
+            on_progress=None if is_quiet(options) else line,
+            threads=options.threads,
+        )
+    drawn: dict[str, Any] = {}
+    if options.figure is not None:
+        from matplotlib.figure import Figure
+
+        from mrwork.plots.of_studies import damper_counts as figure_of
+
+        figure = Figure(figsize=(6.0, 4.0), layout="constrained")
+        figure_of(found, figure.subplots())
+        write_figure(options.figure, figure)
+        drawn = {"figure": str(options.figure)}
+    text = found._summary().text(whole=True)
+    print_result(
+        options,
+        finite(plain(found)) | drawn,
+        "\n".join([text, *(f"Figure: {each}" for each in drawn.values())]),
+    )
+    return 0
 
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:

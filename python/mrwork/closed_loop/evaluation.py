@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrwork.base.arguments import AnyNumbers, Whole
+from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised
 from mrwork.base.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from mrwork.base.units import question_on
@@ -139,6 +140,12 @@ class Criterion:
     def unit(self) -> str:
         """Unit of the number, as in tables."""
         return "1" if self.scale else unit_of(self.quantity).replace("^", "")
+
+    def in_words(self, value: float, unit: str) -> str:
+        """A value with its unit; a drift ratio in per cent."""
+        if self.scale == "height":
+            value, unit = 100.0 * value, "%"
+        return f"{format_rounded(value)} {unit}".removesuffix(" 1")
 
     def unknown_in(self, command_unit: str) -> str:
         """Why it is not known where commands have this unit, with what to do; empty where it is."""

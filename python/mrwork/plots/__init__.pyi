@@ -7,6 +7,7 @@ from .of_fits import bands as bands
 from .of_fits import laws as laws
 from .of_fits import posterior as posterior
 from .of_fits import profiles as profiles
+from .of_studies import damper_counts as damper_counts
 from .of_studies import energies as energies
 from .of_studies import fragility as fragility
 from .of_studies import fronts as fronts

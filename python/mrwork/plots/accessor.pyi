@@ -16,6 +16,7 @@ class Plots(Generic[ResultT_co]):
     posterior = of_fits.posterior
     profiles = of_fits.profiles
     building = of_buildings.building
+    damper_counts = of_studies.damper_counts
     energies = of_studies.energies
     fragility = of_studies.fragility
     fronts = of_studies.fronts

@@ -32,6 +32,7 @@ from mrwork.plots.sheet import (
 )
 from mrwork.plots.style import DisplayUnit, with_unit
 from mrwork.study.fragilities import Fragilities, Fragility
+from mrwork.study.least_counts import DamperCounts
 from mrwork.study.results import StudyResults
 from mrwork.tuning.judging import TunedStudy
 from mrwork.tuning.results import Front, TuningResults
@@ -53,7 +54,7 @@ class Stroke:
 
 
 def strokes(
-    results: StudyResults | Fragilities, coloured: Collection[int] | None = None
+    results: StudyResults | Fragilities | DamperCounts, coloured: Collection[int] | None = None
 ) -> tuple[Stroke, ...]:
     """The stroke of each row: dark tones and grey for references, a hue for each of six others, thin grey for more.
 
@@ -66,7 +67,7 @@ def strokes(
         "best_passive_by_group": Stroke(colour=style.INK, pattern=_DASHED, width=1.6),
     }
     kinds = [
-        each.kind for each in (results.rows if isinstance(results, StudyResults) else results.rows.values())
+        each.kind for each in (results.rows.values() if isinstance(results, Fragilities) else results.rows)
     ]
     rows = range(len(kinds)) if coloured is None else coloured
     others = [row for row in rows if kinds[row] not in references]
@@ -480,6 +481,47 @@ def _draw_ida(axes: Axes, found: Fragilities, one: Fragility, stroke: Stroke, un
     largest = unit.factor * float(every[np.isfinite(every)].max(initial=0.0))
     axes.set_xlim(0.0, min(max(largest, 1.1 * limit), _BEYOND * limit))
     axes.set_ylim(0.0, 1.02 * float(levels[-1]))
+
+
+@figure
+def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool = True) -> Axes:
+    """Criterion of each arrangement over the number of dampers in each place, with the limit.
+
+    Parameters
+    ----------
+    result
+        What `mr.study.damper_counts` has found.
+    ax, legend
+        As in `histories`.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> found = mr.study.damper_counts(study, limit={"peak_drift": "10 mm"})  # doctest: +SKIP
+    >>> axes = found.plot.damper_counts()  # doctest: +SKIP
+    """
+    axes, of_criterion = axes_for(ax), criterion(result.criterion)
+    ratio = of_criterion.scale == "height"
+    unit = DisplayUnit(symbol="%", factor=100.0) if ratio else shown_unit_of(result.unit, result.limit)
+    every = sorted((count, each.values) for each in result.tried if (count := each.uniform) is not None)
+    for number, (row, stroke) in enumerate(zip(result.rows, strokes(result), strict=True), start=1):
+        axes.plot(
+            [count for count, _ in every],
+            [unit.factor * values[number] for _, values in every],
+            color=stroke.colour,
+            linestyle=stroke.pattern,
+            linewidth=stroke.width,
+            marker=stroke.marker,
+            markersize=3.6,
+            label=row.label,
+        )
+    axes.axhline(
+        unit.factor * result.limit, color=style.RESIDUAL, linestyle=style.DASHED, linewidth=1.0, label="limit"
+    )
+    axes.set_xscale("log", base=2)
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_ylim(bottom=0.0)
+    return finished(axes, "Dampers in each place", with_unit(of_criterion.title, unit.symbol), legend=legend)
 
 
 @figure

@@ -274,8 +274,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
     @property
     def limit_value(self) -> str:
         """The limit with its unit."""
-        value, unit = (100.0 * self.limit, "%") if self.in_percent else (self.limit, self.unit)
-        return f"{format_rounded(value)} {unit}".removesuffix(" 1")
+        return criterion_named(self.criterion).in_words(self.limit, self.unit)
 
     @property
     def in_percent(self) -> bool:

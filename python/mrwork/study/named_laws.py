@@ -251,6 +251,7 @@ class _Trials:
             says.append(sentence)
         return TakenSettings(
             settings=taken,
+            runs=len(next(iter(scanned.values()), ())) * len(problem.motions),
             origin=tuple([*says, beside] if beside else says),
             remedy=f"settings = {toml_value(as_document(given) | taken)}",
         )

@@ -165,7 +165,27 @@ def study_of_tables(
 
 def placed_study(study: Study, placed: Placed) -> Study:
     """The study with its dampers in these storeys, which it no longer compares with others."""
-    dampers = placed_tables(study.table.damper[0], placed)
+    return _with_dampers(study, placed_tables(study.table.damper[0], placed))
+
+
+def counted_study(study: Study, counts: Sequence[int]) -> Study:
+    """The study with so many dampers in each [[damper]] that follows a command, under its motions, without histories.
+
+    A [[damper]] of 0 is left out.
+    """
+    driven, rest = study.table.damper[: len(counts)], study.table.damper[len(counts) :]
+    own = [replace(each, count=count) for each, count in zip(driven, counts, strict=True) if count]
+    return replace(
+        _with_dampers(study, [*own, *rest]),
+        motions=study.motions,
+        detailed=study.detailed,
+        histories=(),
+        realisations=None,
+        is_whole=False,
+    )
+
+
+def _with_dampers(study: Study, dampers: Sequence[DamperTable]) -> Study:
     table = replace(study.table, damper=tuple(dampers), places=None, folder="")
     values = {entry.name: getattr(table, entry.name) for entry in keys_of(StudyTable)}
     given = {name: list(each) if isinstance(each, tuple) else each for name, each in values.items()}

@@ -100,11 +100,15 @@ class Row:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakenSettings:
-    """Settings that a law lacked in the study file: values by name, how they came, and the line for another choice."""
+    """Settings that a law lacked in the study file: values by name, how they came, and the line for another choice.
+
+    `runs` are those of the scan.
+    """
 
     settings: Mapping[str, Any]
     origin: tuple[str, ...]
     remedy: str
+    runs: int = 0
 
     @property
     def in_words(self) -> tuple[str, ...]:
