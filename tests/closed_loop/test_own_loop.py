@@ -89,6 +89,25 @@ def test_two_differential_pairs_with_states_under_a_law_that_switches() -> None:
     assert np.all((runs[0].mean_current > 0.0) & (runs[0].mean_current < 2.0))
 
 
+def test_a_damper_of_the_user_beside_dampers_of_the_package_one_of_which_holds_a_command() -> None:
+    law = ControlLaw(name="clipped_optimal", gains={"gain": [*GAIN, [20.0, -10.0, -50.0, 80.0]]})
+    core = mr.damper("static_hysteretic").with_current_laws(STATIC_LAWS)
+    beside = replace(device(core, STATIC_THETA), name="of the package", row=FRAME.storeys[1], count=2.0)
+    maxwell = mr.damper("maxwell")
+    passive = mr.Device(name="passive", spec=maxwell, theta=maxwell.nominal, row=FRAME.storeys[1])
+    runs = []
+    for plain in LOOP:
+        spec = plain.with_current_laws(LOOP_LAWS, lagged=True)
+        first = device(spec, LOOP_THETA)
+        held = replace(first, name="held", row=FRAME.storeys[1], command=0.7, differential=True)
+        loop = [first, beside, held, passive]
+        runs.append(simulate_loop(FRAME, loop, law, MOTIONS[:1], LATE, histories=True))
+    own, lanes = runs
+    np.testing.assert_array_equal(own.steps, lanes.steps)
+    assert (own.histories[0].command[:, 2:] == [0.7, 0.0]).all()  # type: ignore[index] # they are kept
+    agree(own, lanes)
+
+
 STATIC_CASES = {
     "belief in a curve": (DIRECT, True),
     "clipped optimal": (ControlLaw(name="clipped_optimal", gains={"gain": GAIN}), False),

@@ -118,7 +118,6 @@ def test_dampers_of_several_models_stand_side_by_side() -> None:
     """Without a force of its own, the second leaves the first alone."""
     first, second = placed(mr.damper("bingham")), placed(own_dampers.guo, row=FRAME.storeys[1])
     none = replace(second, count=1e-30)
-    refusal(mr.jax.loop, FRAME, [first, second], TABLE.repeat(2, axis=1), MOTION, match="give `steps`")
     both = mr.jax.loop(FRAME, [first, none], TABLE.repeat(2, axis=1), MOTION, LATE, steps=4)()
     alone = mr.jax.loop(FRAME, [first], TABLE, MOTION, LATE, steps=4)()
     np.testing.assert_allclose(both.history["drift"], alone.history["drift"], rtol=1e-12, atol=1e-15)

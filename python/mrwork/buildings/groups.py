@@ -93,25 +93,6 @@ def commanded(devices: Sequence[Device]) -> tuple[Device, ...]:
     return tuple(device for device in devices if device.is_commanded) or tuple(devices)
 
 
-def refuse_mixed_own(devices: Sequence[Device]) -> None:
-    """Refuse dampers that cannot stand side by side under one law.
-
-    Raises
-    ------
-    SettingError
-        If dampers of the user stand beside others or hold a command.
-    """
-    first = devices[0]
-    for device in devices:
-        own = [each.spec.own for each in (device, first) if each.spec.own is not None]
-        if own and (device.spec != first.spec or device.command is not None):
-            raise SettingError(
-                f"{device.name} is a {device.spec.name} and {first.name} a {first.spec.name}, and a damper of your own "
-                "stands beside its like alone and holds no command; let a model of the package take its place by "
-                'like = "MODEL" beside its run, or mr.fit_like(fit)'
-            )
-
-
 def refuse_order(devices: Sequence[Device]) -> None:
     """Refuse devices of which those that hold a command or follow none are not the last ones."""
     driven = commanded(devices)

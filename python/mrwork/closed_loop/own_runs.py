@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from mrwork.buildings.groups import commanded
 from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws.control_law import control_laws
@@ -38,12 +39,12 @@ def beyond_twin(
     `law` is the name of a law of the registry, or what another one is called. Ideal actuators replace the dampers.
     """
     actuators = any(spec.name == law and spec.commands_force for spec in control_laws())
-    if actuators or not devices or devices[0].spec.own is None:
-        return ""
-    lacking = lacking_in_twin(building, hardware, law)
+    simulated = devices[len(commanded(devices)) :] if actuators else devices
+    own = [device.spec.name for device in simulated if device.spec.own is not None]
+    lacking = lacking_in_twin(building, hardware, law) if own else []
     if not lacking:
         return ""
     return (
-        f"{devices[0].spec.name} is a damper of your own, and its loop cannot have {', or '.join(lacking)}; let a "
+        f"{own[0]} is a damper of your own, and its loop cannot have {', or '.join(lacking)}; let a "
         'model of the package take its place by like = "normalised_bouc_wen" beside its run, or mr.fit_like(fit)'
     )

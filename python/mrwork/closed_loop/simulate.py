@@ -23,7 +23,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import (
     commanded,
     groups_of,
-    refuse_mixed_own,
     refuse_order,
     refuse_rate,
     sends_shares,
@@ -282,8 +281,8 @@ class LoopOfRuns:
 
     @property
     def is_own(self) -> bool:
-        """Whether its dampers are those of the user, which the core does not have."""
-        return self.devices[0].spec.own is not None and not self.law.spec.commands_force
+        """Whether some of its dampers are those of the user, which the core does not have."""
+        return any(each.spec.own is not None for each in self.devices) and not self.law.spec.commands_force
 
     def core(self) -> _Core:
         """The same for the core, which is made anew in each process."""
@@ -333,7 +332,7 @@ def _respond(
 
 
 def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *, histories: bool) -> Any:
-    """Runs of dampers of the user, as `_rust.respond` gives those of others."""
+    """Runs with dampers of the user, as `_rust.respond` gives those of others."""
     # JAX is needed for these dampers only.
     from mrwork.twins.loop import MATRICES, LoopDevice, believed_devices
     from mrwork.twins.own_loop import OwnLoop, OwnRuns, respond
@@ -341,7 +340,7 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
     loop, law, hardware = core.loop, core.loop.law, core.loop.hardware
     gains, start = {}, 0
     for gain in law.spec.gains:
-        shape = gain.shape_for(len(loop.devices), 2 * loop.building.n_coordinates)
+        shape = gain.shape_for(loop.n_commanded, 2 * loop.building.n_coordinates)
         columns = given.gains[:, start : start + math.prod(shape)]
         gains[gain.name] = columns.reshape(len(given.gains), *shape)
         start += columns.shape[1]
@@ -351,8 +350,9 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
         matrices={name: np.asarray(getattr(loop.building, name), dtype=np.float64) for name in MATRICES},
         varied=loop.varied,
         devices=devices,
-        believed=believed_devices(devices, law.curve),
-        largest=np.array([device.largest_command for device in loop.devices]),
+        believed=believed_devices(devices[: loop.n_commanded], law.curve),
+        ranges=np.array([_range_of(device) for device in loop.devices]),
+        n_commanded=loop.n_commanded,
         law=law.name,
         motions=core.waves,
         sample_time=hardware.sample_time,
@@ -362,7 +362,8 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
         step_factor=loop.step_factor,
         widths=(sum(count for _, count in layouts[0]), sum(count for _, count in layouts[1])),
     )
-    return respond(own, OwnRuns(runs, gains, given.shaping, given.theta[0]), histories=histories)
+    theta = tuple(each[:, place] for each in given.theta for place in range(each.shape[1]))
+    return respond(own, OwnRuns(runs, gains, given.shaping, theta), histories=histories)
 
 
 def respond_alone(core: _Core, runs: RunsOfLoop) -> list[NDArray[Any]]:
@@ -616,7 +617,6 @@ def simulate_loop(
         raise SettingError(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
         )
-    refuse_mixed_own(devices)
     refuse_order(devices)
     driven = commanded(devices)
     if user is None:

@@ -332,11 +332,6 @@ def _steps_of(
     hardware: Hardware,
 ) -> int:
     """Integration steps of a sample that `simulate_loop` takes; for a table, with its mean commands."""
-    models = list(dict.fromkeys(device.spec.without_laws.name for device in devices))
-    if len(models) > 1 and any(device.spec.own for device in devices):
-        raise SettingError(
-            f"the devices are of {list_names(models)}; give `steps`, those of a control sample"
-        )
     if not isinstance(law, ControlLaw):
         law = ControlLaw(name="passive", gains={"command": law.mean(axis=0)})
     run = simulate_loop(

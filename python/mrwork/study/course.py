@@ -127,7 +127,7 @@ def kind_of(arrangement: Arrangement) -> Kind:
         return "without dampers"
     if isinstance(law, UserLaw):
         return "Python"
-    if arrangement.devices[0].spec.own is not None and not arrangement.has_actuators:
+    if any(each.spec.own is not None for each in arrangement.devices) and not arrangement.has_actuators:
         return "JAX"
     return "core" if law is None or not law.spec.needs_model else "rollout"
 

@@ -21,7 +21,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
-from mrwork.buildings.groups import refuse_mixed_own
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
@@ -258,13 +257,6 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
         }
         with suppress(SettingError, KeyError):
             dampers = tuple(chosen_damper(each, folder, fitted.__getitem__) for each in tables)
-            groups = [
-                Device(
-                    name="", spec=each.spec, theta=each.theta, row=[1.0], largest_command=each.largest_command
-                )
-                for each in dampers
-            ]
-            refuse_mixed_own(groups)
             sets.append(OtherSet(fitted=fitted, dampers=dampers))
     return tuple(sets)
 
@@ -316,7 +308,6 @@ def equip_building(
                     rated_stroke=one.rated_stroke,
                 )
             )
-            refuse_mixed_own(devices)
     return building, tuple(devices)
 
 

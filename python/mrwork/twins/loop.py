@@ -249,9 +249,10 @@ class AtSample(NamedTuple):
 class LoopRun(NamedTuple):
     """A run: building, devices with those that the law believes in, its numbers, and the timing of the loop.
 
-    `dead_zone` is the damper velocity [m/s] below which the command is zero, `furthest` the largest change of the
-    command from sample to sample, `delay` the delay of the command in integration steps. `ground` has the acceleration
-    at start, middle and end of each step [m/s^2], shape (3 n_steps,), padded.
+    The law commands the first devices, of which `largest` are the largest commands; the others hold the commands
+    `held`. `dead_zone` is the damper velocity [m/s] below which the command is zero, `furthest` the largest change of
+    the command from sample to sample, `delay` the delay of the command in integration steps. `ground` has the
+    acceleration at start, middle and end of each step [m/s^2], shape (3 n_steps,), padded.
     """
 
     plant: LoopPlant
@@ -264,6 +265,7 @@ class LoopRun(NamedTuple):
     delay: Array | int
     sample_time: Array | float
     ground: Array
+    held: ArrayLike = ()
 
 
 class LoopResult(NamedTuple):
@@ -321,6 +323,8 @@ class _Loop:
         # M^-1 e' of all devices, shape (n, n_devices).
         self.pulls = jnp.linalg.solve(run.plant.mass, self.rows.T)
         self.lagged = jnp.array([device.lagged for device in run.devices])
+        self.fixed = jnp.asarray(run.held, dtype=jnp.float64)
+        self.n_driven = len(run.devices) - len(self.fixed)
         self.h = run.sample_time / steps
 
     def start(self, depth: int) -> LoopCarry:
@@ -347,32 +351,36 @@ class _Loop:
         checked = at.number % jnp.maximum(_STEPS_PER_CHECK // self.steps, 1) == 0
         kept = jax.tree.map(partial(jnp.where, checked), self.balanced(motion, kept), kept)
 
+        n = self.n_driven
+
         def force_at(currents: Array) -> Array:
             if run.believed is None:
-                return self.forces(run.devices, motion.states, currents, x, v)
+                return self.forces(run.devices[:n], motion.states, currents, x, v)
             return self.forces(run.believed, [each.at_rest for each in run.believed], currents, x, v)
 
         measured = Measurement(
             state=jnp.concatenate([motion.q, motion.v]),
-            deformation=x,
-            rate=v,
-            force=self.forces(run.devices, motion.states, carry.received, x, v),
+            deformation=x[:n],
+            rate=v[:n],
+            force=self.forces(run.devices[:n], motion.states, carry.received, x, v),
             force_at=force_at,
             largest=run.largest,
             prescribed=at.prescribed,
         )
         raw = run.law.command(measured)
         command = jnp.clip(jnp.where(jnp.isnan(raw), 0.0, raw), 0.0, run.largest)
-        command = jnp.where(jnp.abs(v) < run.dead_zone, 0.0, command)
-        before = carry.commands[0]
+        command = jnp.where(jnp.abs(v[:n]) < run.dead_zone, 0.0, command)
+        before = carry.commands[0, :n]
         command = jnp.where(first, command, jnp.clip(command, before - run.furthest, before + run.furthest))
+        command = jnp.concatenate([command, self.fixed])
         commands = jnp.concatenate([command[None], carry.commands[:-1]])
         # The first command is in force from the start.
         commands = jnp.where(first, command, commands)
         received = jnp.where(first, command, carry.received)
         current = jnp.where(self.lagged, received, commands[self.age(0)])
+        largest = jnp.concatenate([run.largest, jnp.ones_like(self.fixed)])
         kept = kept._replace(
-            command=kept.command.with_sample(command, run.largest, first),
+            command=kept.command.with_sample(command, largest, first),
             invalid=kept.invalid | jnp.isnan(raw).any(),
         )
         if self.bounded:

@@ -47,7 +47,8 @@ class OwnLoop:
     """Shared data of the runs of a call: building, dampers, law, hardware and motions, (step [s], acceleration).
 
     `matrices` are the arguments of `LoopPlant.of`, `varied` damping and stiffness of realisations of the building,
-    `believed` the dampers of the law, `largest` their largest commands. `sample_time` and `command_rate` belong to the
+    `believed` the dampers of the law, which commands the first `n_commanded`; `ranges` are smallest and largest
+    commands, equal of a damper that holds one, shape (n_devices, 2). `sample_time` and `command_rate` belong to the
     hardware, `steps` its integration steps of a sample, in which the `delay` is counted. `widths` are the numbers of a
     summary and of a row of a history.
     """
@@ -56,7 +57,8 @@ class OwnLoop:
     varied: Sequence[tuple[Floats, Floats]]
     devices: Devices
     believed: Devices | None
-    largest: Floats
+    ranges: Floats
+    n_commanded: int
     law: str
     motions: Sequence[tuple[float, Floats]]
     sample_time: float
@@ -86,13 +88,13 @@ class OwnRuns(NamedTuple):
     """Runs: candidate, motion, draw, building and delay of each, shape (n_runs, 5), and the numbers of candidates.
 
     `gains` by name, shape (n_candidates, ...); `shaping` (n_candidates, 2), dead zone and slope; `theta`
-    (n_draws, n_devices, n_columns).
+    (n_draws, n_columns) of each device.
     """
 
     runs: NDArray[np.uint32]
     gains: Mapping[str, Floats]
     shaping: Floats | None
-    theta: Floats
+    theta: Sequence[Floats]
 
 
 @on_processor()
@@ -157,13 +159,13 @@ def _steps_after(loop: OwnLoop, count: int, bound: float, tries: int) -> int:
 
     `bound` bounds the rates of its states [1/s], `tries` counts runs that were not finite.
     """
-    finer, spec = FINER * count, loop.devices[0].spec
+    finer, twins = FINER * count, [twin_of(each.spec) for each in loop.devices if each.spec.n_states]
     possible = finer <= MOST_SUBSTEPS * loop.steps * loop.step_factor
     if tries:
         return finer if possible and tries <= _TRIES else count
     wanted = _steps_for(loop, bound) * loop.step_factor
     # Far from resolved, a run has no bound of its own to be trusted.
-    if spec.n_states and twin_of(spec).relaxation is None and not 0 < wanted <= finer:
+    if any(each.relaxation is None for each in twins) and not 0 < wanted <= finer:
         return finer if possible else 0
     return wanted
 
@@ -190,13 +192,14 @@ def _fastest(plant: LoopPlant) -> float:
     return max(math.sqrt(stiffest), dampest)
 
 
-def _additions(loop: OwnLoop, theta: Floats) -> list[tuple[float, float]]:
+def _additions(loop: OwnLoop, theta: Sequence[Floats]) -> list[tuple[float, float]]:
     """Frequency [rad/s] and decay [1/s] that the dampers of each draw add to the building, as `resolution.rs`."""
     inverse = np.linalg.inv(loop.matrices["mass"])
-    added = np.zeros((len(theta), 2))
+    added = np.zeros((len(theta[0]), 2))
     for index, device in enumerate(loop.devices):
-        levels = np.linspace(0.0, loop.largest[index], _LEVELS if device.spec.follows_command else 1)
-        slopes = interruptible(partial(_steepest, device, theta[:, index], levels))
+        least, most = loop.ranges[index].tolist()
+        levels = np.linspace(least, most, _LEVELS if device.spec.follows_command else 1)
+        slopes = interruptible(partial(_steepest, device, theta[index], levels))
         dampers = device.count * (2.0 if device.differential else 1.0)
         added += dampers * np.asarray(slopes) * (np.asarray(device.row) @ inverse @ np.asarray(device.row))
     return [(math.sqrt(stiffening), decay) for stiffening, decay in added.tolist()]
@@ -232,7 +235,7 @@ class _Own(NamedTuple):
 
     plant: LoopPlant
     gains: Gains
-    theta: Array
+    theta: tuple[Array, ...]
     dead_zone: Array
     furthest: Array
     delay: Array
@@ -267,7 +270,7 @@ def _run_group(
         if len(plants) == 1
         else jax.tree.map(lambda *each: jnp.stack(each)[building], *plants),
         gains={name: jnp.asarray(each[candidate]) for name, each in given.gains.items()},
-        theta=jnp.asarray(given.theta[draw]),
+        theta=tuple(jnp.asarray(each[draw]) for each in given.theta),
         dead_zone=jnp.asarray(shaping[:, 0]),
         furthest=jnp.asarray(np.minimum(shaping[:, 1], loop.command_rate) * loop.sample_time),
         delay=jnp.asarray(delay),
@@ -279,7 +282,8 @@ def _run_group(
         own,
         loop.devices,
         loop.believed,
-        loop.largest,
+        loop.ranges[: loop.n_commanded, 1],
+        loop.ranges[loop.n_commanded :, 0],
         loop.sample_time,
         ground,
         n_samples,
@@ -305,6 +309,7 @@ def _simulate(
     devices: Devices,
     believed: Devices | None,
     largest: Array,
+    held: Array,
     sample_time: Array,
     ground: Array,
     n_samples: Array,
@@ -328,6 +333,7 @@ def _simulate(
             delay=own.delay,
             sample_time=sample_time,
             ground=ground,
+            held=held,
         )
         found = simulate(run, n_samples, steps, n_kept=n_kept, depth=depth, histories=histories, bounded=True)
         return (
