@@ -229,11 +229,10 @@ def damper_counts(
         raise SettingError("the study has no damper that follows a command; give a [[damper]]")
     trials = _Trials(study=study, name=name, threads=threads, on_progress=on_progress)
     rows = [each.row for each in study.arrangements if each.row.kind in _KINDS]
+    names = [study.building.storey_name(each.storey) for each in study.table.damper[: len(devices)]]
+    storeys = tuple(map(study.building.storey_names.index, names))
     try:
-        found = [
-            _least_of(trials, row, value, by, most, study.device_storeys[: len(devices)])
-            for row in range(1, len(rows))
-        ]
+        found = [_least_of(trials, row, value, by, most, storeys) for row in range(1, len(rows))]
     except KeyboardInterrupt:
         raise Interrupted(None, "count of dampers") from None
     each_has = [2 if device.differential else 1 for device in devices]
