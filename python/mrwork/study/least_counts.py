@@ -17,11 +17,11 @@ from mrwork.buildings.groups import commanded
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.responses import axis_of, in_command_unit
 from mrwork.errors import Interrupted, SettingError
+from mrwork.study.constant import n_constant
 from mrwork.study.course import StudyProgress
 from mrwork.study.fragilities import limit_of
 from mrwork.study.named_laws import designed
 from mrwork.study.reading import counted_study
-from mrwork.study.row_runs import n_constant
 from mrwork.study.run import run_study
 from mrwork.study.study import Kind, Study
 
