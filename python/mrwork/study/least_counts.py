@@ -161,7 +161,8 @@ class _Trials:
         results = run_study(study, on_progress=report, threads=self.threads)
         taken = [each.taken.runs for each in study.arrangements if each.taken is not None]
         # Settings are taken from the runs at i = 0 and at the largest command, and scans.
-        chosen = sum(n_constant(each) for each in study.arrangements) + (2 if taken else 0)
+        searched = [n_constant(each) for each in study.arrangements if each.law is None]
+        chosen = sum(searched) + (2 if taken else 0)
         self.runs += int(results.quantities.done.sum()) + chosen * len(study.chosen_on) + sum(taken)
         of_rows = results.labelled.up_to_collapse(self.name)[:, list(results.judged_motions), 0].max(axis=1)
         return TriedCounts(counts=counts, values=tuple(np.where(np.isnan(of_rows), np.inf, of_rows).tolist()))
