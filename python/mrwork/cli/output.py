@@ -19,8 +19,6 @@ from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from mrwork.identification.fit import Fit
     from mrwork.records import DamperTest
     from mrwork.records.finding import Verb
@@ -96,8 +94,8 @@ def check_figure(place: Path) -> None:
     check_output(place, replace=True, otherwise="")
 
 
-def write_figure(place: Path, figure: Figure) -> None:
-    """Write a figure into a file that `check_figure` has seen."""
+def write_figure(place: Path, figure: Any) -> None:
+    """Write a figure of Matplotlib into a file that `check_figure` has seen."""
     from mrwork.plots.canvas import png_bytes, svg_bytes
 
     with replacing(place) as stream:

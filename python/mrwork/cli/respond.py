@@ -164,12 +164,11 @@ def _find_counts(options: argparse.Namespace) -> int:
         )
     drawn: dict[str, Any] = {}
     if options.figure is not None:
-        from matplotlib.figure import Figure
-
+        from mrwork.plots.canvas import column_axes
         from mrwork.plots.of_studies import damper_counts as figure_of
 
-        figure = Figure(figsize=(6.0, 4.0), layout="constrained")
-        figure_of(found, figure.subplots())
+        figure, axes = column_axes()
+        figure_of(found, axes)
         write_figure(options.figure, figure)
         drawn = {"figure": str(options.figure)}
     text = found._summary().text(whole=True)

@@ -8,14 +8,15 @@ the test motions of a study; training motions are shown beside them where they w
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.numbers import counted, format_fixed, in_plain
+from mrwork.base.numbers import NOTHING, counted, format_fixed, in_plain, significant
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.errors import SettingError
@@ -152,9 +153,6 @@ class StudyComparison(Summarised):
     tables: Mapping[tuple[int, int], dict[str, QuantityChange]]
 
     def _summary(self) -> Summary:
-        # Tables are made of comparisons.
-        from mrwork.study.tables import change_table
-
         rows = range(len(self.results.rows))
         return Summary(
             title=f"{self.results.title}: changes",
@@ -465,3 +463,90 @@ def _changes(results: StudyResults, reference: int) -> Iterator[dict[str, Quanti
 def small_first(title: str) -> str:
     """A title within a sentence."""
     return title if title[:2].isupper() else title[:1].lower() + title[1:]
+
+
+def best_cells(
+    results: StudyResults,
+    rows: Sequence[int],
+    columns: Sequence[Sequence[float]],
+    printed: Callable[[float], str] = lambda number: significant(number, 3),
+) -> frozenset[tuple[int, int]]:
+    """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
+    strong = set()
+    for rank in RANKS:
+        candidates = [place for place, row in enumerate(rows) if results.rows[row].kind in rank.kinds]
+        for cell, column in enumerate(columns, start=1):
+            known = [column[place] for place in candidates if not math.isnan(column[place])]
+            if len(known) > 1:
+                least = printed(min(known))
+                strong |= {(place, cell) for place in candidates if printed(column[place]) == least}
+    return frozenset(strong)
+
+
+def change_table(comparison: StudyComparison, reference: int, shown: Collection[int]) -> Table:
+    """The changes of the shown rows against a reference, the rows of each rank together."""
+    results, quantities = comparison.results, compared_quantities()
+    several = len(results.judged_motions) > 1
+    # Those of each rank together, the lowest score first.
+    rows = [row for _, ranked in comparison.ranks for row in ranked if row in shown and row != reference]
+    changes = [comparison.changes(row, reference) for row in rows]
+    columns = [[of_row[entry.name].mean for of_row in changes] for entry in quantities]
+    return Table(
+        label=f"Changes against {results.rows[reference].label}",
+        columns=("", *(entry.short for entry in quantities), *(["Largest increase"] if several else [])),
+        rows=tuple(
+            (
+                results.rows[row].label,
+                *(signed_percent(column[line]) for column in columns),
+                *([_largest(changes[line], quantities)] if several else []),
+            )
+            for line, row in enumerate(rows)
+        ),
+        foot=_worse_laws(comparison, reference, several=several),
+        words=(len(quantities) + 1,) if several else (),
+        strong=best_cells(results, rows, columns, signed_percent),
+        alarming=frozenset(
+            (line, place)
+            for place, column in enumerate(columns, start=1)
+            for line, mean in enumerate(column)
+            if rounds_to_increase(mean)
+        ),
+        headings=rank_headings(comparison, rows),
+        note=f"Change in per cent{f', mean over {judged_in_words(results)}' if several else ''}; increases are "
+        "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
+        + (" The largest increase is that of a quantity under one motion." if several else "")
+        + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
+    )
+
+
+def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
+    """The largest increase of a quantity under one motion; empty if none increases."""
+    sizes = [(changes[entry.name], entry) for entry in quantities]
+    known = [(change, entry) for change, entry in sizes if not math.isnan(change.mean)]
+    if not known:
+        return NOTHING
+    worst, entry = max(known, key=lambda each: each[0].largest)
+    rises = rounds_to_increase(worst.largest)
+    return f"{entry.short} {signed_percent(worst.largest)}, {worst.motion}" if rises else "none"
+
+
+def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
+    laws = sum(len(rows) for rank, rows in comparison.ranks if rank is LAWS)
+    if laws < 2:
+        return ()
+    counts = comparison.worse_counts(reference)
+    return (
+        f"Worse control laws, of {laws}",
+        *(format_fixed(counts[entry.name], 0) for entry in compared_quantities()),
+        *([""] if several else []),
+    )
+
+
+def rank_headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str]:
+    """Title of each rank, by the place of its first row."""
+    return {
+        rows.index(first): rank.title
+        for rank, members in comparison.ranks
+        for first in [next((row for row in members if row in rows), -1)]
+        if first >= 0
+    }

@@ -15,6 +15,7 @@ from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     MOST_IN_DETAIL,
     StudyComparison,
+    change_table,
     chosen_in_words,
     compared,
     findings,
@@ -25,7 +26,6 @@ from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults
 from mrwork.study.schema import Use
 from mrwork.study.tables import (
     bands_of_study,
-    change_table,
     group_table,
     spread_table,
     step_table,

@@ -1,4 +1,4 @@
-"""Tables of a study's page: which rows it shows, their criteria and ratios, and the changes of every quantity.
+"""Tables of a study's page: which rows it shows, their criteria and ratios.
 
 Tables and figures of hundreds of rows cannot be read, and take minutes to draw; `criteria.csv` and `runs.nc` have
 every row.
@@ -7,27 +7,23 @@ every row.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import astuple, dataclass
 
 import numpy as np
 
 from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.table import Table
-from mrwork.closed_loop.evaluation import SCORE, Criterion, criterion
+from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.responses import axis_of, in_command_unit
 from mrwork.study.comparison import (
     BOTH,
-    LAWS,
-    RANKS,
-    QuantityChange,
     StudyComparison,
+    best_cells,
     chosen_in_words,
-    compared_quantities,
     judged_in_words,
     motion_groups,
-    rounds_to_increase,
-    signed_percent,
+    rank_headings,
     times_better,
 )
 from mrwork.study.results import (
@@ -141,7 +137,7 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
             (results.rows[row].label, *(significant(column[place], 3) for column in columns))
             for place, row in enumerate(rows)
         ),
-        strong=_best(results, rows, columns[:of_building]),
+        strong=best_cells(results, rows, columns[:of_building]),
         note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
         "passive damper of each column are bold. Travel is the total variation of the command per second; a switching "
         "is a change of more than 10 % of the largest command, until the command turns back by as much.",
@@ -158,83 +154,6 @@ def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
         and not np.isnan(run[criterion(name).quantity]).all()
         and (name not in _OF_YIELD or "peak_ductility" in criteria)
     }
-
-
-def _best(
-    results: StudyResults,
-    rows: Sequence[int],
-    columns: Sequence[Sequence[float]],
-    printed: Callable[[float], str] = lambda number: significant(number, 3),
-) -> frozenset[tuple[int, int]]:
-    """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
-    strong = set()
-    for rank in RANKS:
-        candidates = [place for place, row in enumerate(rows) if results.rows[row].kind in rank.kinds]
-        for cell, column in enumerate(columns, start=1):
-            known = [column[place] for place in candidates if not math.isnan(column[place])]
-            if len(known) > 1:
-                least = printed(min(known))
-                strong |= {(place, cell) for place in candidates if printed(column[place]) == least}
-    return frozenset(strong)
-
-
-def change_table(comparison: StudyComparison, reference: int, shown: Collection[int]) -> Table:
-    """The changes of the shown rows against a reference, the rows of each rank together."""
-    results, quantities = comparison.results, compared_quantities()
-    several = len(results.judged_motions) > 1
-    # Those of each rank together, the lowest score first.
-    rows = [row for _, ranked in comparison.ranks for row in ranked if row in shown and row != reference]
-    changes = [comparison.changes(row, reference) for row in rows]
-    columns = [[of_row[entry.name].mean for of_row in changes] for entry in quantities]
-    return Table(
-        label=f"Changes against {results.rows[reference].label}",
-        columns=("", *(entry.short for entry in quantities), *(["Largest increase"] if several else [])),
-        rows=tuple(
-            (
-                results.rows[row].label,
-                *(signed_percent(column[line]) for column in columns),
-                *([_largest(changes[line], quantities)] if several else []),
-            )
-            for line, row in enumerate(rows)
-        ),
-        foot=_worse_laws(comparison, reference, several=several),
-        words=(len(quantities) + 1,) if several else (),
-        strong=_best(results, rows, columns, signed_percent),
-        alarming=frozenset(
-            (line, place)
-            for place, column in enumerate(columns, start=1)
-            for line, mean in enumerate(column)
-            if rounds_to_increase(mean)
-        ),
-        headings=_headings(comparison, rows),
-        note=f"Change in per cent{f', mean over {judged_in_words(results)}' if several else ''}; increases are "
-        "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
-        + (" The largest increase is that of a quantity under one motion." if several else "")
-        + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
-    )
-
-
-def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
-    """The largest increase of a quantity under one motion; empty if none increases."""
-    sizes = [(changes[entry.name], entry) for entry in quantities]
-    known = [(change, entry) for change, entry in sizes if not math.isnan(change.mean)]
-    if not known:
-        return NOTHING
-    worst, entry = max(known, key=lambda each: each[0].largest)
-    rises = rounds_to_increase(worst.largest)
-    return f"{entry.short} {signed_percent(worst.largest)}, {worst.motion}" if rises else "none"
-
-
-def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
-    laws = sum(len(rows) for rank, rows in comparison.ranks if rank is LAWS)
-    if laws < 2:
-        return ()
-    counts = comparison.worse_counts(reference)
-    return (
-        f"Worse control laws, of {laws}",
-        *(format_fixed(counts[entry.name], 0) for entry in compared_quantities()),
-        *([""] if several else []),
-    )
 
 
 def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
@@ -283,7 +202,7 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
             label="Score",
             columns=("", "Score"),
             rows=tuple((results.rows[row].label, format_fixed(results.score(row), 3)) for row in rows),
-            headings=_headings(comparison, rows),
+            headings=rank_headings(comparison, rows),
         )
     spreads = {row: results.spread(row) for row in rows}
 
@@ -307,20 +226,10 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
         columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
         rows=cells,
         over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
-        headings=_headings(comparison, rows),
+        headings=rank_headings(comparison, rows),
         note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
         f"{chosen_in_words(results)}".rstrip(),
     )
-
-
-def _headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str]:
-    """Title of each rank, by the place of its first row."""
-    return {
-        rows.index(first): rank.title
-        for rank, members in comparison.ranks
-        for first in [next((row for row in members if row in rows), -1)]
-        if first >= 0
-    }
 
 
 def group_table(results: StudyResults, rows: Sequence[int]) -> Table:

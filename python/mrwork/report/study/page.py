@@ -25,9 +25,9 @@ from mrwork.report.study.fragility_section import fragilities_of_page, fragility
 from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.report.study.storey_section import storey_section
 from mrwork.report.study.tuning_section import tuning_sections
-from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words
+from mrwork.study.comparison import StudyComparison, change_table, compared, findings, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
-from mrwork.study.tables import ShownRows, bands_of_study, change_table, shown_rows, step_table, value_table
+from mrwork.study.tables import ShownRows, bands_of_study, shown_rows, step_table, value_table
 from mrwork.tuning.judging import TunedStudy
 
 
