@@ -26,8 +26,6 @@ from mrwork.files.matrices import read_matrix
 from mrwork.files.open_table import open_table
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
-from mrwork.store.parse import toml_table
-from mrwork.study import read_study
 
 STUDY = study_text("control_weight = 1e-13")
 STIFF = study_text("control_weight = 1e-13", damper="differential = true\nparameters = { k = 1e15 }")
@@ -189,24 +187,3 @@ def test_columns_that_do_not_change_are_read_however_far_they_shrink(tmp_path: P
     assert path.stat().st_size < 2 * time.nbytes / 4
     for name, column in open_table(path, lambda _: True).read(list(columns)).items():
         np.testing.assert_array_equal(column, columns[name])
-
-
-LONG = "1" * 400
-TOML = [
-    "a." * 20_000 + "a = 1",
-    "x = 1\n[" + '"a" . ' * 20_000 + "a]",
-    "x = {" + "a." * 20_000 + "a = 1}",
-    f"x = {LONG * 20}",
-]
-
-
-@pytest.mark.parametrize("text", TOML)
-def test_a_text_that_would_exhaust_its_parser_is_refused_in_a_phrase(tmp_path: Path, text: str) -> None:
-    with pytest.raises(ValueError, match=r"^[^\n]{5,150}$"):
-        toml_table(text)
-    (tmp_path / "a.toml").write_text(text)
-    refusal(read_study, tmp_path / "a.toml", match=r"a\.toml")
-
-
-def test_sound_texts_are_read() -> None:
-    assert toml_table("a.b.c = [[1, 2], [3, 4]] # ............ " + "a." * 300)["a"]["b"]["c"][1] == [3, 4]

@@ -7,6 +7,7 @@ the bare building, and storey 1 of an isolated building is the isolators.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
@@ -50,7 +51,7 @@ from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
 from mrwork.store.input_file import TOML, is_folder, text_of
-from mrwork.store.parse import toml_lines, toml_table
+from mrwork.store.parse import toml_lines
 from mrwork.store.run_folder import real_place
 
 _Numbers = tuple[float, ...]
@@ -201,7 +202,7 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
         )
     text = text_of(path, TOML)
     try:
-        document = toml_table(text)
+        document = tomllib.loads(text)
     except ValueError as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
     place = Place(origin=str(path), lines=toml_lines(text), title="the building")

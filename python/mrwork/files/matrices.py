@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Final
@@ -9,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, reason_of
 from mrwork.files.layout import reads_as_float
 from mrwork.files.matlab import read_matlab_matrices
-from mrwork.store.input_file import MATRIX, is_folder, read_array, text_of
+from mrwork.store.input_file import MATRIX, bytes_of, is_folder, text_of
 
 _SUFFIXES: Final = (".csv", ".tsv", ".txt")
 
@@ -76,7 +77,10 @@ def _only_matrix(path: Path) -> Floats:
 
 
 def _matrix_of_array(path: Path) -> Floats:
-    array = read_array(path, MATRIX)
+    try:
+        array = np.lib.format.read_array(io.BytesIO(bytes_of(path, MATRIX)), allow_pickle=False)
+    except ValueError as reason:
+        raise RecordError(f"{path} is damaged ({reason_of(reason)}); {MATRIX.remedy}") from None
     if array.ndim not in (1, 2) or not array.size or array.dtype.kind not in "fiu":
         raise RecordError(
             f"{path}: a matrix of real numbers was expected, and the array has shape {array.shape} and numbers of the "

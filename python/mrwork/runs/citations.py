@@ -16,7 +16,6 @@ from pathlib import Path
 
 from mrwork.records.reading import is_synthetic
 from mrwork.store.input_file import is_file
-from mrwork.store.parse import toml_table
 from mrwork.store.run_folder import ADDITIONS, FIT_RUN, RANKING, RESULTS, STUDY, RunFolder
 
 
@@ -57,7 +56,7 @@ def _parts(folder: Path) -> list[_Part]:
     run = RunFolder.open(folder)
     manifest, study = run.manifest, run.content(STUDY) if is_file(folder / STUDY) else None
     names = dict.fromkeys(_texts(manifest.get("model")))
-    names |= {} if study is None else dict.fromkeys(_texts(toml_table(study.decode())))
+    names |= {} if study is None else dict.fromkeys(_texts(tomllib.loads(study.decode())))
     settings = manifest.get("settings")
     if isinstance(settings, Mapping):
         names |= dict.fromkeys(_texts([settings.get("search"), settings.get("engine")]))

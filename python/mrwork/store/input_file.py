@@ -5,19 +5,13 @@ Every reader of the package asks this module for the bytes of a file; `tests/sto
 
 from __future__ import annotations
 
-import io
 import os
 import stat
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from mrwork.errors import RecordError, escape_text, reason_of
+from mrwork.errors import RecordError
 
 LEAST: Final = 96 << 20
 """Bytes that the contents of any file may take, however small it is: columns that do not change shrink a thousandfold.
@@ -163,26 +157,3 @@ def is_folder(path: str | Path) -> bool:
 def exists(path: str | Path) -> bool:
     """Whether there is anything at a name, also where it is a name that nothing can have."""
     return os.path.exists(path)  # noqa: PTH110 - as in `is_file`
-
-
-def read_array(path: Path, kind: FileKind) -> NDArray[Any]:
-    """The array of a .npy file; one of Python objects is refused."""
-    with _refuse_damage(path, kind):
-        array: NDArray[Any] = np.lib.format.read_array(io.BytesIO(bytes_of(path, kind)), allow_pickle=False)
-        return array
-
-
-def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
-    """The arrays of a file by name, of which none is of Python objects."""
-    with _refuse_damage(path, kind), np.load(io.BytesIO(bytes_of(path, kind)), allow_pickle=False) as arrays:
-        return dict(arrays)
-
-
-@contextmanager
-def _refuse_damage(path: Path, kind: FileKind) -> Iterator[None]:
-    try:
-        yield
-    except RecordError:
-        raise
-    except Exception as reason:  # the libraries raise whatever a damaged file leads them to
-        raise RecordError(escape_text(f"{path} is damaged ({reason_of(reason)}); {kind.remedy}")) from None

@@ -1,7 +1,7 @@
-"""Files that are written whole or not at all, of which only ordinary ones are replaced; and locks.
+"""Files that are written whole or not at all; and locks.
 
-A file that is replaced takes the place of a link; one that grows is refused where it is a link, or has a second name,
-and so is a folder within a run that is a link. The folder that the user names may be a link (`run_folder.real_place`).
+A file that is replaced takes the place of a link; one that grows is refused where it is a link, and so is a folder
+within a run that is a link. The folder that the user names may be a link (`run_folder.real_place`).
 
 A lock is a file `.NAME.lock` beside the file, or `.lock` in a folder, with the process and machine that hold it, on
 which the kernel keeps an exclusive lock (`flock`). The kernel releases it when the process ends, however that happens;
@@ -15,7 +15,6 @@ from __future__ import annotations
 import errno
 import os
 import socket
-import stat
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
@@ -30,26 +29,9 @@ _FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 _NEW: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK | getattr(os, "O_BINARY", 0)
 
 
-def refuse_special(path: Path) -> None:
-    """Check that there is no pipe, device or socket at `path`, or where a link at `path` leads to."""
-    try:
-        mode = os.stat(path).st_mode  # noqa: PTH116 - `Path` refuses some names with other errors
-    except (OSError, ValueError):
-        return
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise OutputError(f"{path} is a pipe, a device or a socket, and only ordinary files are replaced")
-
-
 def open_to_write(path: Path, flags: int) -> int:
-    """Descriptor of the file at `path`, which is an ordinary one with no other name."""
-    descriptor = os.open(path, flags | _NO_LINK | getattr(os, "O_NONBLOCK", 0), 0o666)
-    status = os.fstat(descriptor)
-    if stat.S_ISREG(status.st_mode) and status.st_nlink <= 1:
-        return descriptor
-    os.close(descriptor)
-    raise OutputError(
-        f"{path} has another name (a hard link), under which it would change too, or is no ordinary file; remove it"
-    )
+    """Descriptor of the file at `path`, which is no symbolic link."""
+    return os.open(path, flags | _NO_LINK, 0o666)
 
 
 def new_file(path: Path) -> BinaryIO:
@@ -73,19 +55,11 @@ def explain_failure(what: str, remedy: str, *, full: str = "") -> Iterator[None]
         raise OutputError(f"cannot {what}: {why or f'{reason.strerror or reason}; {remedy}'}") from reason
 
 
-def check_name(path: Path) -> None:
-    """Refuse a name that no file has, of which the system says nothing that helps."""
-    if "\0" in str(path):
-        raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
-
-
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
     """A file open for writing under a temporary name, which is renamed to `path` at the end of the block."""
-    check_name(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     with explain_failure(f"write {path}", "make room, or give leave to write there"):
-        refuse_special(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         stream = new_file(beside)
         try:

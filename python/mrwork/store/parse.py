@@ -1,28 +1,13 @@
-"""TOML texts, and the lines of their keys."""
+"""Lines of the keys of a TOML text."""
 
 from __future__ import annotations
 
 import re
 import tomllib
 from collections import deque
-from typing import Any, Final
+from typing import Final
 
 from mrwork.base.places import KeyPath
-
-_DEEPEST: Final = 100
-# A key of many parts takes the parser of TOML time and memory in the square of their number.
-_LONG_KEY: Final = re.compile(
-    rf"""(?:^|[\[{{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_DEEPEST}}}""",
-    re.MULTILINE | re.ASCII,
-)
-
-
-def toml_table(text: str) -> dict[str, Any]:
-    """The tables of a TOML text."""
-    if _LONG_KEY.search(text):
-        raise ValueError(f"a key has more than {_DEEPEST} parts")
-    return tomllib.loads(text)
-
 
 # A string, a sign or a word, behind blanks and a remark. Up to two more quotes belong to a string of three.
 _TOKEN: Final = re.compile(
@@ -33,7 +18,7 @@ _TOKEN: Final = re.compile(
 
 
 def toml_lines(text: str) -> dict[KeyPath, int]:
-    """The line of every key, table and array element of a text that `toml_table` has read."""
+    """The line of every key, table and array element of a text that `tomllib` has read."""
     found: dict[KeyPath, int] = {}
     # Index of the last table of each array of tables.
     counts: dict[KeyPath, int] = {}

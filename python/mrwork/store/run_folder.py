@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from mrwork.base.summary import list_names
 from mrwork.errors import MrworkError, OutputError, RecordError
 from mrwork.store.codec import built
-from mrwork.store.commit import FILES, MANIFEST, NEW, OWN, REPLACED, digest_of, digest_of_manifest, end_commit
+from mrwork.store.commit import FILES, MANIFEST, NEW, REPLACED, digest_of, end_commit
 from mrwork.store.input_file import (
     bytes_of,
     exists,
@@ -35,7 +35,7 @@ from mrwork.store.input_file import (
     make_stored_kind,
     text_of,
 )
-from mrwork.store.output_file import Lock, refuse_special
+from mrwork.store.output_file import Lock
 
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
@@ -55,9 +55,6 @@ FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
 HELD_OUT = "held_out.json"
 HELD_OUT_FORCES = "held_out.npz"
-ADDITIONS = frozenset({
-    CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, HELD_OUT, HELD_OUT_FORCES,
-})  # fmt: skip
 # Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
 MODELS = "models"
@@ -92,54 +89,42 @@ FORMAT: Final = 1
 _NAMED: Final = 5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunKind:
-    """Kind of run folder that a verb writes, with its `kind` in the manifest.
-
-    Names in the folder: `written` by the verb; `added` by later verbs; `redrawn` by later verbs from the other files.
-    """
-
-    verb: str
-    kind: str
-    written: frozenset[str]
-    added: frozenset[str] = frozenset()
-    redrawn: frozenset[str] = frozenset({REPORT, SUMMARY, DATA})
-
-    def redraws(self, name: str) -> bool:
-        """Whether a file of the folder is one that later verbs write again."""
-        return name.partition("/")[0] in self.redrawn
-
-    def adds(self, name: str) -> bool:
-        """Whether a file of the folder is one that later verbs add, or that one of them is at work on."""
-        return name.partition("/")[0].removesuffix(NEW) in self.added
-
-    @property
-    def entries(self) -> frozenset[str]:
-        """Names in the folder that the verb, or a later one, may use; all others are the user's."""
-        return self.written | self.added | self.redrawn
-
-
+ADDITIONS: Final = frozenset({
+    CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, HELD_OUT, HELD_OUT_FORCES,
+})  # fmt: skip
+"""What later verbs add to the folder of a fit."""
+REDRAWN: Final = frozenset({REPORT, SUMMARY, DATA})
+"""What later verbs write again, from the other files."""
+OWN_NAMES: Final = ADDITIONS | REDRAWN | {
+    MANIFEST, JOURNAL, FIGURES, FIT, RANKING, MODELS, LAWS, NEAR_SETS, RESULTS, STUDY, RUNS, HISTORIES,
+    CRITERIA_TABLE, PROFILES_TABLE, ENSEMBLE, CHOSEN, SCORES_TABLE, TUNED,
+}  # fmt: skip
+"""Names in a run folder that verbs use; all others are the user's."""
 JOURNALS: Final = (JOURNAL, f"{MODELS}/*/*.jsonl")
 """Patterns of the journals that grow while a run is made."""
 
-FIT_RUN: Final = RunKind(
-    verb="identify",
-    kind="identification",
-    written=frozenset({MANIFEST, JOURNAL, FIT, RANKING, LAWS, NEAR_SETS, MODELS}),
-    added=ADDITIONS | {FIGURES},
-)
-STUDY_RUN: Final = RunKind(
-    verb="respond",
-    kind="study",
-    written=frozenset({
-        MANIFEST, JOURNAL, RESULTS, STUDY, CRITERIA_TABLE, PROFILES_TABLE, HISTORIES, ENSEMBLE, RUNS,
-    }),
-)  # fmt: skip
-TUNING_RUN: Final = RunKind(
-    verb="tune",
-    kind="tuning",
-    written=STUDY_RUN.written | {CHOSEN, SCORES_TABLE, TUNED},
-)
+
+def is_redrawn(name: str) -> bool:
+    """Whether a file of a run is one that later verbs write again."""
+    return name.partition("/")[0] in REDRAWN
+
+
+def is_added(name: str) -> bool:
+    """Whether a file of a run is one that later verbs add, or that one of them is at work on."""
+    return name.partition("/")[0].removesuffix(NEW) in ADDITIONS | {FIGURES}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunKind:
+    """Kind of run folder that a verb writes, with its `kind` in the manifest."""
+
+    verb: str
+    kind: str
+
+
+FIT_RUN: Final = RunKind(verb="identify", kind="identification")
+STUDY_RUN: Final = RunKind(verb="respond", kind="study")
+TUNING_RUN: Final = RunKind(verb="tune", kind="tuning")
 RUN_KINDS: Final = (FIT_RUN, STUDY_RUN, TUNING_RUN)
 """Every kind of run folder."""
 
@@ -197,8 +182,6 @@ class RunFolder:
             )
         if run.format != FORMAT:
             raise RecordError(run.of_before)
-        if not (run.is_as_written or _reads_changed.get()):
-            raise RecordError(_not_as_written(place / MANIFEST, run.kind.verb))
         if REPLACED in run.manifest:
             # Another process may be ending the commit, or the folder be one that cannot be written.
             with suppress(MrworkError, OSError), Lock(run.place):
@@ -254,18 +237,13 @@ class RunFolder:
         )
 
     @property
-    def is_as_written(self) -> bool:
-        """Whether the manifest itself is as a verb has written it."""
-        return self.manifest.get(OWN) == digest_of_manifest(self.manifest)
-
-    @property
     def is_complete(self) -> bool:
         """Whether the run was not interrupted."""
         return self.manifest.get("status") != INTERRUPTED
 
     def owns(self, name: str) -> bool:
         """Whether a name in the folder is of the run, or one that later verbs use."""
-        return name.removesuffix(NEW) in self.kind.entries | {each.partition("/")[0] for each in self.files}
+        return name.removesuffix(NEW) in OWN_NAMES | {each.partition("/")[0] for each in self.files}
 
     def has(self, name: str) -> bool:
         """Whether there is a file of that name, of the run or put there."""
@@ -285,7 +263,10 @@ class RunFolder:
         content = bytes_of(path, file)
         if digest_of(name, content) == self.files.get(name) or _reads_changed.get():
             return content
-        raise RecordError(_not_as_written(self.path / name, verb))
+        raise RecordError(
+            f"{self.path / name} is not as mrwork has written it; run `mrwork {verb}` again, restore the file, or read "
+            "it as it is with --changed (in Python mr.load(..., changed=True))"
+        )
 
     def document(self, name: str, *, verb: str = "") -> Any:
         """The value of a JSON file, as `content`; `None` where there is none."""
@@ -341,15 +322,7 @@ def check_output(place: Path, *, replace: bool, otherwise: str) -> None:
         raise OutputError(f"{place} is a folder; give the name of a file")
     if not replace and (exists(place) or os.path.islink(place)):  # noqa: PTH114 - `Path.is_symlink` raises for some names
         raise OutputError(f"{place} is there already; choose another name, or {otherwise}")
-    refuse_special(place)
     refuse_place_in_run(place)
-
-
-def _not_as_written(path: Path, verb: str) -> str:
-    return (
-        f"{path} is not as mrwork has written it; run `mrwork {verb}` again, restore the file, or read it as it is "
-        "with --changed (in Python mr.load(..., changed=True))"
-    )
 
 
 def _no_run(place: Path, give: str) -> str:

@@ -24,22 +24,20 @@ from typing import Final
 from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
 from mrwork.errors import JournalError, OutputError
+from mrwork.store.codec import json_document
 from mrwork.store.commit import (
     FILES,
     MANIFEST,
     NEW,
-    OWN,
     commit,
     digest_at,
     digests_of,
     make_folders,
-    manifest_document,
 )
-from mrwork.store.input_file import exists, is_folder
+from mrwork.store.input_file import exists
 from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
 from mrwork.store.output_file import (
     Lock,
-    check_name,
     explain_failure,
     is_lock,
 )
@@ -51,10 +49,12 @@ from mrwork.store.run_folder import (
     JOURNAL,
     JOURNALS,
     MODELS,
-    RUN_KINDS,
+    OWN_NAMES,
     RunFolder,
     RunKind,
     chunks_beside,
+    is_added,
+    is_redrawn,
     real_place,
     refuse_place_in_run,
 )
@@ -110,7 +110,7 @@ class Destination:
             lost = {f", the results of `mrwork {run.kind.verb}`": _entries_of(names)}
         else:
             lost = {
-                ", which other verbs or you have added": _entries_of(filter(run.kind.adds, names)),
+                ", which other verbs or you have added": _entries_of(filter(is_added, names)),
                 ", changed since the run was written": [] if self.continues else _changes(run),
             }
         if listed := [f"{list_names(names, _NAMED)}{why}" for why, names in lost.items() if names]:
@@ -168,11 +168,11 @@ def _changes(run: RunFolder) -> list[str]:
 
     def differs(name: str) -> bool:
         path = run.place / name
-        if run.kind.redraws(name) or run.kind.adds(name) or not exists(path):
+        if is_redrawn(name) or is_added(name) or not exists(path):
             return False
         return path.is_symlink() or not path.is_file() or digest_at(name, path) != run.files[name]
 
-    return [*([] if run.is_as_written else [MANIFEST]), *filter(differs, run.files)]
+    return [*filter(differs, run.files)]
 
 
 class RunAtWork:
@@ -197,7 +197,6 @@ class RunAtWork:
 
     def __enter__(self) -> RunAtWork:
         place = self._place
-        check_name(place)
         with _explained(self.destination.path):
             place.mkdir(parents=True, exist_ok=True)
         with ExitStack() as locked:
@@ -237,17 +236,11 @@ class RunAtWork:
         resume = self.destination.resume and (growing.is_file() or committed.is_file())
         if self.destination.resume and not resume and name == JOURNAL:
             raise JournalError(
-                f"there is no {JOURNAL} to resume in {self.destination.path}{self._of_before()}"
+                f"there is no {JOURNAL} to resume in {self.destination.path}; run without --resume"
             )
         journal = journal_in_run(growing, committed=committed, resume=resume, note=self._note)
         self._journals.append(journal)
         return journal
-
-    def _of_before(self) -> str:
-        """What to do where there is no journal; an earlier version had it beside the folder."""
-        part = self._place.with_name(f"{self._place.name}.part")
-        of_before = f"; {part.name} is of an earlier version, remove it" if is_folder(part) else ""
-        return f"{of_before}; run without --resume"
 
     def growing(self, name: str) -> Path:
         """Path at which a file of this run grows, in a folder that is there."""
@@ -309,10 +302,8 @@ class RunAtWork:
         """Files of the run before with their digests, and what else has a name of such a file."""
         if self._earlier is None:
             return {}
-        kinds = {self.destination.kind, self._earlier.kind}
-        named = frozenset().union(*(kind.entries for kind in kinds)) - {MANIFEST}
-        others = [entry.name for entry in self._place.iterdir() if entry.name in named and not entry.is_dir()]
-        return dict.fromkeys(others) | dict(self._earlier.files)
+        named = [entry.name for entry in self._place.iterdir() if not entry.is_dir()]
+        return dict.fromkeys({*named} & OWN_NAMES - {MANIFEST}) | dict(self._earlier.files)
 
     def _refuse_unfinished(self) -> None:
         """Refuse to begin where an unfinished run has steps, beside a run or in the one of an interrupted run."""
@@ -403,20 +394,21 @@ def with_manifest(
     contents: Mapping[str, bytes], facts: Mapping[str, object], kind: RunKind
 ) -> dict[str, bytes]:
     """The files of a run with the manifest that lists them, for a folder that is written with others."""
-    return {**contents, MANIFEST: manifest_document({**_stated(facts, kind), FILES: digests_of(contents)})}
+    return {
+        **contents,
+        MANIFEST: json_document({**_stated(facts, kind), FILES: digests_of(contents)}).encode(),
+    }
 
 
 def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:
-    own = (FILES, OWN)
-    given = {key: value for key, value in facts.items() if key not in own}
+    given = {key: value for key, value in facts.items() if key != FILES}
     return {**given, "kind": kind.kind, "verb": kind.verb, "format": FORMAT}
 
 
 def _sweep(place: Path, listed: Collection[str] | None = None) -> None:
     """Remove what a commit that was cut off has left; of what grows all that is not `listed`, by default nothing."""
-    owned = frozenset().union(*(kind.entries for kind in RUN_KINDS))
     with suppress(OSError):
-        for name in _files_in(place, lambda name: name.removesuffix(NEW) in owned):
+        for name in _files_in(place, lambda name: name.removesuffix(NEW) in OWN_NAMES):
             # Journals grow, and histories; a copy that is kept of a changed one is the owner's.
             kind = PurePath(name.removesuffix(NEW))
             grows = kind.suffix == ".jsonl" or (kind.suffix == ".nc" and kind.parts[0] == HISTORIES)

@@ -7,6 +7,7 @@ that is wrong in them is told together; then how they go together, and at last w
 from __future__ import annotations
 
 import math
+import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,7 +33,7 @@ from mrwork.control.laws.law_problem import DesignProblem, ReferencePeaks
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite
 from mrwork.store.input_file import TOML, bytes_of, text_in
-from mrwork.store.parse import toml_lines, toml_table
+from mrwork.store.parse import toml_lines
 from mrwork.study.arrangements import (
     arrangements,
     resolve_settings,
@@ -76,7 +77,7 @@ _DESIGNED: tuple[Kind, ...] = ("best_passive", "best_passive_by_group", "control
 def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     """A TOML document, and the line of every key, table and array element in it."""
     try:
-        document = toml_table(text)
+        document = tomllib.loads(text)
     except ValueError as reason:
         text = str(reason)
         raise SettingError(f"{origin} is not TOML: {text[:1].lower()}{text[1:]}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -14,7 +15,6 @@ from mrwork.base.table import csv_text
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
-from mrwork.store.parse import toml_table
 from mrwork.store.run_folder import CHOSEN, JOURNAL, SCORES_TABLE, TUNED, TUNING_RUN, RunFolder
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study.folder import results_of_folder, study_document, study_files
@@ -95,9 +95,9 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
     """
     text = study_file.text
     if results.places:
-        text = toml_text(placed_document(toml_table(text), results.places[0].storeys))
+        text = toml_text(placed_document(tomllib.loads(text), results.places[0].storeys))
     blocks = [_controller(law) for law in results.laws]
-    folder = study_file.path.parent / toml_table(text).get("folder", "")
+    folder = study_file.path.parent / tomllib.loads(text).get("folder", "")
     head = (
         f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
         f"folder = {toml_value(str(folder))} # of the files that the study names\n\n"
