@@ -10,13 +10,13 @@ from command_line import mrwork, printed
 
 import mrwork as mr
 from mrwork import buildings, control
-from mrwork.dampers.spec import PUBLISHED_SETS  # of all models at once
+from mrwork.dampers.spec import published_sets  # of all models at once
 from mrwork.runs.citations import references_in, references_of
 from mrwork.search.registry import ALL_OPTIMISERS  # with those that other libraries bring
 
 SOURCES = {
     each.name: each.source
-    for registry in (mr.damper_models(), PUBLISHED_SETS, control.control_laws(), buildings.buildings())
+    for registry in (mr.damper_models(), published_sets(), control.control_laws(), buildings.buildings())
     for each in registry
 }
 # Papers of which only the place is known: they are cited in the words of the source.

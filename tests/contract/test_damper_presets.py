@@ -12,7 +12,7 @@ from refusals import refusal
 
 from mrwork.dampers import damper, damper_models
 from mrwork.dampers.simulation import simulate_force
-from mrwork.dampers.spec import PUBLISHED_SETS
+from mrwork.dampers.spec import published_sets
 from mrwork.twins.models import parameters_at
 
 
@@ -27,8 +27,8 @@ def preset(request):
 
 
 def test_every_published_set_belongs_to_a_model():
-    assert {entry.model for entry in PUBLISHED_SETS} <= {spec.name for spec in damper_models()}
-    assert len(presets()) == len(PUBLISHED_SETS)
+    assert {entry.spec.name for entry in published_sets()} <= {spec.name for spec in damper_models()}
+    assert len(presets()) == len(published_sets())
 
 
 def test_all_parameters_are_given_and_admissible_at_every_command(preset):

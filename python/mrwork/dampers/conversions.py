@@ -1,19 +1,19 @@
 """Relations between models: exact conversions between equivalent forms, and the simpler model that a model contains.
 
-A conversion accepts NumPy and JAX arrays, its Jacobian, in closed form, NumPy arrays only. A nested model is a limit of
-the other; `Nesting` gives points near it.
+A conversion accepts NumPy and JAX arrays, its Jacobian NumPy arrays only. A nested model is a limit of the other;
+`Nesting` gives points near it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import e, inf, isfinite, log
+from math import e, inf, log
 from typing import Annotated, Any, Final
 
 import numpy as np
 
-from mrwork.base.arguments import AnyArray, Shape, checked
+from mrwork.base.arguments import AnyArray, Positive, Shape, checked
 from mrwork.base.hints import Within
 from mrwork.base.values import Floats
 from mrwork.dampers.spec import DamperSpec
@@ -26,12 +26,29 @@ Array = Any
 _QUIET = np.errstate(divide="ignore", invalid="ignore", over="ignore")
 
 
+# Imaginary step of a derivative, far below what adds to a real part.
+_STEP = 1e-100
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conversion:
     """A map of parameter sets, shape (..., n_from) to (..., n_to), and its Jacobian, shape (..., n_to, n_from)."""
 
     convert: Callable[..., Array]
-    jacobian: Callable[..., Floats]
+    jacobian: Callable[[Floats], Floats]
+
+    @classmethod
+    def of(cls, convert: Callable[..., Array]) -> Conversion:
+        """The conversion by an analytic function, whose Jacobian is its imaginary part after an imaginary step.
+
+        It is exact to rounding (Squire & Trapp, SIAM Rev. 40, 1998, 110-112).
+        """
+
+        def jacobian(theta: Floats) -> Floats:
+            stepped = theta[..., None, :] + 1j * _STEP * np.eye(theta.shape[-1])
+            return np.asarray(np.swapaxes(convert(stepped).imag / _STEP, -1, -2))
+
+        return cls(convert=convert, jacobian=jacobian)
 
     def __call__(self, theta: Array) -> Array:
         """Converted parameters, shape (..., n_to)."""
@@ -39,9 +56,7 @@ class Conversion:
 
     def at(self, A: float) -> Conversion:
         """The same conversion with a fixed `A`, for forms with one redundant scale parameter."""
-        return Conversion(
-            convert=lambda theta: self.convert(theta, A), jacobian=lambda theta: self.jacobian(theta, A)
-        )
+        return Conversion.of(lambda theta: self.convert(theta, A))
 
 
 def _check_columns(theta: Array, count: int) -> None:
@@ -61,21 +76,8 @@ def _refuse_infinite(theta: Array) -> Array:
     return theta
 
 
-def _identity_slopes(theta: Floats, kept: int, n_to: int) -> Floats:
-    """Jacobian with ones for the first `kept` parameters and zeros elsewhere, shape (..., n_to, n_from)."""
-    slopes = np.zeros((*theta.shape[:-1], n_to, theta.shape[-1]))
-    slopes[..., range(kept), range(kept)] = 1.0
-    return slopes
-
-
-@checked
 @_QUIET
-def normalised_from_bouc_wen(theta: AnyArray) -> Array:
-    """Parameters of `normalised_bouc_wen`, shape (..., 7), equal in force to those of `bouc_wen`, shape (..., 8).
-
-    With z_max = (A/(beta+gamma))^(1/n): rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max
-    (Ikhouane, Rodellar 2007).
-    """
+def _normalised_from_bouc_wen(theta: Array) -> Array:
     _check_columns(theta, 8)
     xp = theta.__array_namespace__()
     c0, k0, x0, alpha, gamma, beta, A, n = (theta[..., index] for index in range(8))
@@ -85,37 +87,8 @@ def normalised_from_bouc_wen(theta: AnyArray) -> Array:
     )
 
 
-def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
-    """Jacobian of `normalised_from_bouc_wen`, shape (..., 7, 8).
-
-    With S = gamma + beta: d ln z_max = (dA/A - dS/S - ln(A/S) dn/n) / n and d ln rho = dA/A - d ln z_max.
-    """
-    _, _, _, alpha, gamma, beta, A, n = np.moveaxis(theta, -1, 0)
-    total = gamma + beta
-    z_max = (A / total) ** (1.0 / n)
-    rho = A / z_max
-    curvature = np.log(A / total) / n**2
-    slopes = _identity_slopes(theta, 3, 7)
-    slopes[..., 3, 3] = z_max
-    slopes[..., 3, 4] = slopes[..., 3, 5] = -alpha * z_max / (n * total)
-    slopes[..., 3, 6] = alpha * z_max / (n * A)
-    slopes[..., 3, 7] = -alpha * z_max * curvature
-    slopes[..., 4, 4] = slopes[..., 4, 5] = rho / (n * total)
-    slopes[..., 4, 6] = (1.0 - 1.0 / n) / z_max
-    slopes[..., 4, 7] = rho * curvature
-    slopes[..., 5, 4] = beta / total**2
-    slopes[..., 5, 5] = -gamma / total**2
-    slopes[..., 6, 7] = 1.0
-    return slopes
-
-
-@checked
 @_QUIET
-def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
-    """Parameters of `bouc_wen`, shape (..., 8), equal in force to those of `normalised_bouc_wen`, shape (..., 7).
-
-    The Spencer form has one redundant scale parameter, which `A` fixes.
-    """
+def _bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     _check_columns(theta, 7)
     xp = theta.__array_namespace__()
     c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
@@ -126,31 +99,27 @@ def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     )
 
 
-def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
-    """Jacobian of `bouc_wen_from_normalised`, shape (..., 8, 7).
+@checked
+def normalised_from_bouc_wen(theta: AnyArray) -> Array:
+    """Parameters of `normalised_bouc_wen`, shape (..., 7), equal in force to those of `bouc_wen`, shape (..., 8).
 
-    With z_max = A/rho and S = gamma + beta = A/z_max^n: d ln S = n drho/rho - ln(z_max) dn.
+    With z_max = (A/(beta+gamma))^(1/n): rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max
+    (Ikhouane, Rodellar 2007).
     """
-    _, _, _, k_w, rho, sigma, n = np.moveaxis(theta, -1, 0)
-    z_max = A / rho
-    total = A / z_max**n
-    slopes = _identity_slopes(theta, 3, 8)
-    slopes[..., 3, 3] = 1.0 / z_max
-    slopes[..., 3, 4] = k_w / A
-    for row, share, sign in ((4, sigma, 1.0), (5, 1.0 - sigma, -1.0)):
-        slopes[..., row, 4] = share * total * n / rho
-        slopes[..., row, 5] = sign * total
-        slopes[..., row, 6] = -share * total * np.log(z_max)
-    slopes[..., 7, 6] = 1.0
-    return slopes
+    return _normalised_from_bouc_wen(theta)
 
 
-NORMALISED_FROM_BOUC_WEN: Final = Conversion(
-    convert=normalised_from_bouc_wen, jacobian=normalised_from_bouc_wen_jacobian
-)
-BOUC_WEN_FROM_NORMALISED: Final = Conversion(
-    convert=bouc_wen_from_normalised, jacobian=bouc_wen_from_normalised_jacobian
-)
+@checked
+def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
+    """Parameters of `bouc_wen`, shape (..., 8), equal in force to those of `normalised_bouc_wen`, shape (..., 7).
+
+    The Spencer form has one redundant scale parameter, which `A` fixes.
+    """
+    return _bouc_wen_from_normalised(theta, A)
+
+
+NORMALISED_FROM_BOUC_WEN: Final = Conversion.of(_normalised_from_bouc_wen)
+BOUC_WEN_FROM_NORMALISED: Final = Conversion.of(_bouc_wen_from_normalised)
 
 
 @_QUIET
@@ -249,7 +218,7 @@ _FAR_ITERATIONS = 14.0
 
 @checked
 def opensees_from_bouc_wen(
-    theta: Annotated[Floats, Shape(("n_params",))], *, Ao: float = 1.0
+    theta: Annotated[Floats, Shape(("n_params",))], *, Ao: Positive = 1.0
 ) -> tuple[OpenSeesBoucWen, float]:
     """OpenSees material equal to a `bouc_wen`, shape (8,), and the dashpot c0 [N s/m] to add in parallel.
 
@@ -262,9 +231,6 @@ def opensees_from_bouc_wen(
         If no such material exists; the message gives the reason.
     """
     _check_columns(theta, 8)
-    _check_finite(theta, ("c0", "k0", "x0", "alpha", "gamma", "beta", "A", "n"))
-    if not (isfinite(Ao) and Ao > 0.0):
-        raise SettingError(f"Ao is {Ao:g}; give a positive number, 1 to make ko the initial stiffness")
     if theta[6] <= 0.0:
         raise SettingError(f"A is {theta[6]:g}; the loop has a stiffness only where A is positive")
     c0, k0, x0, alpha, gamma, beta, _, n = map(float, rescaled_bouc_wen(theta, Ao))
@@ -304,9 +270,7 @@ def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> Flo
         raise SettingError(f"alpha is {m.alpha:g}; a ratio of post-yield to initial stiffness lies in [0, 1)")
     if not (m.ko > 0.0 and m.Ao > 0.0):
         raise SettingError(f"ko is {m.ko:g} and Ao {m.Ao:g}; both must be positive")
-    theta = np.array([c0, m.alpha * m.ko, 0.0, (1.0 - m.alpha) * m.ko, m.beta, m.gamma, m.Ao, m.n])
-    _check_finite(theta, ("c0", "ko", "x0", "ko", "beta", "gamma", "Ao", "n"))
-    return theta
+    return np.array([c0, m.alpha * m.ko, 0.0, (1.0 - m.alpha) * m.ko, m.beta, m.gamma, m.Ao, m.n])
 
 
 def solver_remarks(material: OpenSeesBoucWen, error: float = USUAL_OPENSEES_ERROR) -> tuple[str, ...]:
@@ -365,12 +329,6 @@ def convention_remarks(theta: Floats) -> tuple[str, ...]:
     return tuple(remarks)
 
 
-def _check_finite(theta: Floats, names: tuple[str, ...]) -> None:
-    for name, value in zip(names, theta, strict=True):
-        if not isfinite(value):
-            raise SettingError(f"{name} is {value}; a finite number is expected")
-
-
 def of_modified(plain: Conversion) -> Conversion:
     """The conversion for modified Bouc-Wen models: c0, k0, c1, k1 and x0 stay, the loop is that of the plain ones."""
 
@@ -382,14 +340,7 @@ def of_modified(plain: Conversion) -> Conversion:
         loop = plain.convert(without_series(theta), *scale)
         return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)
 
-    def jacobian(theta: Floats, *scale: float) -> Floats:
-        loop = plain.jacobian(without_series(theta), *scale)
-        # The parameters of the loop depend only on those of the loop.
-        slopes = _identity_slopes(theta, 5, loop.shape[-2] + 2)
-        slopes[..., 5:, 5:] = loop[..., 3:, 3:]
-        return slopes
-
-    return Conversion(convert=convert, jacobian=jacobian)
+    return Conversion.of(convert)
 
 
 Values = Mapping[str, float]

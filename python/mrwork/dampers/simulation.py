@@ -26,7 +26,7 @@ from mrwork.base.arguments import (
     Threads,
     checked,
 )
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.summary import Summarised
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
@@ -360,15 +360,6 @@ class InstructionSets(Summarised):
         if not self.left_out:
             return told
         return f"{told}; this machine has {', '.join(self.left_out)}, too: build with MRWORK_BUILD_SETS=all"
-
-    def _summary(self) -> Summary:
-        facts = {"used": self.used, "built": ", ".join(self.built), "machine": ", ".join(self.machine)}
-        notes = (
-            [f"build from source with MRWORK_BUILD_SETS=all for {', '.join(self.left_out)}"]
-            if self.left_out
-            else []
-        )
-        return Summary(title="Instruction sets", facts=list(facts.items()), notes=notes)
 
 
 def instruction_set() -> InstructionSets:

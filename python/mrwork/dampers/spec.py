@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.hints import SMALLEST
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
@@ -23,84 +23,12 @@ from mrwork.base.values import Floats
 from mrwork.dampers.laws import CONSTANT, CommandLaw, CurrentLaws, LawName, laws_in_order
 from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import DRIVER_RATE, ParamSpec
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 
 # In place of the name of one model: every model.
 ALL = "all"
 
 _Value = float | tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class PublishedSet(Summarised):
-    """A published set: for each parameter its value, or the coefficients of a polynomial in the command.
-
-    `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
-    are only quoted. `eta` [1/s] is the rate of the lag of the driver; without a command the `note` has that of the set.
-    `rated_force` [N] and `rated_stroke` [m], to either side, are what source or data sheet state of the damper.
-    """
-
-    name: str
-    model: str
-    values: Mapping[str, _Value]
-    source: str
-    status: Literal["verified", "published"] = "published"
-    unit: Literal["A", "V"] | None = None
-    largest_command: float | None = None
-    eta: float | None = None
-    rated_force: float | None = None
-    rated_stroke: float | None = None
-    note: str = ""
-
-
-def _with_loop(
-    others: Mapping[str, _Value], alpha: _Value, *, gamma: float, A: float, n: float
-) -> dict[str, _Value]:
-    """Values with those of a Bouc-Wen loop whose gamma and beta are equal."""
-    return {**others, "alpha": alpha, "gamma": gamma, "beta": gamma, "A": A, "n": n}
-
-
-_SPENCER = "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238"
-
-# The prototype of Spencer, Dyke and co-workers, also of Leva and Piroddi: 3000 N, +-25 mm.
-_FORCE, _STROKE = 3000.0, 0.025
-
-PUBLISHED_SETS = (
-    PublishedSet(name="spencer1997", model="bingham", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
-        values={"f_c": 670.0, "v_s": 1e-3, "c0": 5000.0, "f0": -95.0},
-        note="at 1.5 V; v_s is ours, the paper has sgn(v)"),
-    PublishedSet(name="spencer1997", model="bouc_wen", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
-        values=_with_loop({"c0": 5000.0, "k0": 2500.0, "x0": 0.038}, 88e3, gamma=1e6, A=120.0, n=2.0),
-        note="at 1.5 V"),
-    PublishedSet(name="jansen2000", model="bouc_wen", status="verified",
-        values=_with_loop({"c0": (0.64, 0.52), "k0": 0.0, "x0": 0.0}, (866.0, 886.0), gamma=3e6, A=120.0, n=2.0),
-        unit="V", largest_command=5.0, eta=190.0, rated_force=29.0,
-        source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803"),
-    PublishedSet(name="yoshida2004", model="bouc_wen", note="a damper of 1000 kN",
-        values=_with_loop({"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}, (1.0872e7, 4.9616e7), gamma=300.0,
-            A=1.2, n=1.0),
-        unit="V", largest_command=10.0, eta=50.0, rated_force=1e6,
-        source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004"),
-    PublishedSet(name="dyke1996", model="modified_bouc_wen", status="verified",
-        values=_with_loop({"c0": (2100.0, 350.0), "k0": 4690.0, "c1": (28300.0, 295.0), "k1": 500.0, "x0": 0.143},
-            (14000.0, 69500.0), gamma=3.63e6, A=301.0, n=2.0),
-        unit="V", largest_command=2.25, eta=190.0, rated_force=_FORCE, rated_stroke=_STROKE,
-        source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
-        note="the prototype; in a building drop the constant force k1 x0. Stiff: the loop yields within 0.02 mm"),
-    PublishedSet(name="leva2002", model="modified_bouc_wen",
-        values=_with_loop({"c0": (2020.0, 268.0), "k0": 1500.0, "c1": (35000.0, 7070.0), "k1": 537.0, "x0": 0.0},
-            (4490.0, 63800.0), gamma=3.93e5, A=47.2, n=2.0),
-        unit="V", largest_command=2.25, eta=251.0, rated_force=_FORCE, rated_stroke=_STROKE,
-        source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
-        note="the largest command is that of the same prototype in Dyke et al. 1996"),
-    PublishedSet(name="kwok2006", model="static_hysteretic",
-        values={"c": (1232.0, 1929.0), "k": (5100.0, -1700.0), "alpha": (32.0, 918.0, -244.0), "beta": 100.0,
-            "delta": (0.58, 0.30), "x_s": 1e-4, "f0": (57.0, -18.0)},
-        unit="A", largest_command=1.88, rated_force=4448.0, rated_stroke=0.0265,
-        source="Kwok, Ha, Nguyen, Li, Samali, Sens. Actuators A 132, 2006, 441-451",
-        note="RD-1005-3, of which the data sheet has a tensile strength of 4448 N and a stroke of 53 mm; beyond 1.88 A "
-        "alpha would fall again. x_s is ours, the paper has sgn(x)"),
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -264,7 +192,7 @@ class DamperSpec(Summarised):
     @property
     def presets(self) -> tuple[str, ...]:
         """Names of the model's published parameter sets."""
-        return tuple(entry.name for entry in PUBLISHED_SETS if entry.model == self.name)
+        return tuple(each.name for each in published_sets() if each.spec.name == self.name)
 
     @checked
     def preset(self, name: str) -> Preset:
@@ -277,11 +205,9 @@ class DamperSpec(Summarised):
         >>> prototype.status, prototype.spec.command_unit, len(prototype.theta)
         ('verified', 'V', 14)
         """
-        for entry in PUBLISHED_SETS:
-            if (entry.model, entry.name) == (self.name, name):
-                return _preset(self, entry)
-        near = suggestion(name, self.presets, otherwise="it has")
-        raise UnknownNameError(f"{self.name} has no published set called {name!r}{near}")
+        known = {each.name: each for each in published_sets() if each.spec.name == self.name}
+        check_known(name, known, f"{self.name} has no published set called {name!r}", otherwise="it has")
+        return known[name]
 
     def _summary(self) -> Summary:
         return Summary(
@@ -306,7 +232,11 @@ class DamperSpec(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Preset(Summarised):
-    """A published set for simulation: the model with its current laws, and `theta` in order, see `PublishedSet`."""
+    """A published set: the model with its current laws, and `theta` in order.
+
+    `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
+    are only quoted. `rated_force` [N] and `rated_stroke` [m], to either side, are what source or data sheet state.
+    """
 
     name: str
     spec: DamperSpec
@@ -356,31 +286,6 @@ def _force_in_words(force: float) -> str:
     return f"{force:g} N"
 
 
-def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
-    laws: dict[str, CommandLaw] = {}
-    theta: list[float] = []
-    for name in plain.names:
-        value = entry.values[name]
-        coefficients = value if isinstance(value, tuple) else (value,)
-        laws[name] = CommandLaw(len(coefficients) - 1)
-        theta += coefficients
-    spec = plain
-    if entry.unit is not None:
-        spec = plain.with_current_laws(laws, unit=entry.unit, lagged=entry.eta is not None)
-        theta += () if entry.eta is None else (entry.eta,)
-    return Preset(
-        name=entry.name,
-        spec=spec,
-        theta=tuple(theta),
-        source=entry.source,
-        status=entry.status,
-        largest_command=entry.largest_command,
-        rated_force=entry.rated_force,
-        rated_stroke=entry.rated_stroke,
-        note=entry.note,
-    )
-
-
 @cache
 def damper_models() -> tuple[DamperSpec, ...]:
     """All registered damper models."""
@@ -402,11 +307,101 @@ def damper(name: str) -> DamperSpec:
     >>> mr.damper("normalised_bouc_wen").names
     ('c', 'k', 'x0', 'k_w', 'rho', 'sigma', 'n')
     """
-    for spec in damper_models():
-        if spec.name == name:
-            return spec
-    near = suggestion(name, [spec.name for spec in damper_models()])
-    raise UnknownNameError(f"no damper model is called {name!r}{near}")
+    known = {spec.name: spec for spec in damper_models()}
+    check_known(name, known, f"no damper model is called {name!r}")
+    return known[name]
+
+
+def _published(
+    name: str,
+    model: str,
+    *,
+    values: Mapping[str, _Value],
+    source: str,
+    status: Literal["verified", "published"] = "published",
+    unit: Literal["A", "V"] | None = None,
+    largest_command: float | None = None,
+    eta: float | None = None,
+    rated_force: float | None = None,
+    rated_stroke: float | None = None,
+    note: str = "",
+) -> Preset:
+    """A published set from the value of each parameter, or the coefficients of a polynomial in the command.
+
+    `eta` [1/s] is the rate of the lag of the driver; without a command the `note` has that of the set.
+    """
+    spec = damper(model)
+    listed = [each if isinstance(each, tuple) else (each,) for each in map(values.__getitem__, spec.names)]
+    theta = [each for coefficients in listed for each in coefficients]
+    if unit is not None:
+        laws = {each: CommandLaw(len(own) - 1) for each, own in zip(spec.names, listed, strict=True)}
+        spec = spec.with_current_laws(laws, unit=unit, lagged=eta is not None)
+        theta += () if eta is None else (eta,)
+    return Preset(
+        name=name,
+        spec=spec,
+        theta=tuple(theta),
+        source=source,
+        status=status,
+        largest_command=largest_command,
+        rated_force=rated_force,
+        rated_stroke=rated_stroke,
+        note=note,
+    )
+
+
+def _with_loop(
+    others: Mapping[str, _Value], alpha: _Value, *, gamma: float, A: float, n: float
+) -> dict[str, _Value]:
+    """Values with those of a Bouc-Wen loop whose gamma and beta are equal."""
+    return {**others, "alpha": alpha, "gamma": gamma, "beta": gamma, "A": A, "n": n}
+
+
+_SPENCER = "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238"
+
+# The prototype of Spencer, Dyke and co-workers, also of Leva and Piroddi: 3000 N, +-25 mm.
+_FORCE, _STROKE = 3000.0, 0.025
+
+
+@cache
+def published_sets() -> tuple[Preset, ...]:
+    """Every published set."""
+    return (
+        _published("spencer1997", "bingham", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
+            values={"f_c": 670.0, "v_s": 1e-3, "c0": 5000.0, "f0": -95.0},
+            note="at 1.5 V; v_s is ours, the paper has sgn(v)"),
+        _published("spencer1997", "bouc_wen", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
+            values=_with_loop({"c0": 5000.0, "k0": 2500.0, "x0": 0.038}, 88e3, gamma=1e6, A=120.0, n=2.0),
+            note="at 1.5 V"),
+        _published("jansen2000", "bouc_wen", status="verified",
+            values=_with_loop({"c0": (0.64, 0.52), "k0": 0.0, "x0": 0.0}, (866.0, 886.0), gamma=3e6, A=120.0, n=2.0),
+            unit="V", largest_command=5.0, eta=190.0, rated_force=29.0,
+            source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803"),
+        _published("yoshida2004", "bouc_wen", note="a damper of 1000 kN",
+            values=_with_loop({"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}, (1.0872e7, 4.9616e7), gamma=300.0,
+                A=1.2, n=1.0),
+            unit="V", largest_command=10.0, eta=50.0, rated_force=1e6,
+            source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004"),
+        _published("dyke1996", "modified_bouc_wen", status="verified",
+            values=_with_loop({"c0": (2100.0, 350.0), "k0": 4690.0, "c1": (28300.0, 295.0), "k1": 500.0, "x0": 0.143},
+                (14000.0, 69500.0), gamma=3.63e6, A=301.0, n=2.0),
+            unit="V", largest_command=2.25, eta=190.0, rated_force=_FORCE, rated_stroke=_STROKE,
+            source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
+            note="the prototype; in a building drop the constant force k1 x0. Stiff: the loop yields within 0.02 mm"),
+        _published("leva2002", "modified_bouc_wen",
+            values=_with_loop({"c0": (2020.0, 268.0), "k0": 1500.0, "c1": (35000.0, 7070.0), "k1": 537.0, "x0": 0.0},
+                (4490.0, 63800.0), gamma=3.93e5, A=47.2, n=2.0),
+            unit="V", largest_command=2.25, eta=251.0, rated_force=_FORCE, rated_stroke=_STROKE,
+            source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
+            note="the largest command is that of the same prototype in Dyke et al. 1996"),
+        _published("kwok2006", "static_hysteretic",
+            values={"c": (1232.0, 1929.0), "k": (5100.0, -1700.0), "alpha": (32.0, 918.0, -244.0), "beta": 100.0,
+                "delta": (0.58, 0.30), "x_s": 1e-4, "f0": (57.0, -18.0)},
+            unit="A", largest_command=1.88, rated_force=4448.0, rated_stroke=0.0265,
+            source="Kwok, Ha, Nguyen, Li, Samali, Sens. Actuators A 132, 2006, 441-451",
+            note="RD-1005-3, of which the data sheet has a tensile strength of 4448 N and a stroke of 53 mm; beyond "
+            "1.88 A alpha would fall again. x_s is ours, the paper has sgn(x)"),
+    )  # fmt: skip
 
 
 def with_changed_laws(

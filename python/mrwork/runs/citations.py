@@ -87,12 +87,12 @@ def _sources() -> dict[str, list[tuple[str, str]]]:
     """What each name of a model, published set, control law or building stands for, with its source."""
     from mrwork.buildings.frames import buildings
     from mrwork.control.laws.control_law import control_laws
-    from mrwork.dampers.spec import PUBLISHED_SETS, damper_models
+    from mrwork.dampers.spec import damper_models, published_sets
 
     sources: dict[str, list[tuple[str, str]]] = {}
     for noun, entries in (
         ("model", damper_models()),
-        ("published set", PUBLISHED_SETS),
+        ("published set", published_sets()),
         ("control law", control_laws()),
         ("building", buildings()),
     ):

@@ -16,9 +16,10 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import checked
 from mrwork.base.hints import Within
+from mrwork.base.keys import check_known
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 
 Viscosity = Annotated[float, Within(least=1e-6, most=1e6)]
 FlowIndex = Annotated[float, Within(least=0.1, most=3.0)]
@@ -98,11 +99,9 @@ def fluid(name: str) -> MRFluid:
     >>> round(mr.dampers.design.fluid("MRF-132DG").largest_yield_stress)
     47862
     """
-    for each in FLUIDS:
-        if each.name == name:
-            return each
-    known = ", ".join(each.name for each in FLUIDS)
-    raise UnknownNameError(f"no fluid is called {name!r}; choose one of {known}, or make an `MRFluid`")
+    known = {each.name: each for each in FLUIDS}
+    check_known(name, known, f"no fluid is called {name!r}", otherwise="make an `MRFluid`, or choose one of")
+    return known[name]
 
 
 FluxDensities = Annotated[ArrayLike, Within(least=0.0, most=1e6)]
@@ -171,8 +170,6 @@ STEELS = (
 @checked
 def steel(name: str) -> Steel:
     """Return the steel with this name."""
-    for each in STEELS:
-        if each.name == name:
-            return each
-    known = ", ".join(each.name for each in STEELS)
-    raise UnknownNameError(f"no steel is called {name!r}; choose one of {known}, or make a `Steel`")
+    known = {each.name: each for each in STEELS}
+    check_known(name, known, f"no steel is called {name!r}", otherwise="make a `Steel`, or choose one of")
+    return known[name]
