@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +14,11 @@ from mrwork.base.arguments import AnyArrayLike, NotNegative, Seed, checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import SettingError
 from mrwork.search.course import Dimension, Optimiser, Proposal, State, Trace
 from mrwork.search.rules import ended_in_words
-from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 
 
 @array_dataclass(repr=False)
@@ -199,39 +200,34 @@ def run_search(
             f"`max_evaluations` is {stop.max_evaluations}, the first generation alone takes "
             f"{optimiser.population}; allow more or lower the population"
         )
-    if state is None:
-        state = optimiser.start(n_params, rng)
-    elif (stored := (state.course.rng, state.population.shape[1])) != (rng, n_params):
+    latest = optimiser.start(n_params, rng) if state is None else state
+    if (stored := (latest.course.rng, latest.population.shape[1])) != (rng, n_params):
         raise SettingError(
             f"the stored state is of a search with rng={stored[0]} and n_params={stored[1]}, requested are "
             f"rng={rng} and n_params={n_params}; resume with those of the state or start a new search"
         )
     if journal is not None:
         facts = {"optimiser": optimiser.name, "settings": optimiser, "seed": rng, "n_params": n_params}
-        journal.agree("search", {**facts, "generation": state.course.generation})
+        journal.agree("search", {**facts, "generation": latest.course.generation})
     began, elapsed, reason = time.perf_counter(), 0.0, ""
-    try:
-        while state.course.running:
+    call: LongCall[Any, SearchResult] = LongCall(
+        journal=journal, so_far=lambda: _result(latest, "interrupted", time.perf_counter() - began)
+    )
+    with call.keeping("search"):
+        while latest.course.running:
             if stop.max_seconds is not None and elapsed >= stop.max_seconds:
                 reason = "max_seconds"
                 break
-            proposal = optimiser.ask(state)
+            proposal = optimiser.ask(latest)
             simulate = partial(_simulate, objective, proposal, began)
-            if journal is None:
-                generation = simulate()
-            else:
-                inputs = digest_of(proposal.population, proposal.changed)
-                generation = journal.once("generation", inputs, _Generation, simulate)
-            state, elapsed = optimiser.tell(state, proposal, generation.misfit), generation.search_seconds
+            generation = call.step("generation", _Generation, simulate, proposal.population, proposal.changed)
+            latest, elapsed = optimiser.tell(latest, proposal, generation.misfit), generation.search_seconds
             # The clock continues from a recorded time, so that `max_seconds` ends a resumed search as before.
             began = time.perf_counter() - elapsed
-            if on_generation is not None and on_generation(_result(state, "", elapsed)):
+            if on_generation is not None and on_generation(_result(latest, "", elapsed)):
                 reason = "callback"
                 break
-    except KeyboardInterrupt as interrupt:
-        result = _result(state, "interrupted", time.perf_counter() - began)
-        raise Interrupted(result, "search") from interrupt
-    return _result(state, reason, time.perf_counter() - began)
+    return _result(latest, reason, time.perf_counter() - began)
 
 
 @array_dataclass()

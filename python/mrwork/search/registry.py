@@ -13,6 +13,7 @@ import importlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
+from functools import partial
 from types import ModuleType
 from typing import Annotated, Any
 
@@ -27,8 +28,8 @@ from mrwork.search.course import Dimension, Optimiser, Proposal, State
 from mrwork.search.evolution import DifferentialEvolution, EfficientGA, StandardGA
 from mrwork.search.particle_swarm import CONSTRICTION, ParticleSwarm
 from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules
-from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall
 
 # Misfit of a failed simulation for a library that needs finite numbers, above any misfit.
 _FAILURE = 1e100
@@ -126,6 +127,10 @@ class _Generation:
     objectives: Floats
 
 
+def _simulate_points(objectives: SeveralObjectives, points: Floats) -> _Generation:
+    return _Generation(objectives=objectives(points))
+
+
 def run_front(
     objectives: SeveralObjectives,
     *,
@@ -163,10 +168,12 @@ def run_front(
     static = library("pymoo.problems.static").StaticProblem
     evaluator = library("pymoo.core.evaluator").Evaluator()
     units, values = np.empty((0, n_params)), np.empty((0, n_objectives + n_constraints))
+    call: LongCall[Any, Any] = LongCall(journal=journal)
     while len(units) + population <= max(budget, population):
         asked = algorithm.ask()
         points = np.clip(np.asarray(asked.get("X"), dtype=np.float64), 0.0, 1.0)
-        returned = _simulate_points(objectives, points, journal)
+        simulate = partial(_simulate_points, objectives, points)
+        returned = call.step("front generation", _Generation, simulate, points).objectives
         if returned.shape != (len(points), n_objectives + n_constraints):
             raise SettingError(
                 f"the columns have the shape {returned.shape}; give ({len(points)}, {n_objectives + n_constraints}), "
@@ -195,15 +202,6 @@ def _select_feasible_front(values: Floats, constraints: Floats) -> NDArray[np.in
     violation = np.where(constraints > 0.0, constraints, 0.0).sum(axis=1)
     violation[~np.isfinite(values).all(axis=1)] = np.inf
     return np.array([np.argmin(violation)], dtype=np.int64)
-
-
-def _simulate_points(objectives: SeveralObjectives, points: Floats, journal: Journal | None) -> Floats:
-    if journal is None:
-        return objectives(points)
-    recorded = journal.once(
-        "front generation", digest_of(points), _Generation, lambda: _Generation(objectives=objectives(points))
-    )
-    return recorded.objectives
 
 
 def select_nondominated(values: Floats) -> NDArray[np.int64]:

@@ -6,15 +6,15 @@ A Pareto front shows what the same wishes cost: size against dynamic range again
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
+from mrwork.base.keys import check_known
 from mrwork.base.numbers import duration_in_words
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import ProgressReport
@@ -23,9 +23,10 @@ from mrwork.base.values import Floats
 from mrwork.dampers.design.damper_design import Current, DamperDesign, Speed, Voltage, wire_diameter
 from mrwork.dampers.design.flow import FlowModel, Length
 from mrwork.dampers.design.materials import MRFluid, Steel
-from mrwork.errors import Interrupted, SettingError, UnknownNameError
+from mrwork.errors import SettingError
 from mrwork.search import SearchResult, StopRules, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, run_front, select_nondominated
+from mrwork.store.long_call import LongCall
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
 # and the depth of a groove as a share of what the rod leaves.
@@ -176,25 +177,28 @@ class SizingProgress(ProgressReport):
 OnSizing = Callable[[SizingProgress], bool | None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SizingReporter:
-    """Calls the callback, if any, with the time since `began` [s]."""
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Sizing(LongCall[SizingProgress, Any]):
+    """A search of a damper that runs: its `best` point of the unit cube so far, and candidates so far.
 
-    on_progress: OnSizing | None
+    `budget` and `envelope` [m^3] are those of the whole search.
+    """
+
     budget: int
     envelope: float
-    began: float = field(default_factory=time.perf_counter)
+    best: Floats | None = None
+    evaluations: int = 0
 
-    def report(self, stage: Literal["smallest", "front"], evaluations: int, least: float) -> bool:
-        """Whether the callback ends the search; `least` is the misfit of the best candidate, see `smallest`."""
+    def ends(self, stage: Literal["smallest", "front"], least: float) -> bool:
+        """Whether the callback ends the search; `least` is the misfit of the best candidate, see `_smallest`."""
         if self.on_progress is None:
             return False
         progress = SizingProgress(
             stage=stage,
-            evaluations=evaluations,
-            share=min(evaluations / self.budget, 1.0),
+            evaluations=self.evaluations,
+            share=min(self.evaluations / self.budget, 1.0),
             volume=least * self.envelope if least <= 1.0 else math.nan,
-            seconds=time.perf_counter() - self.began,
+            seconds=self.seconds,
         )
         return bool(self.on_progress(progress))
 
@@ -251,39 +255,35 @@ def size_damper(
     >>> sized.design.largest_force >= 2e3
     True
     """
-    reporter = SizingReporter(on_progress=on_progress, budget=budget, envelope=wishes.volume)
-    try:
-        result = smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng, reporter=reporter)
-    except Interrupted as interrupt:
-        design = candidate(interrupt.result.best_unit, wishes, fluid, steel)
-        sized = None
-        if design is not None and not wishes.missed(design):
-            sized = SizedDamper(design=design, wishes=wishes, evaluations=interrupt.result.evaluations)
-        raise Interrupted(sized, "sizing") from interrupt
-    design = candidate(result.best_unit, wishes, fluid, steel)
-    missed = {"all": 1.0} if design is None else wishes.missed(design)
-    if design is None or missed:
-        worst = ", ".join(f"{name} by {100.0 * share:.3g} %" for name, share in missed.items())
-        raise SettingError(
-            f"no damper with {fluid.name} meets the wishes after {result.evaluations} candidates, the best misses "
-            f"{worst}; allow a larger envelope, a stronger supply or more candidates (`budget`)"
-        )
-    return SizedDamper(design=design, wishes=wishes, evaluations=result.evaluations)
+    sizing = _Sizing(on_progress=on_progress, budget=budget, envelope=wishes.volume)
+
+    def best() -> tuple[DamperDesign | None, Mapping[str, float]]:
+        design = None if sizing.best is None else candidate(sizing.best, wishes, fluid, steel)
+        return design, {"all": 1.0} if design is None else wishes.missed(design)
+
+    def sized() -> SizedDamper | None:
+        design, missed = best()
+        if design is None or missed:
+            return None
+        return SizedDamper(design=design, wishes=wishes, evaluations=sizing.evaluations)
+
+    sizing.so_far = sized
+    with sizing.keeping("sizing"):
+        _smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng, sizing=sizing)
+    if (found := sized()) is not None:
+        return found
+    worst = ", ".join(f"{name} by {100.0 * share:.3g} %" for name, share in best()[1].items())
+    raise SettingError(
+        f"no damper with {fluid.name} meets the wishes after {sizing.evaluations} candidates, the best misses {worst}; "
+        "allow a larger envelope, a stronger supply or more candidates (`budget`)"
+    )
 
 
-def smallest(
-    wishes: DamperWishes,
-    fluid: MRFluid,
-    steel: Steel,
-    *,
-    search: str,
-    budget: int,
-    rng: int,
-    reporter: SizingReporter,
+def _smallest(
+    wishes: DamperWishes, fluid: MRFluid, steel: Steel, *, search: str, budget: int, rng: int, sizing: _Sizing
 ) -> SearchResult:
     """Search of the smallest damper: the misfit is its share of the envelope, and above 1 where wishes are missed."""
-    if search not in ALL_OPTIMISERS:
-        raise UnknownNameError(f"no search is called {search!r}; choose one of {', '.join(ALL_OPTIMISERS)}")
+    check_known(search, ALL_OPTIMISERS, f"no search is called {search!r}")
     optimiser = ALL_OPTIMISERS[search]
     stop = StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
     harder = _harder_wishes(wishes)
@@ -291,12 +291,12 @@ def smallest(
     def objective(units: Floats) -> Floats:
         return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
 
+    def on_generation(found: SearchResult) -> bool:
+        sizing.best, sizing.evaluations = found.best_unit, found.evaluations
+        return sizing.ends("smallest", found.best_misfit)
+
     return run_search(
-        replace(optimiser, stop=stop),
-        objective,
-        rng=rng,
-        n_params=N_FREE,
-        on_generation=lambda found: reporter.report("smallest", found.evaluations, found.best_misfit),
+        replace(optimiser, stop=stop), objective, rng=rng, n_params=N_FREE, on_generation=on_generation
     )
 
 
@@ -428,9 +428,9 @@ def size_front(
         If no candidate meets the wishes, or pymoo is not installed.
     """
     harder = _harder_wishes(wishes)
-    reporter = SizingReporter(on_progress=on_progress, budget=budget, envelope=wishes.volume)
-    # Points of which no other one was better in everything, with their objectives, and candidates so far.
-    units, values, tried = np.empty((0, N_FREE)), np.empty((0, 3)), 0
+    sizing = _Sizing(on_progress=on_progress, budget=budget, envelope=wishes.volume)
+    # Points of which no other one was better in everything, with their objectives.
+    units, values = np.empty((0, N_FREE)), np.empty((0, 3))
 
     def keep(points: Floats) -> Floats:
         nonlocal units, values
@@ -441,30 +441,24 @@ def size_front(
         return front
 
     def make_front(points: Floats) -> SizeFront | None:
-        return _front([candidate(unit, wishes, fluid, steel) for unit in points], wishes, tried)
+        designs = [candidate(unit, wishes, fluid, steel) for unit in points]
+        return _front(designs, wishes, sizing.evaluations)
 
-    try:
-        try:
-            first = smallest(
-                wishes,
-                fluid,
-                steel,
-                search="differential_evolution",
-                budget=budget // 3,
-                rng=rng,
-                reporter=reporter,
-            )
-        except Interrupted as interrupt:
-            tried = interrupt.result.evaluations
-            keep(interrupt.result.best_unit[None])
-            raise
-        before = tried = first.evaluations
+    def so_far() -> SizeFront | None:
+        if not len(units):
+            return None if sizing.best is None else make_front(sizing.best[None])
+        return make_front(units[values[:, 0].argmin()][None])
+
+    sizing.so_far = so_far
+    with sizing.keeping("front"):
+        first = _smallest(
+            wishes, fluid, steel, search="differential_evolution", budget=budget // 3, rng=rng, sizing=sizing
+        )
         keep(first.best_unit[None])
 
         def on_generation(evaluations: int) -> bool:
-            nonlocal tried
-            tried = before + evaluations
-            return reporter.report("front", tried, float(values[:, 0].min()))
+            sizing.evaluations = first.evaluations + evaluations
+            return sizing.ends("front", float(values[:, 0].min()))
 
         if first.stop_reason != "callback":
             run_front(
@@ -472,18 +466,16 @@ def size_front(
                 n_params=N_FREE,
                 n_objectives=3,
                 population=population,
-                budget=budget - tried,
+                budget=budget - first.evaluations,
                 rng=rng,
                 starts=first.best_unit[None],
                 on_generation=on_generation,
             )
         front = make_front(units)
-    except KeyboardInterrupt as interrupt:
-        least = units[values[:, 0].argmin()][None] if len(units) else units
-        raise Interrupted(make_front(least), "front") from interrupt
     if front is None:
         raise SettingError(
-            f"no damper with {fluid.name} meets the wishes after {tried} candidates; size_damper says what is missed"
+            f"no damper with {fluid.name} meets the wishes after {sizing.evaluations} candidates; "
+            "size_damper says what is missed"
         )
     return front
 
