@@ -18,16 +18,17 @@ import operator
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import MISSING, dataclass, field, fields
 from functools import wraps
 from numbers import Real
 from types import NoneType
-from typing import Annotated, Any, TypeVar, cast, dataclass_transform
+from typing import Annotated, Any, ParamSpec, TypeVar, cast, dataclass_transform, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base import hints as nodes
+from mrwork.base.docstrings import parameter_texts, with_parameters
 from mrwork.base.hints import (
     LARGEST,
     InUnit,
@@ -75,6 +76,9 @@ AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
 AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
 
 TargetT = TypeVar("TargetT", bound=Callable[..., Any])
+Given = ParamSpec("Given")
+Value = TypeVar("Value")
+Result = TypeVar("Result")
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
@@ -99,6 +103,39 @@ def checked(target: TargetT) -> TargetT:
     # A method is named with its class, a constructor by its class, a function within a function by its own name.
     name = target.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
     return cast(TargetT, _check_calls(target, name))
+
+
+def takes_fields(
+    kind: Callable[Given, Value],
+) -> Callable[[Callable[[Value], Result]], Callable[Given, Result]]:
+    """Let a function of one value, a dataclass, take the fields of this value as its checked arguments.
+
+    The docstring of the function has the parameters of that class before its first section.
+    """
+    declaring: Any = kind
+    hints = get_type_hints(declaring, include_extras=True)
+    made = {
+        each.name: each.default_factory for each in fields(declaring) if each.default_factory is not MISSING
+    }
+    # Names in the annotations are those of the modules of the fields.
+    parameters = [
+        each.replace(annotation=hints[name], default=made[name]() if name in made else each.default)
+        for name, each in inspect.signature(declaring).parameters.items()
+    ]
+
+    def decorated(function: Callable[[Value], Result]) -> Callable[Given, Result]:
+        @wraps(function)
+        def taking(*args: Given.args, **given: Given.kwargs) -> Result:
+            return function(kind(*args, **given))
+
+        texts = parameter_texts(declaring)
+        taking.__doc__ = with_parameters(
+            function.__doc__ or "", {each.name: texts[each.name] for each in parameters}
+        )
+        taking.__signature__ = inspect.signature(function).replace(parameters=parameters)  # type: ignore[attr-defined]
+        return checked(taking)
+
+    return decorated
 
 
 def _check_calls(function: Any, name: str, owner: type = object) -> Any:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Mapping
-from textwrap import indent
+from functools import cache
+from textwrap import dedent, indent
+from typing import Any
 
 PARAMETERS = "Parameters\n----------\n"
 SECTION = re.compile(r"^\w[\w ]*\n-+$", re.MULTILINE)
@@ -26,3 +28,24 @@ def with_parameters(docstring: str, texts: Mapping[str, str]) -> str:
         before, rest = f"{before}\n\n", text[len(before) :].removeprefix("\n")
     entries = "".join(f"{name}\n{indent(words, '    ')}\n" for name, words in texts.items())
     return f"{before}{PARAMETERS}{entries}{rest}"
+
+
+# One or several names, and the indented lines below them.
+_ENTRY = re.compile(r"^(\w+(?:, \w+)*)\n((?:(?: +.*)?\n)+)", re.MULTILINE)
+
+
+@cache
+def parameter_texts(declaring: Any) -> dict[str, str]:
+    """What the docstring of a function, or of a dataclass and its bases, says of each parameter."""
+    if isinstance(declaring, type):
+        bases = [each for each in reversed(declaring.__mro__) if each is not object]
+        return {name: text for base in bases for name, text in _texts_in(base.__doc__).items()}
+    return _texts_in(declaring.__doc__)
+
+
+def _texts_in(docstring: str | None) -> dict[str, str]:
+    _, _, below = inspect.cleandoc(docstring or "").partition(PARAMETERS)
+    section = SECTION.split(f"{below}\n", maxsplit=1)[0]
+    return {
+        name: dedent(text).strip() for names, text in _ENTRY.findall(section) for name in names.split(", ")
+    }

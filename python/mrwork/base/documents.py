@@ -24,7 +24,6 @@ from mrwork.base.keys import (
     Table,
     as_document,
     describe_key,
-    describe_repeat,
     inner_table,
     is_required,
     keys_of,
@@ -163,7 +162,7 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
         return dict(zip(value, read, strict=True))
     accepted = _accept(node, value, place)
     items = accepted if isinstance(accepted, tuple) else (accepted,)
-    _check_items(items, members, place)
+    _check_rows(items, place)
     if entry.says.from_one:
         items = tuple(item - 1 for item in items)
     return items if isinstance(accepted, tuple) else items[0]
@@ -193,22 +192,14 @@ def _accept(node: Node, value: Any, place: Place) -> Any:
         where.refuse(f"{_name(where)} {refusal.in_words(in_file=True)}")
 
 
-def _check_items(items: Sequence[Any], members: Sequence[Node], place: Place) -> None:
-    """Refuse names that stand twice, and rows of different lengths."""
-    name = _name(place)
-    of_names = [each for each in members if isinstance(each, nodes.Fixed) and _is_name(each.parts[0])]
-    if of_names and (twice := describe_repeat(name, items)):
-        place.refuse(twice)
+def _check_rows(items: Sequence[Any], place: Place) -> None:
+    """Refuse rows of different lengths."""
     rows = [row for row in items if isinstance(row, tuple)]
     for number, row in enumerate(rows):
         if len(row) != len(rows[0]):
             lengths = f"{len(rows[0])} and {len(row)}"
-            sentence = f"{name} has rows of different lengths, {lengths}; complete row {number + 1}"
+            sentence = f"{_name(place)} has rows of different lengths, {lengths}; complete row {number + 1}"
             place.within(number).refuse(sentence)
-
-
-def _is_name(node: Node) -> bool:
-    return node.kind is str or isinstance(node, nodes.Enumerated)
 
 
 def _name(place: Place) -> str:

@@ -285,13 +285,6 @@ class Arguments:
         return self.functions[used[0]]
 
 
-def describe_repeat(name: str, values: Sequence[object]) -> str:
-    """Message on the first repeated text of an array; empty if there is none."""
-    texts = [value for value in values if isinstance(value, str)]
-    twice = next((text for text, count in Counter(texts).items() if count > 1), None)
-    return "" if twice is None else f"{name} has {twice!r} twice; give each once"
-
-
 def tables(table: Table, path: str = "") -> Iterator[tuple[str, Table]]:
     """Headings and declarations of a table and all tables in it, outer tables first, each declaration once."""
     by_heading = {path: table}
@@ -325,11 +318,13 @@ def _table_in(node: Node) -> tuple[type | None, bool]:
 
 
 def refuse_repeated(table: Any) -> None:
-    """Refuse a name that stands twice in an array of a table that a script has built."""
+    """Refuse a name that stands twice in an array of a table."""
     for entry in fields(table):
         given = getattr(table, entry.name)
-        if isinstance(given, tuple) and (refusal := describe_repeat(entry.name, given)):
-            raise InvalidSettingError(entry.name, refusal)
+        counts = Counter(each for each in given if isinstance(each, str)) if isinstance(given, tuple) else {}
+        twice = next((name for name, count in counts.items() if count > 1), None)
+        if twice is not None:
+            raise InvalidSettingError(entry.name, f"{entry.name} has {twice!r} twice; give each once")
 
 
 def toml_value(value: Any) -> str:

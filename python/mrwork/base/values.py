@@ -1,13 +1,12 @@
-"""Data classes that hold arrays: equality by value, and copies whose arrays are as read-only as the originals.
+"""Data classes that hold arrays, with equality by value.
 
-The equality that Python gives a data class asks an array whether it is true, which numpy refuses, and what `pickle` and
-`copy.deepcopy` make of a read-only array may be written to.
+The equality that Python gives a data class asks an array whether it is true, which NumPy refuses.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, TypeVar, dataclass_transform
 
@@ -25,22 +24,21 @@ def array_dataclass(*, repr: bool = True) -> Callable[[type[T]], type[T]]:
     """Class decorator for a frozen, slotted, keyword-only dataclass that holds arrays.
 
     Two objects are equal if they have one class and their fields, those with `compare=False` excepted, are equal:
-    arrays of one dtype and shape with equal numbers, where NaN equals NaN. The objects have no hash, and stay read-only
-    where they are copied. Without `repr` the class has the one of its base.
+    arrays of one dtype and shape with equal numbers, where NaN equals NaN. The objects have no hash. Without `repr` the
+    class has the one of its base.
 
     Examples
     --------
     >>> import pickle
     >>> import mrwork as mr
     >>> test = mr.synthetic_test("spencer1997")
-    >>> copy = pickle.loads(pickle.dumps(test))
-    >>> copy == test, copy.force.flags.writeable
-    (True, False)
+    >>> pickle.loads(pickle.dumps(test)) == test
+    True
     """
 
     def make_dataclass(kind: type[T]) -> type[T]:
         made = dataclass(frozen=True, slots=True, kw_only=True, repr=repr)(kind)
-        for name, method in _METHODS.items():
+        for name, method in {"__eq__": _equal, "__hash__": None}.items():
             setattr(made, name, method)
         return made
 
@@ -81,37 +79,6 @@ def _same(one: Any, other: Any) -> bool:
     equal = one == other
     # Arrays of JAX compare by their elements.
     return equal if isinstance(equal, bool) else bool(np.array_equal(one, other))
-
-
-def _reduce_instance(self: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
-    values = {each.name: getattr(self, each.name) for each in fields(self)}
-    read_only = [
-        name
-        for name, value in values.items()
-        if all(not array.flags.writeable for array in _arrays_within(value))
-    ]
-    return _restore_instance, (type(self), values, read_only)
-
-
-def _restore_instance(kind: type, values: Mapping[str, Any], read_only: list[str]) -> object:
-    made: object = object.__new__(kind)
-    for name, value in values.items():
-        object.__setattr__(made, name, value)
-    for name in read_only:
-        for array in _arrays_within(values[name]):
-            array.setflags(write=False)
-    return made
-
-
-def _arrays_within(value: object) -> Iterator[np.ndarray[Any, Any]]:
-    if isinstance(value, np.ndarray):
-        yield value
-    elif isinstance(value, Mapping | list | tuple):
-        for entry in value.values() if isinstance(value, Mapping) else value:
-            yield from _arrays_within(entry)
-
-
-_METHODS: dict[str, Any] = {"__eq__": _equal, "__hash__": None, "__reduce__": _reduce_instance}
 
 
 def freeze_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:

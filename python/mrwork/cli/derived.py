@@ -16,7 +16,7 @@ from functools import partial
 from typing import Any
 
 from mrwork.base import hints as nodes
-from mrwork.base.declaring import parameter_texts
+from mrwork.base.docstrings import parameter_texts
 from mrwork.base.hints import Node, fields_of, nodes_of
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, OrWord, Range, finite_number

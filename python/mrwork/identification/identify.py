@@ -9,9 +9,8 @@ from warnings import warn
 
 import numpy as np
 
-from mrwork.base.arguments import Threads
+from mrwork.base.arguments import Threads, takes_fields
 from mrwork.base.blas import on_one_blas_thread
-from mrwork.base.declaring import takes_fields
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, plain_parameters
