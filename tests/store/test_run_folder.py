@@ -366,7 +366,7 @@ def test_a_full_disk_leaves_the_earlier_run(tmp_path: Path) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
     try:
         add = partial(add_to_run, place, {RESULTS: b"x" * 200_000})
-        refusal(add, match="the disk is full; free some space, what was there is untouched")
+        refusal(add, match="File too large; make room, .* what was there is untouched")
         run = RunFolder.open(place)
         assert is_whole(run)
         assert {name: content for name, content in contents(place).items() if name in before} == before

@@ -198,15 +198,6 @@ def sine_sweep(
 
 
 @checked
-def ricker(*, amplitude: float, frequency: Positive, dt: float = 0.001) -> GroundMotion:
-    """Ricker pulse of three periods, `amplitude (1 - 2 u) exp(-u)` with `u = (pi frequency (t - t_0))^2`."""
-    half = 1.5 / _sample("frequency", frequency, dt)
-    time = _time(2.0 * half, dt)
-    u = (np.pi * frequency * (time - half)) ** 2
-    return _motion(f"Ricker {frequency:g} Hz", dt, amplitude * (1.0 - 2.0 * u) * np.exp(-u))
-
-
-@checked
 def near_fault_pulse(
     *, amplitude: float, period: Positive, cycles: AboveOne = 1.5, phase: float = 0.0, dt: float = 0.01
 ) -> GroundMotion:

@@ -12,7 +12,6 @@ Windows has no `flock`, and nothing is locked there.
 
 from __future__ import annotations
 
-import errno
 import os
 import socket
 import sys
@@ -25,7 +24,6 @@ from typing import BinaryIO, Final
 from mrwork.errors import JournalError, MrworkWarning, OutputError
 
 _NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
-_FULL: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 _NEW: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK | getattr(os, "O_BINARY", 0)
 
 
@@ -41,18 +39,14 @@ def new_file(path: Path) -> BinaryIO:
 
 
 @contextmanager
-def explain_failure(what: str, remedy: str, *, full: str = "") -> Iterator[None]:
-    """Turn an error of the system in the block into an `OutputError`: cannot do `what`, the reason, the remedy.
-
-    `full` says both on a full disk.
-    """
+def explain_failure(what: str, remedy: str) -> Iterator[None]:
+    """Turn an error of the system in the block into an `OutputError`: cannot do `what`, the reason, the remedy."""
     try:
         yield
     except OutputError:
         raise
     except OSError as reason:
-        why = full if reason.errno in _FULL else ""
-        raise OutputError(f"cannot {what}: {why or f'{reason.strerror or reason}; {remedy}'}") from reason
+        raise OutputError(f"cannot {what}: {reason.strerror or reason}; {remedy}") from reason
 
 
 @contextmanager

@@ -428,7 +428,5 @@ def _sweep(place: Path, listed: Collection[str] | None = None) -> None:
 
 
 def _explained(path: str | Path) -> AbstractContextManager[None]:
-    what, kept = f"write the run to {path}", "what was there is untouched"
-    return explain_failure(
-        what, f"choose another folder, {kept}", full=f"the disk is full; free some space, {kept}"
-    )
+    remedy = "make room, or choose another folder; what was there is untouched"
+    return explain_failure(f"write the run to {path}", remedy)
