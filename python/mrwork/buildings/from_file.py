@@ -52,7 +52,7 @@ from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
 from mrwork.store.input_file import TOML, is_folder, text_of
 from mrwork.store.parse import toml_lines
-from mrwork.store.run_folder import real_place
+from mrwork.store.run_folder import real_path
 
 _Numbers = tuple[float, ...]
 _Rows = tuple[_Numbers, ...]
@@ -209,7 +209,7 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     table = read_table(BuildingTable, document, place)
     table = replace(table, name=path.stem) if table.name is None else table
     with place.prefix_errors():
-        built = _make_building(table, path.parent, (*readers, real_place(path)))
+        built = _make_building(table, path.parent, (*readers, real_path(path)))
     return built if built.source else replace(built, source=str(path))
 
 
@@ -253,7 +253,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             built = _from_system(table, folder)
         else:
             name = getattr(table, form)
-            if isinstance(name, str) and form == "file" and real_place(folder / name) in readers:
+            if isinstance(name, str) and form == "file" and real_path(folder / name) in readers:
                 raise InvalidSettingError(
                     form, f"{name} refers back to itself; name the file of another building"
                 )

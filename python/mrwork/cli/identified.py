@@ -110,7 +110,7 @@ class Identification:
         Return the exit status, `None` where there is no such comparison or it is not to be resumed.
         """
         destination, folder = self.frame.destination, self.frame.folder
-        if not (destination.continues and is_complete(folder) and (destination.place / table).is_file()):
+        if not (destination.continues and is_complete(folder) and (destination.real_path / table).is_file()):
             return None
         fit = read_fit(folder)
         if {test.sha256 for test in self.tests} != {*fit.provenance.inputs.values()}:

@@ -16,7 +16,7 @@ from mrwork.cli.output import print_result
 from mrwork.errors import OutputError
 from mrwork.records.rig_table import TABLE_NAME
 from mrwork.store.output_file import explain_failure, write_files
-from mrwork.store.run_folder import refuse_place_in_run
+from mrwork.store.run_folder import refuse_path_in_run
 
 Sample = Literal["rig", "study"]
 
@@ -87,7 +87,7 @@ def _write_study(place: Path) -> _Written:
 def _refuse_what_is_there(place: Path, *, within: bool = False) -> None:
     """Refuse a place where there is something; with `within` a folder may be there that has nothing within."""
     with explain_failure(f"write {place}", "choose another place"):
-        refuse_place_in_run(place)
+        refuse_path_in_run(place)
         is_folder = within and place.is_dir()
         there = sorted(place.iterdir()) if is_folder else [place] if os.path.lexists(place) else []
     if there:

@@ -20,7 +20,7 @@ from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS, listed_files
 from mrwork.records.columns import COMMAND, MARKERS, REQUIRED, check_specification
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 from mrwork.store.output_file import replacing
-from mrwork.store.run_folder import check_output, real_place
+from mrwork.store.run_folder import check_output, real_path
 
 Use = Literal["fit", "calibration", "test"]
 """What a test is used for: identification, calibration of bands, or the final comparison."""
@@ -103,7 +103,7 @@ def check_given_once(rows: Sequence[ListedTest]) -> None:
     """Refuse a file that is given twice, as by a pattern that takes in a table of tests and its records."""
     groups: dict[object, list[ListedTest]] = {}
     for row in rows:
-        groups.setdefault(real_place(row.file), []).append(row)
+        groups.setdefault(real_path(row.file), []).append(row)
     for same in groups.values():
         if len(same) == 1:
             continue
@@ -145,8 +145,8 @@ def files_not_read(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[st
         inside = [path for path in sorted(folder.iterdir()) if not path.name.startswith(".")]
         table = folder / TABLE_NAME
         if is_test_table(table):
-            of_table = {real_place(row.file) for row in read_test_table(table)}
-            left = [path for path in inside if _is_record(path) and real_place(path) not in of_table]
+            of_table = {real_path(row.file) for row in read_test_table(table)}
+            left = [path for path in inside if _is_record(path) and real_path(path) not in of_table]
             why = f"not in {TABLE_NAME}"
         else:
             left = [path for path in inside if not _is_record(path)]

@@ -157,7 +157,7 @@ def package_version(name: str) -> str:
 @cache
 def _list_installed() -> Mapping[str, str]:
     """Versions of the installed packages, from the names of their folders; `importlib.metadata` takes 40 ms more."""
-    folders = (path.stem for place in reversed(sys.path) for path in Path(place).glob("*-*.dist-info"))
+    folders = (path.stem for entry in reversed(sys.path) for path in Path(entry).glob("*-*.dist-info"))
     return {name: version for name, _, version in (folder.partition("-") for folder in folders)}
 
 

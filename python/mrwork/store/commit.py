@@ -50,13 +50,13 @@ def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:
     return {name: digest_of(name, content) for name, content in contents.items()}
 
 
-def make_folders(place: Path, name: str) -> Path:
-    """Make the folders of the file `name` in `place`, none of which is a link; return its path."""
+def make_folders(folder: Path, name: str) -> Path:
+    """Make the folders of the file `name` in `folder`, none of which is a link; return its path."""
     if PurePath(name).is_absolute() or ".." in PurePath(name).parts:
         # A manifest that somebody else has written leads nowhere else.
-        raise OutputError(f"the {MANIFEST} of {place} lists {name}, which is outside that folder")
-    path = place / name
-    for above in reversed([each for each in path.parents if place in each.parents]):
+        raise OutputError(f"the {MANIFEST} of {folder} lists {name}, which is outside that folder")
+    path = folder / name
+    for above in reversed([each for each in path.parents if folder in each.parents]):
         if above.is_symlink():
             raise OutputError(
                 f"{above} is a symbolic link, which mrwork does not follow; put a folder in its place"
@@ -66,7 +66,7 @@ def make_folders(place: Path, name: str) -> Path:
 
 
 def commit(
-    place: Path,
+    folder: Path,
     stated: Mapping[str, object],
     contents: Mapping[str, bytes],
     *,
@@ -82,28 +82,28 @@ def commit(
     """
     manifest = {**stated, FILES: {**grown, **digests_of(contents)}, REPLACED: replaced}
     for name, content in contents.items():
-        _write(place, name + NEW, content, flush=flush)
-    _replace_manifest(place, manifest)
-    end_commit(place, manifest)
+        _write(folder, name + NEW, content, flush=flush)
+    _replace_manifest(folder, manifest)
+    end_commit(folder, manifest)
 
 
-def end_commit(place: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
+def end_commit(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
     """Give the files of a manifest their names, and remove those before; return the manifest that says so."""
     files, replaced = manifest[FILES], manifest[REPLACED]
     for name, digest in files.items():
-        path, beside = make_folders(place, name), make_folders(place, name + NEW)
+        path, beside = make_folders(folder, name), make_folders(folder, name + NEW)
         if beside.is_file() and digest_at(name, beside) == digest:
             _keep_changed(path, name, replaced)
             beside.replace(path)
     for name in replaced:
         if name not in files:
-            _keep_changed(path := make_folders(place, name), name, replaced)
+            _keep_changed(path := make_folders(folder, name), name, replaced)
             path.unlink(missing_ok=True)
             with suppress(OSError):
                 # A folder that is empty now, and not that of the run, which has a manifest.
                 path.parent.rmdir()
     ended = {key: value for key, value in manifest.items() if key != REPLACED}
-    _replace_manifest(place, ended)
+    _replace_manifest(folder, ended)
     return ended
 
 
@@ -116,13 +116,13 @@ def _keep_changed(path: Path, name: str, replaced: Mapping[str, str | None]) -> 
         path.rename(kept)
 
 
-def _replace_manifest(place: Path, stated: Mapping[str, object]) -> None:
-    _write(place, MANIFEST + NEW, json_document(stated).encode(), flush=True)
-    (place / (MANIFEST + NEW)).replace(place / MANIFEST)
+def _replace_manifest(folder: Path, stated: Mapping[str, object]) -> None:
+    _write(folder, MANIFEST + NEW, json_document(stated).encode(), flush=True)
+    (folder / (MANIFEST + NEW)).replace(folder / MANIFEST)
 
 
-def _write(place: Path, name: str, content: bytes, *, flush: bool) -> None:
-    with new_file(make_folders(place, name)) as stream:
+def _write(folder: Path, name: str, content: bytes, *, flush: bool) -> None:
+    with new_file(make_folders(folder, name)) as stream:
         stream.write(content)
         if flush:
             stream.flush()

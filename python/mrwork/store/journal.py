@@ -26,7 +26,7 @@ from mrwork.errors import JournalError, MrworkError
 from mrwork.store.codec import built, differences, plain
 from mrwork.store.input_file import FileKind, bytes_of, is_there, start_of
 from mrwork.store.output_file import Lock, explain_failure, open_to_write
-from mrwork.store.run_folder import refuse_place_in_run
+from mrwork.store.run_folder import refuse_path_in_run
 
 T = TypeVar("T")
 _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
@@ -79,7 +79,7 @@ class Journal:
         if resume:
             self._resume(self.path, note)
         else:
-            refuse_place_in_run(self.path)
+            refuse_path_in_run(self.path)
             if is_there(self.path, JOURNAL_FILE) and not is_journal(self.path):
                 raise JournalError(f"{self.path} is no journal, so it is left as it is; choose another name")
             if not replace and (steps := n_steps(self.path)):

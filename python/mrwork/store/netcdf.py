@@ -56,12 +56,12 @@ def _write(group: Any, name: str, array: NamedArray, *, checksums: bool) -> None
     made.attrs.update(array.attributes)
 
 
-def read_netcdf(file: Path | bytes, place: Path) -> dict[str, NamedArrays]:
-    """The groups of a file at a place as `netcdf_of` has written them; other errors are those of h5py."""
+def read_netcdf(file: Path | bytes, path: Path) -> dict[str, NamedArrays]:
+    """The groups of the file at `path` as `netcdf_of` has written them; other errors are those of h5py."""
     import h5py
 
     size = len(file) if isinstance(file, bytes) else file.stat().st_size
-    allowance = Allowance(place, size)
+    allowance = Allowance(path, size)
     with h5py.File(io.BytesIO(file) if isinstance(file, bytes) else file, "r") as opened:
         children = {name: each for name, each in opened.items() if isinstance(each, h5py.Group)}
         return {name: _read(group, allowance) for name, group in {"": opened, **children}.items()}

@@ -1,7 +1,7 @@
 """Files that are written whole or not at all; and locks.
 
 A file that is replaced takes the place of a link; one that grows is refused where it is a link, and so is a folder
-within a run that is a link. The folder that the user names may be a link (`run_folder.real_place`).
+within a run that is a link. The folder that the user names may be a link (`run_folder.real_path`).
 
 A lock is a file `.NAME.lock` beside the file, or `.lock` in a folder, with the process and machine that hold it, on
 which the kernel keeps an exclusive lock (`flock`). The kernel releases it when the process ends, however that happens;
@@ -85,7 +85,7 @@ class Lock:
     """Lock of a folder, or of the file `name` in it, which need not exist; taken at once and held until `release`."""
 
     def __init__(self, folder: Path, name: str = "") -> None:
-        self._place = folder / (f".{name}.lock" if name else ".lock")
+        self._path = folder / (f".{name}.lock" if name else ".lock")
         self._file: int | None = None
         with explain_failure(f"write {folder / name}", "choose another folder"):
             self._file = self._take(folder / name)
@@ -95,7 +95,7 @@ class Lock:
         if self._file is not None:
             # Removed while it is held, so that it cannot be the lock of another writer.
             with suppress(OSError):
-                self._place.unlink()
+                self._path.unlink()
             os.close(self._file)
             self._file = None
 
@@ -107,11 +107,11 @@ class Lock:
 
     def _take(self, path: Path) -> int:
         while True:
-            file = open_to_write(self._place, _FLAGS)
+            file = open_to_write(self._path, _FLAGS)
             try:
                 _flock(file, path)
                 # Another writer may have removed the file between the two lines above.
-                if self._place.exists() and os.path.samestat(os.fstat(file), self._place.stat()):
+                if self._path.exists() and os.path.samestat(os.fstat(file), self._path.stat()):
                     # Who holds the lock; on a full disk the holder stays unnamed.
                     with suppress(OSError):
                         os.ftruncate(file, 0)

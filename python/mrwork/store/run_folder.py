@@ -129,7 +129,7 @@ RUN_KINDS: Final = (FIT_RUN, STUDY_RUN, TUNING_RUN)
 """Every kind of run folder."""
 
 
-def real_place(path: str | Path) -> Path:
+def real_path(path: str | Path) -> Path:
     """Path with symbolic links resolved, so that writing replaces the target; an impossible name stays."""
     try:
         return Path(os.path.realpath(path))
@@ -166,25 +166,25 @@ class RunFolder:
     @classmethod
     def open(cls, path: str | Path, wanted: RunKind | None = None) -> RunFolder:
         """The run folder at `path`, which must be of the kind `wanted`, by default of any."""
-        place = Path(path)
+        folder = Path(path)
         kinds = (wanted,) if wanted else RUN_KINDS
         verbs = [f"`mrwork {each.verb}`" for each in kinds]
         give = f"give a folder that {' or '.join(verbs)} has written"
-        if not (is_folder(place) and exists(place / MANIFEST)):
-            raise RecordError(_no_run(place, give))
-        run = cls._at(place, RecordError)
+        if not (is_folder(folder) and exists(folder / MANIFEST)):
+            raise RecordError(_no_run(folder, give))
+        run = cls._at(folder, RecordError)
         if run is None:
-            raise RecordError(f"the {MANIFEST} of {place} is not that of a run of mrwork; {give}")
+            raise RecordError(f"the {MANIFEST} of {folder} is not that of a run of mrwork; {give}")
         if run.kind not in kinds:
             raise RecordError(
-                f"{place} is a run of `mrwork {run.kind.verb}`, where one of {verbs[0]} was expected; give the folder "
+                f"{folder} is a run of `mrwork {run.kind.verb}`, where one of {verbs[0]} was expected; give the folder "
                 "of one, or read this one back with `mr.load`"
             )
         if run.format != FORMAT:
             raise RecordError(run.of_before)
         if REPLACED in run.manifest:
             # Another process may be ending the commit, or the folder be one that cannot be written.
-            with suppress(MrworkError, OSError), Lock(run.place):
+            with suppress(MrworkError, OSError), Lock(run.real_path):
                 return run.settled()
         return run
 
@@ -206,9 +206,9 @@ class RunFolder:
         return None
 
     @property
-    def place(self) -> Path:
+    def real_path(self) -> Path:
         """The folder, without links."""
-        return real_place(self.path)
+        return real_path(self.path)
 
     @property
     def files(self) -> Mapping[str, str]:
@@ -221,7 +221,7 @@ class RunFolder:
         run = RunFolder._at(self.path, OutputError)
         if run is None or REPLACED not in run.manifest:
             return run or self
-        return replace(run, manifest=end_commit(run.place, run.manifest))
+        return replace(run, manifest=end_commit(run.real_path, run.manifest))
 
     @property
     def format(self) -> object:
@@ -301,44 +301,44 @@ class RunFolder:
             ) from None
 
 
-def refuse_place_in_run(path: Path) -> None:
+def refuse_path_in_run(path: Path) -> None:
     """Check that what is written at `path` is no part of a run that lies in a folder above it."""
-    place = real_place(path.parent) / path.name
-    for folder in place.parents:
+    real = real_path(path.parent) / path.name
+    for folder in real.parents:
         run = None
         # A damaged manifest may be that of any program.
         with suppress(MrworkError):
             run = RunFolder.to_write(folder)
-        if run is not None and run.owns(place.relative_to(folder).parts[0]):
-            raise OutputError(f"{path} belongs to the run in {folder}; give a place of its own")
+        if run is not None and run.owns(real.relative_to(folder).parts[0]):
+            raise OutputError(f"{path} belongs to the run in {folder}; give another name")
 
 
-def check_output(place: Path, *, replace: bool, otherwise: str) -> None:
+def check_output(path: Path, *, replace: bool, otherwise: str) -> None:
     """Check that the file that a user names can be written: none is there, or one of the user's that is to be replaced.
 
     `otherwise`: what else to do than to choose another name.
     """
-    if is_folder(place):
-        raise OutputError(f"{place} is a folder; give the name of a file")
-    if not replace and (exists(place) or os.path.islink(place)):  # noqa: PTH114 - `Path.is_symlink` raises for some names
-        raise OutputError(f"{place} is there already; choose another name, or {otherwise}")
-    refuse_place_in_run(place)
+    if is_folder(path):
+        raise OutputError(f"{path} is a folder; give the name of a file")
+    if not replace and (exists(path) or os.path.islink(path)):  # noqa: PTH114 - `Path.is_symlink` raises for some names
+        raise OutputError(f"{path} is there already; choose another name, or {otherwise}")
+    refuse_path_in_run(path)
 
 
-def _no_run(place: Path, give: str) -> str:
-    """Why what is at `place` is no run folder, and what to give instead."""
-    for around in place.parents[:2]:
-        if exists(place) and is_file(around / MANIFEST) and RunFolder._at(around, RecordError):
-            return f"{place} is a part of the run {around}; give that folder"
-    if not exists(place):
-        return f"{place} does not exist; {give}"
-    if not is_folder(place):
-        return f"{place} is a file; {give}"
-    if any(next(place.glob(pattern), None) for pattern in (*JOURNALS, f"{HISTORIES}/*.npz")):
-        return f"{place} has an unfinished run; run the command that began it again with --resume"
+def _no_run(path: Path, give: str) -> str:
+    """Why what is at `path` is no run folder, and what to give instead."""
+    for around in path.parents[:2]:
+        if exists(path) and is_file(around / MANIFEST) and RunFolder._at(around, RecordError):
+            return f"{path} is a part of the run {around}; give that folder"
+    if not exists(path):
+        return f"{path} does not exist; {give}"
+    if not is_folder(path):
+        return f"{path} is a file; {give}"
+    if any(next(path.glob(pattern), None) for pattern in (*JOURNALS, f"{HISTORIES}/*.npz")):
+        return f"{path} has an unfinished run; run the command that began it again with --resume"
     runs: list[str] = []
     with suppress(OSError):
-        runs = sorted(each.name for each in place.iterdir() if is_file(each / MANIFEST))
+        runs = sorted(each.name for each in path.iterdir() if is_file(each / MANIFEST))
     if runs:
-        return f"{place} holds runs and is none itself; give one of {list_names(runs, _NAMED)} in it"
-    return f"{place} is not a run folder, it has no {MANIFEST}; {give}"
+        return f"{path} holds runs and is none itself; give one of {list_names(runs, _NAMED)} in it"
+    return f"{path} is not a run folder, it has no {MANIFEST}; {give}"

@@ -55,8 +55,8 @@ from mrwork.store.run_folder import (
     chunks_beside,
     is_added,
     is_redrawn,
-    real_place,
-    refuse_place_in_run,
+    real_path,
+    refuse_path_in_run,
 )
 
 _TO_RESUME: Final = "run the same command with --resume to continue"
@@ -71,7 +71,7 @@ def nothing_to_resume(path: Path) -> str:
 
 def is_complete(path: str | Path) -> bool:
     """Whether the folder at `path` has a run that was not interrupted."""
-    run = RunFolder.to_write(real_place(path))
+    run = RunFolder.to_write(real_path(path))
     return run is not None and run.is_complete
 
 
@@ -89,14 +89,14 @@ class Destination:
     resume: bool = False
 
     @property
-    def place(self) -> Path:
+    def real_path(self) -> Path:
         """The folder, without links."""
-        return real_place(self.path)
+        return real_path(self.path)
 
     @property
     def continues(self) -> bool:
         """Whether the run that the folder has is resumed, and not one that was begun in its place."""
-        return self.resume and not any(next(self.place.glob(each + NEW), None) for each in JOURNALS)
+        return self.resume and not any(next(self.real_path.glob(each + NEW), None) for each in JOURNALS)
 
     def check_losses(self) -> None:
         """Check that nothing is lost there without leave."""
@@ -105,7 +105,7 @@ class Destination:
             return
         if run.format != FORMAT:
             raise OutputError(run.of_before)
-        names = _files_in(run.place, run.owns)
+        names = _files_in(run.real_path, run.owns)
         if run.kind != self.kind:
             lost = {f", the results of `mrwork {run.kind.verb}`": _entries_of(names)}
         else:
@@ -121,19 +121,19 @@ class Destination:
 
     def run(self) -> RunFolder | None:
         """The run at the destination, `None` for an absent, an empty or an unfinished folder; others are refused."""
-        place = self.place
-        refuse_place_in_run(self.path)
-        if not place.is_dir():
-            if exists(place):
+        folder = self.real_path
+        refuse_path_in_run(self.path)
+        if not folder.is_dir():
+            if exists(folder):
                 raise OutputError(f"{self.path} is a file, a run needs a folder; choose another name")
             return None
-        run = RunFolder.to_write(place)
-        if run is None and exists(place / MANIFEST):
+        run = RunFolder.to_write(folder)
+        if run is None and exists(folder / MANIFEST):
             raise OutputError(
                 f"the {MANIFEST} of {self.path} is not that of a run of mrwork, so the folder is left as it is; "
                 "choose another folder"
             )
-        if run is None and not _is_free(place):
+        if run is None and not _is_free(folder):
             raise OutputError(
                 f"{self.path} holds files but no {MANIFEST}, so it is not a run folder and is left as it is; "
                 "choose another folder"
@@ -141,20 +141,20 @@ class Destination:
         return run
 
 
-def _is_free(place: Path) -> bool:
+def _is_free(folder: Path) -> bool:
     """Whether a folder without manifest is empty, or has the journal of an unfinished run."""
-    journals = (path for pattern in JOURNALS for path in place.glob(pattern))
-    return any(map(is_journal, journals)) or all(is_lock(entry.name) for entry in place.iterdir())
+    journals = (path for pattern in JOURNALS for path in folder.glob(pattern))
+    return any(map(is_journal, journals)) or all(is_lock(entry.name) for entry in folder.iterdir())
 
 
-def _files_in(place: Path, owned: Callable[[str], bool]) -> list[str]:
+def _files_in(folder: Path, owned: Callable[[str], bool]) -> list[str]:
     """Paths of the files in a folder, and below it, whose first name is an `owned` one; links are not followed."""
-    owned_entries = [entry for entry in place.iterdir() if owned(entry.name)]
+    owned_entries = [entry for entry in folder.iterdir() if owned(entry.name)]
     paths = [
         path for entry in owned_entries for path in (entry, *(() if entry.is_symlink() else entry.rglob("*")))
     ]
     return sorted(
-        path.relative_to(place).as_posix() for path in paths if path.is_symlink() or not path.is_dir()
+        path.relative_to(folder).as_posix() for path in paths if path.is_symlink() or not path.is_dir()
     )
 
 
@@ -167,7 +167,7 @@ def _changes(run: RunFolder) -> list[str]:
     """Files of the verb that are not as it has written them."""
 
     def differs(name: str) -> bool:
-        path = run.place / name
+        path = run.real_path / name
         if is_redrawn(name) or is_added(name) or not exists(path):
             return False
         return path.is_symlink() or not path.is_file() or digest_at(name, path) != run.files[name]
@@ -189,28 +189,28 @@ class RunAtWork:
     def __init__(self, destination: Destination, *, note: Callable[[str], None] = lambda _: None) -> None:
         self.destination = destination
         self._note = note
-        self._place = destination.place
+        self._folder = destination.real_path
         self._journals: list[Journal] = []
         self._locked = ExitStack()
         self._earlier: RunFolder | None = None
         self._committing = False
 
     def __enter__(self) -> RunAtWork:
-        place = self._place
+        folder = self._folder
         with _explained(self.destination.path):
-            place.mkdir(parents=True, exist_ok=True)
+            folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as locked:
-            locked.callback(_remove_if_empty, place)
-            locked.enter_context(_lock_of(place))
+            locked.callback(_remove_if_empty, folder)
+            locked.enter_context(_lock_of(folder))
             for name in ADDITIONS:
-                Lock(place, name).release()
+                Lock(folder, name).release()
             self._earlier = self.destination.run()
             if self._earlier is not None:
                 self._earlier = self._earlier.settled()
             self.destination.check_losses()
             self._refuse_unfinished()
             if not self.destination.resume:
-                _sweep(place, self._listed)
+                _sweep(folder, self._listed)
             self._locked = locked.pop_all()
         return self
 
@@ -222,7 +222,7 @@ class RunAtWork:
         if isinstance(error, KeyboardInterrupt):
             error.add_note(_TO_RESUME)
         elif error is not None and not (self.destination.resume or self._committing or self._has_steps):
-            _sweep(self._place, self._listed)
+            _sweep(self._folder, self._listed)
         self._locked.close()
 
     @property
@@ -232,7 +232,7 @@ class RunAtWork:
     def journal(self, name: str = JOURNAL) -> Journal:
         """The journal of the run, or of a step of it such as `models/dahl/fit.jsonl`, begun or resumed."""
         growing = self.growing(name)
-        committed = self._place / name
+        committed = self._folder / name
         resume = self.destination.resume and (growing.is_file() or committed.is_file())
         if self.destination.resume and not resume and name == JOURNAL:
             raise JournalError(
@@ -244,12 +244,12 @@ class RunAtWork:
 
     def growing(self, name: str) -> Path:
         """Path at which a file of this run grows, in a folder that is there."""
-        return make_folders(self._place, name if self._earlier is None else name + NEW)
+        return make_folders(self._folder, name if self._earlier is None else name + NEW)
 
     def grown(self, name: str) -> Path:
         """Path of a file that has grown in this run, or is in the run that is resumed; it need not be there."""
         path = self.growing(name)
-        committed = self._place / name
+        committed = self._folder / name
         listed = self._earlier is not None and name in self._earlier.files
         return committed if self.destination.resume and listed and not path.is_file() else path
 
@@ -260,7 +260,7 @@ class RunAtWork:
     @property
     def step_journals(self) -> list[str]:
         """Names of the journals of the steps of a comparison, as far as it has come."""
-        names = {path.relative_to(self._place).as_posix() for path in self._place.glob(JOURNALS[1] + "*")}
+        names = {path.relative_to(self._folder).as_posix() for path in self._folder.glob(JOURNALS[1] + "*")}
         return sorted({name.removesuffix(NEW) for name in names})
 
     @property
@@ -290,8 +290,8 @@ class RunAtWork:
             paths = {name: path for name in grown if (path := self.grown(name)).is_file()}
             listed = {name: digest_at(name, path) for name, path in paths.items()}
             stated = _stated(facts, self.destination.kind)
-            commit(self._place, stated, contents, grown=listed, replaced=self._replaced(), flush=flush)
-            _sweep(self._place, {**listed, **contents})
+            commit(self._folder, stated, contents, grown=listed, replaced=self._replaced(), flush=flush)
+            _sweep(self._folder, {**listed, **contents})
         self._locked.close()
 
     @property
@@ -302,7 +302,7 @@ class RunAtWork:
         """Files of the run before with their digests, and what else has a name of such a file."""
         if self._earlier is None:
             return {}
-        named = [entry.name for entry in self._place.iterdir() if not entry.is_dir()]
+        named = [entry.name for entry in self._folder.iterdir() if not entry.is_dir()]
         return dict.fromkeys({*named} & OWN_NAMES - {MANIFEST}) | dict(self._earlier.files)
 
     def _refuse_unfinished(self) -> None:
@@ -310,7 +310,7 @@ class RunAtWork:
         endings = (NEW,) if self._earlier is not None and self._earlier.is_complete else (NEW, "")
         names = [f"{pattern}{ending}" for pattern in JOURNALS for ending in endings]
         if not (self.destination.resume or self.destination.replace):
-            _refuse_steps(self.destination.path, [path for name in names for path in self._place.glob(name)])
+            _refuse_steps(self.destination.path, [path for name in names for path in self._folder.glob(name)])
 
 
 def _refuse_steps(path: Path, journals: Sequence[Path]) -> None:
@@ -330,23 +330,23 @@ def _remove_if_empty(folder: Path) -> None:
 _TRIES, _PAUSE = 100, 0.01
 
 
-def _lock_of(place: Path) -> Lock:
+def _lock_of(folder: Path) -> Lock:
     for _ in range(_TRIES):
         with suppress(JournalError):
-            return Lock(place)
+            return Lock(folder)
         time.sleep(_PAUSE)
-    return Lock(place)
+    return Lock(folder)
 
 
 @contextmanager
 def adding(path: str | Path, name: str) -> Iterator[None]:
     """Lock the file `name` that is added to the run folder at `path`, while no run is made there."""
-    place = real_place(path)
-    if not (place / MANIFEST).is_file():
+    folder = real_path(path)
+    if not (folder / MANIFEST).is_file():
         yield
         return
-    with _lock_of(place):
-        addition = Lock(place, name)
+    with _lock_of(folder):
+        addition = Lock(folder, name)
     with addition:
         yield
 
@@ -356,9 +356,9 @@ def addition_journal(
     path: str | Path, name: str, *, resume: bool, replace: bool, note: Callable[[str], None]
 ) -> Iterator[Journal]:
     """The journal of an addition, begun or resumed, to be committed by `add_to_run`; it is locked until then."""
-    place = real_place(path)
-    growing, kept = place / (name + NEW), place / name
-    with adding(place, name):
+    folder = real_path(path)
+    growing, kept = folder / (name + NEW), folder / name
+    with adding(folder, name):
         if not (resume or replace):
             _refuse_steps(kept, [growing])
         if resume and not (growing.is_file() or kept.is_file()):
@@ -379,15 +379,15 @@ def addition_journal(
 
 def add_to_run(path: str | Path, contents: Mapping[str, bytes], *, grown: Collection[str] = ()) -> None:
     """Add files to a run, or write some of them again, by path in its folder; `grown` are there as NAME.new."""
-    place = real_place(path)
-    with _lock_of(place), _explained(path):
-        run = RunFolder.open(place).settled()
-        paths = {name: place / (name + NEW) for name in grown}
+    folder = real_path(path)
+    with _lock_of(folder), _explained(path):
+        run = RunFolder.open(folder).settled()
+        paths = {name: folder / (name + NEW) for name in grown}
         listed = {name: digest_at(name, path) for name, path in paths.items() if path.is_file()}
         replaced = {name: run.files.get(name) for name in (*contents, *listed)}
         stated = _stated(run.manifest, run.kind)
-        commit(place, stated, contents, grown={**run.files, **listed}, replaced=replaced, flush=False)
-        _sweep(place)
+        commit(folder, stated, contents, grown={**run.files, **listed}, replaced=replaced, flush=False)
+        _sweep(folder)
 
 
 def with_manifest(
@@ -405,25 +405,25 @@ def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:
     return {**given, "kind": kind.kind, "verb": kind.verb, "format": FORMAT}
 
 
-def _sweep(place: Path, listed: Collection[str] | None = None) -> None:
+def _sweep(folder: Path, listed: Collection[str] | None = None) -> None:
     """Remove what a commit that was cut off has left; of what grows all that is not `listed`, by default nothing."""
     with suppress(OSError):
-        for name in _files_in(place, lambda name: name.removesuffix(NEW) in OWN_NAMES):
+        for name in _files_in(folder, lambda name: name.removesuffix(NEW) in OWN_NAMES):
             # Journals grow, and histories; a copy that is kept of a changed one is the owner's.
             kind = PurePath(name.removesuffix(NEW))
             grows = kind.suffix == ".jsonl" or (kind.suffix == ".nc" and kind.parts[0] == HISTORIES)
             at_work = name.endswith(NEW) or (grows and name != CHAIN)
             if at_work and (not grows if listed is None else name not in listed):
-                (place / name).unlink(missing_ok=True)
+                (folder / name).unlink(missing_ok=True)
         for name in ADDITIONS:
-            if exists(place / f".{name}.lock"):
+            if exists(folder / f".{name}.lock"):
                 # It is that of a verb at work, or was left by one that was killed.
                 with suppress(JournalError):
-                    Lock(place, name).release()
+                    Lock(folder, name).release()
         if listed is not None:
-            shutil.rmtree(chunks_beside(place / JOURNAL), ignore_errors=True)
-            for folder in (HISTORIES, MODELS):
-                for path in sorted((place / folder).glob("**"), reverse=True):
+            shutil.rmtree(chunks_beside(folder / JOURNAL), ignore_errors=True)
+            for name in (HISTORIES, MODELS):
+                for path in sorted((folder / name).glob("**"), reverse=True):
                     _remove_if_empty(path)
 
 
