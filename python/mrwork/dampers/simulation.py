@@ -26,7 +26,7 @@ from mrwork.base.arguments import (
     Threads,
     checked,
 )
-from mrwork.base.summary import Summarised
+from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
 from mrwork.dampers.command import Command
@@ -360,6 +360,9 @@ class InstructionSets(Summarised):
         if not self.left_out:
             return told
         return f"{told}; this machine has {', '.join(self.left_out)}, too: build with MRWORK_BUILD_SETS=all"
+
+    def _summary(self) -> Summary:
+        return Summary(title=str(self))
 
 
 def instruction_set() -> InstructionSets:
