@@ -10,11 +10,11 @@ import pytest
 from mrwork.base.progress import (
     COMPILE_TIME,
     Display,
-    NotebookBar,
-    PlainLines,
     ProgressLine,
     ProgressReport,
-    TerminalBar,
+    notebook_bar,
+    plain_lines,
+    terminal_bar,
 )
 
 
@@ -39,7 +39,7 @@ def shown_on(display: Display) -> ProgressLine[Report]:
 
 def test_a_terminal_has_a_bar_where_the_share_is_known(clock: list[float]) -> None:
     written: list[str] = []
-    with shown_on(TerminalBar(written.append, written.append)) as shown:
+    with shown_on(terminal_bar(written.append, written.append)) as shown:
         for clock[0], report in ((0.0, Report("begins")), (0.1, Report("lost")), (0.3, Report("on", 0.5))):
             shown(report)
     assert written[:2] == ["\rbegins", "\r[##########----------] on"]
@@ -50,7 +50,7 @@ def test_a_terminal_has_a_bar_where_the_share_is_known(clock: list[float]) -> No
 def test_a_notebook_has_one_bar_that_moves(clock: list[float]) -> None:
     widgets = pytest.importorskip("ipywidgets")
     displayed: list[Any] = []
-    with shown_on(NotebookBar(widgets, displayed.append)) as shown:
+    with shown_on(notebook_bar(widgets, displayed.append)) as shown:
         for clock[0], report in (
             (0.0, Report("begins")),
             (1.0, Report("half", 0.5)),
@@ -66,9 +66,9 @@ def test_a_notebook_has_one_bar_that_moves(clock: list[float]) -> None:
 
 def test_the_time_of_compilation_is_told_in_the_end() -> None:
     written: list[str] = []
-    with shown_on(PlainLines(written.append)):
+    with shown_on(plain_lines(written.append)):
         COMPILE_TIME.count("/jax/core/compile/backend_compile_duration", 3.4)
         COMPILE_TIME.count("/jax/core/compile/jaxpr_trace_duration", 50.0)
-    with shown_on(PlainLines(written.append)):
+    with shown_on(plain_lines(written.append)):
         COMPILE_TIME.count("/jax/core/compile/backend_compile_duration", 0.2)
     assert written == ["JAX compiled for 3 s"]

@@ -6,13 +6,17 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from typing import Any
 
 _LOCK = threading.Lock()
 _THREADS = "OPENBLAS_NUM_THREADS"
+
+
+# Open blocks, and the limit of the first of them.
+_blocks = 0
+_HELD = ExitStack()
 
 
 @contextmanager
@@ -21,46 +25,36 @@ def one_blas_thread() -> Iterator[None]:
 
     The number of threads is one of the process: it is back when the last block, on any thread, has ended.
     """
+    global _blocks
     with _LOCK:
-        if not _LIMIT.blocks:
-            _LIMIT.begin()
-        _LIMIT.blocks += 1
+        if not _blocks:
+            _HELD.enter_context(_limited())
+        _blocks += 1
     try:
         yield
     finally:
         with _LOCK:
-            _LIMIT.blocks -= 1
-            if not _LIMIT.blocks:
-                _LIMIT.end()
+            _blocks -= 1
+            if not _blocks:
+                _HELD.close()
 
 
 on_one_blas_thread = one_blas_thread()
 """Decorator of a function that is done within `one_blas_thread`."""
 
 
-@dataclass(slots=True)
-class _Limit:
-    """Open blocks, the limit of the first of them, and the variable that limits a BLAS which is loaded later."""
-
-    blocks: int = 0
-    present: Any = None
-    variable: str | None = None
-
-    def begin(self) -> None:
-        loaded = _controller("scipy.linalg" in sys.modules)
-        self.present = loaded.limit(limits=1, user_api="blas")
-        self.variable = os.environ.get(_THREADS)
-        os.environ[_THREADS] = "1"
-
-    def end(self) -> None:
-        self.present.restore_original_limits()
-        if self.variable is None:
-            del os.environ[_THREADS]
-        else:
-            os.environ[_THREADS] = self.variable
-
-
-_LIMIT = _Limit()
+@contextmanager
+def _limited() -> Iterator[None]:
+    """Limit the libraries that are loaded, and by a variable a BLAS that is loaded later."""
+    limit = _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
+    before = os.environ.get(_THREADS)
+    os.environ[_THREADS] = "1"
+    yield
+    limit.restore_original_limits()
+    if before is None:
+        del os.environ[_THREADS]
+    else:
+        os.environ[_THREADS] = before
 
 
 @cache

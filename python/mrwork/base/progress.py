@@ -71,89 +71,69 @@ class Timed(Protocol):
         """The same after so many seconds."""
 
 
-class Display(ABC):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Display:
     """A place where progress is shown after `patience` [s], then at most once in `every` [s].
 
-    A report with a time goes on in it, from another thread, where it `ticks`.
+    `show` takes a text, and the share that is done where it is known; `close` clears what is shown, and leaves a last
+    sentence behind, if there is one. A report with a time goes on in it, from another thread, where it `ticks`.
     """
 
+    show: Callable[[str, float | None], None]
+    close: Callable[[str], None]
     patience: float = 0.0
     every: float = 0.2
     ticks: bool = True
 
-    @abstractmethod
-    def show(self, text: str, share: float | None) -> None:
-        """Show a text, and a bar where the share is known."""
 
-    @abstractmethod
-    def close(self, last: str) -> None:
-        """Clear what is shown, and leave a last sentence behind, if there is one."""
-
-
-class TerminalBar(Display):
+def terminal_bar(write: Write, note: Write) -> Display:
     """One line of a terminal, written again and again."""
+    width = 0
 
-    def __init__(self, write: Write, note: Write) -> None:
-        self._write, self._note = write, note
-        self._width = 0
-
-    def show(self, text: str, share: float | None) -> None:
-        """Write the line anew."""
+    def show(text: str, share: float | None) -> None:
+        nonlocal width
         filled = int(_BAR * (share or 0.0))
         line = text if share is None else f"[{'#' * filled}{'-' * (_BAR - filled)}] {text}"
-        self._write("\r" + line.ljust(self._width))
-        self._width = len(line)
+        write("\r" + line.ljust(width))
+        width = len(line)
 
-    def close(self, last: str) -> None:
-        """Clear the line."""
-        if self._width:
-            self._write("\r" + " " * self._width + "\r")
+    def close(last: str) -> None:
+        if width:
+            write("\r" + " " * width + "\r")
         if last:
-            self._note(last)
+            note(last)
+
+    return Display(show=show, close=close)
 
 
-class PlainLines(Display):
+def plain_lines(note: Write) -> Display:
     """Lines of a file, as of the log of a batch job."""
+    return Display(
+        show=lambda text, share: note(text if share is None else f"{100.0 * share:.0f} %, {text}"),
+        close=lambda last: note(last) if last else None,
+        patience=30.0,
+        every=30.0,
+    )
 
-    patience = every = 30.0
 
-    def __init__(self, note: Write) -> None:
-        self._note = note
+def notebook_bar(widgets: Any, display: Callable[[Any], object]) -> Display:
+    """A bar of `ipywidgets` with the text beside it, which `display` shows below the cell; the text stays."""
+    bar, label = widgets.FloatProgress(value=0.0, min=0.0, max=1.0), widgets.Label(value="")
+    box = widgets.HBox([bar, label])
 
-    def show(self, text: str, share: float | None) -> None:
-        """Write a line, with the share in per cent."""
-        self._note(text if share is None else f"{100.0 * share:.0f} %, {text}")
+    def show(text: str, share: float | None) -> None:
+        if not label.value:
+            display(box)
+        label.value = text
+        bar.layout.visibility = "hidden" if share is None else "visible"
+        bar.value = share or 0.0
 
-    def close(self, last: str) -> None:
-        """Leave the lines."""
+    def close(last: str) -> None:
         if last:
-            self._note(last)
+            show(last, None)
+        bar.layout.display = "none"
 
-
-class NotebookBar(Display):
-    """A bar of `ipywidgets` with the text beside it, which `display` shows below the cell."""
-
-    ticks = False
-
-    def __init__(self, widgets: Any, display: Callable[[Any], object]) -> None:
-        self._bar = widgets.FloatProgress(value=0.0, min=0.0, max=1.0)
-        self._text = widgets.Label(value="")
-        self._box = widgets.HBox([self._bar, self._text])
-        self._display = display
-
-    def show(self, text: str, share: float | None) -> None:
-        """Set the bar and the text."""
-        if not self._text.value:
-            self._display(self._box)
-        self._text.value = text
-        self._bar.layout.visibility = "hidden" if share is None else "visible"
-        self._bar.value = share or 0.0
-
-    def close(self, last: str) -> None:
-        """Take the bar away; the text stays."""
-        if last:
-            self.show(last, None)
-        self._bar.layout.display = "none"
+    return Display(show=show, close=close, ticks=False)
 
 
 def display_here(*, write: Write, note: Write) -> Display:
@@ -162,8 +142,8 @@ def display_here(*, write: Write, note: Write) -> Display:
     ipython = sys.modules.get("IPython")
     shell = None if ipython is None else ipython.get_ipython()
     if getattr(shell, "kernel", None) is not None and find_spec("ipywidgets") is not None:
-        return NotebookBar(import_module("ipywidgets"), import_module("IPython.display").display)
-    return TerminalBar(write, note) if sys.stderr.isatty() else PlainLines(note)
+        return notebook_bar(import_module("ipywidgets"), import_module("IPython.display").display)
+    return terminal_bar(write, note) if sys.stderr.isatty() else plain_lines(note)
 
 
 class ProgressLine(Generic[Report]):
