@@ -86,13 +86,13 @@ def shares(model: str, kind: str, seed: int) -> dict[str, float]:
     left = mr.uncertainty.predict_left_out(
         tests,
         "motion",
-        lambda rest: mr.identify(choice.fit.spec, rest, search=SEARCH, rng=seed, threads=script.threads),
+        lambda rest: mr.identify(choice.best.spec, rest, search=SEARCH, rng=seed, threads=script.threads),
     )
     bands = mr.calibrate(left.predictions, held_out="predicted without the tests of its motion")
-    rows, tested = [], choice.fit.tested
+    rows, tested = [], choice.best.tested
     for test in unseen:
         try:
-            found = mr.predict(choice.fit, test, others=choice.others)
+            found = mr.predict(choice.best, test, others=choice.others)
         except mr.errors.SimulationError:
             continue
         band, force = bands.band(found, LEVEL), found.measured

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
-
-import numpy as np
 
 import mrwork as mr
 from mrwork.identification import Fit
@@ -16,7 +14,6 @@ from mrwork.store.run_folder import (
     CHAIN,
     DRAWS,
     FIT_RUN,
-    LAWS,
     NEAR_SETS,
     PLAN,
     PROFILES,
@@ -28,9 +25,7 @@ from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
 from mrwork.uncertainty.bands.held_out import write_held_out
 from mrwork.uncertainty.bands.prediction import UNSEEN, predict_tests
 from mrwork.uncertainty.candidate_tests import Candidate
-from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
-from mrwork.uncertainty.choice.splits import Split, Splits
+from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.posterior.draws import draws_content
 
 WALKERS = 12
@@ -63,7 +58,6 @@ def add_every_file(
         PROFILES: json_document(asdict(mr.profile(fit, test, threads=1))).encode(),
         PLAN: json_document(asdict(_plan(fit, test))).encode(),
         RANKING: json_document(asdict(ranking_of_two(fit.model))).encode(),
-        LAWS: json_document(asdict(choice_of_laws(fit.model))).encode(),
         NEAR_SETS: json_document(others_content([fit])).encode(),
     }
     add_to_run(place, contents)
@@ -76,36 +70,24 @@ def _plan(fit: Fit, test: mr.DamperTest) -> object:
 
 def ranking_of_two(model: str) -> Ranking:
     """A model that is better than another one."""
-    evidence = [
-        Evidence(
+    candidates = [
+        Standing(
             model=each, title=each, n_params=n, status="converged", seconds=1.0, left_out=(0.1 * n, 0.2 * n)
         )
         for each, n in ((model, 4), ("static_hysteretic", 7))
     ]
-    return Ranking(
-        chosen=model,
-        sentence="The best.",
-        standings=rank(evidence),
-        held_out="tests",
-        n_folds=2,
-    )
+    return Ranking.of(candidates, held_out="tests", n_folds=2)
 
 
-def choice_of_laws(model: str) -> LawTable:
-    left_out = [np.array([0.1, 0.2]), np.array([0.3])]
-    splits = Splits(splits=(Split(members=(0, 1)), Split(members=(2,))), units=(0, 0, 1), fold="motion")
-    tried = TriedLaws.of({"c": "linear"}, n_params=5, fit_percent=90.0, left_out=left_out, splits=splits)
-    failing = "static_hysteretic"
-    return LawTable(
-        model=model,
-        unit="A",
-        tried=(replace(tried, verdict="chosen", model=model),),
-        sentence="The best.",
-        held_out="tests",
-        n_folds=2,
-        given={},
-        complete=True,
-        models=(model, failing),
-        failed={failing: "no candidate could be simulated"},
-        remarks=(),
+def choice_of_laws(model: str) -> Ranking:
+    """Laws of one model; another one failed."""
+    row = Standing(
+        model=model, title=model, laws={"c": "linear"}, n_params=5, fit_percent=90.0, left_out=(0.2, 0.3)
     )
+    failed = Standing(
+        model="static_hysteretic",
+        title="static_hysteretic",
+        n_params=6,
+        reason="no candidate could be simulated",
+    )
+    return Ranking.of([row, failed], held_out="tests", n_folds=2, unit="A")

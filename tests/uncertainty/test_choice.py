@@ -22,8 +22,9 @@ from mrwork.identification import Fit, FitSettings, Multistart
 from mrwork.records import DamperTest
 from mrwork.uncertainty import Choice, choose_model
 from mrwork.uncertainty.bands.prediction import halves
-from mrwork.uncertainty.choice.choose import ChoiceProgress, residuals_of
-from mrwork.uncertainty.choice.ranking import Collapse, Evidence, find_collapses, rank
+from mrwork.uncertainty.choice.choose import ChoiceProgress
+from mrwork.uncertainty.choice.collapse import Collapse, find_collapses, residuals_of
+from mrwork.uncertainty.choice.ranking import Standing, rank
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
 FEW = FitSettings(search=Multistart(samples=10, starts=4, most_rounds=2, found=2))
@@ -146,6 +147,16 @@ def test_the_command_line_writes_the_best_run_and_all_that_was_compared(tmp_path
     document = json.loads(printed("identify", "synthetic:rd1005_1a", *models, "--out", place, "--json"))
     written = json.loads((place / "ranking.json").read_text())
     assert {key: document[key] for key in written} == written
+    assert {
+        "chosen",
+        "sentence",
+        "standings",
+        "held_out",
+        "n_folds",
+        "remarks",
+        "missing",
+        "definitions",
+    } <= set(written)
     assert document["chosen"] == json.loads((place / "fit.json").read_text())["model"]
     for name in ("bingham", "dahl"):
         assert json.loads((place / "models" / name / "fit.json").read_text())["model"] == name
@@ -155,7 +166,6 @@ def test_the_command_line_writes_the_best_run_and_all_that_was_compared(tmp_path
 
 
 SIMPLE, RICH = "normalised_bouc_wen", "non_symmetric_bouc_wen"
-N_EFFECTIVE = 100.0
 N_FREE = {SIMPLE: 7, RICH: 10}
 
 
@@ -169,7 +179,6 @@ def collapses(fits: dict[str, Fit], test: DamperTest) -> dict[str, Collapse]:
         {model: residuals_of(fit, (test,)) for model, fit in fits.items()},
         N_FREE,
         (test,),
-        N_EFFECTIVE,
     )
 
 
@@ -199,13 +208,13 @@ def test_a_fit_with_the_force_of_a_simpler_family_and_doubtful_parameters_has_co
     # Another force, though the parameters are as doubtful, is no collapse.
     away = tuple(each + 0.1 * np.sin(np.arange(each.size)) for each in residuals[RICH])
     residuals[RICH] = away
-    assert find_collapses(fits, residuals, N_FREE, (test,), N_EFFECTIVE) == {}
+    assert find_collapses(fits, residuals, N_FREE, (test,)) == {}
 
 
 def test_it_is_not_chosen_though_it_would_be_without_the_rule(fits: dict[str, Fit], test: DamperTest) -> None:
     same = collapses(fits, test)
     evidence = [
-        Evidence(
+        Standing(
             model=model,
             title=fit.spec.title,
             n_params=N_FREE[model],
@@ -218,7 +227,8 @@ def test_it_is_not_chosen_though_it_would_be_without_the_rule(fits: dict[str, Fi
     ]
     without = rank(evidence)
     assert [(each.model, each.verdict) for each in without] == [(RICH, "chosen"), (SIMPLE, "behind")]
-    ranked = rank([replace(each, collapse=same.get(each.model)) for each in evidence])
+    simpler = {model: each.model for model, each in same.items()}
+    ranked = rank([replace(each, same_as=simpler.get(each.model, "")) for each in evidence])
     assert [(each.model, each.verdict, each.same_as) for each in ranked] == [
         (SIMPLE, "chosen", ""),
         (RICH, "collapsed", SIMPLE),

@@ -22,10 +22,9 @@ from mrwork.identification.minimise.levenberg_marquardt import find_minimum
 from mrwork.records import DamperTest
 from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules
-from mrwork.uncertainty import choose_laws
+from mrwork.uncertainty import Choice, choose_laws
 from mrwork.uncertainty.candidate_tests import candidate_grid
 from mrwork.uncertainty.choice.folded_tests import FoldedTests
-from mrwork.uncertainty.choice.laws import LawChoice
 
 COMMANDS = (0.0, 0.5, 1.0)
 
@@ -58,17 +57,17 @@ def settings() -> FitSettings:
 
 
 @pytest.fixture(scope="module")
-def choice(tests: tuple[DamperTest, ...], settings: FitSettings) -> LawChoice:
+def choice(tests: tuple[DamperTest, ...], settings: FitSettings) -> Choice:
     return choose_laws("viscous_dahl", tests, settings=settings, threads=1)
 
 
-def test_the_laws_that_made_the_data_are_chosen(choice: LawChoice) -> None:
-    chosen = choice.table.chosen_laws
+def test_the_laws_that_made_the_data_are_chosen(choice: Choice) -> None:
+    chosen = choice.ranking.chosen_standing
     assert chosen.laws == {"k_w": "quadratic"}
     assert chosen.n_params == 6
-    at_nodes = [each for each in choice.fit.spec.parameters if each.plain_name == "k_w"]
+    at_nodes = [each for each in choice.best.spec.parameters if each.plain_name == "k_w"]
     assert len(at_nodes) == 3
-    values = dict(zip(choice.fit.spec.names, choice.fit.theta, strict=True))
+    values = dict(zip(choice.best.spec.names, choice.best.theta, strict=True))
     for each in at_nodes:
         assert each.coefficient is not None
         assert values[each.name] == pytest.approx(yield_force(each.coefficient.command), rel=0.05)
@@ -83,9 +82,9 @@ def test_laws_with_the_force_of_simpler_ones_are_not_listed(settings: FitSetting
         sinusoidal_test("dahl", (200.0 + 400.0 * command, 2000.0, 20.0), motion, noise=0.0, command=command)
         for motion, command in product(MOTIONS[:3], (0.0, 1.0))
     ]
-    table = choose_laws("dahl", tests, settings=settings, threads=1).table
-    assert table.chosen_laws.laws == {"k_w": "linear"}
-    assert any("with the same force as laws with fewer parameters" in note for note in table.notes)
+    ranking = choose_laws("dahl", tests, settings=settings, threads=1).ranking
+    assert ranking.chosen_standing.laws == {"k_w": "linear"}
+    assert any("with the same force as laws with fewer parameters" in each for each in ranking.remarks)
 
 
 def test_given_laws_and_parameters_with_bounds_are_not_chosen(
@@ -93,28 +92,34 @@ def test_given_laws_and_parameters_with_bounds_are_not_chosen(
 ) -> None:
     held = replace(settings, bounds={"rho": (100.0, 1e4)})
     found = choose_laws("viscous_dahl", tests, laws={"k_w": "quadratic"}, settings=held, threads=1)
-    assert all(each.laws["k_w"] == "quadratic" for each in found.table.tried)
-    assert all("rho" not in each.laws for each in found.table.tried)
-    names = [each.plain_name for each in found.fit.spec.parameters]
+    assert all(each.laws["k_w"] == "quadratic" for each in found.ranking.standings)
+    assert all("rho" not in each.laws for each in found.ranking.standings)
+    names = [each.plain_name for each in found.best.spec.parameters]
     assert names == ["k_x", "k_w", "k_w", "k_w", "rho", "f0"]
 
 
+def test_other_sets_are_kept_as_they_were_fitted_to_excerpts(choice: Choice) -> None:
+    assert choice.others
+    for other in choice.others:
+        assert {quality.test for quality in other.quality} == {
+            quality.test for quality in choice.best.quality
+        }
+        assert other.fit_percent == pytest.approx(choice.best.fit_percent, abs=0.5)
+        assert not any(each.standard_error for each in other.estimates)
+
+
 @pytest.mark.long
-def test_interrupted_in_the_fits_of_other_sets_and_resumed_is_as_if_nothing_had_happened(
-    tests: tuple[DamperTest, ...], settings: FitSettings, choice: LawChoice, tmp_path: Path
+def test_interrupted_in_the_last_fit_and_resumed_is_as_if_nothing_had_happened(
+    tests: tuple[DamperTest, ...], settings: FitSettings, choice: Choice, tmp_path: Path
 ) -> None:
-    last = f"{len(choice.others)} of {len(choice.others)} other sets"
     so_far, resumed = stopped_and_resumed(
         tmp_path,
         partial(choose_laws, "viscous_dahl", tests, settings=settings, threads=1),
-        lambda progress: last in progress.task,
+        lambda progress: progress.task == "all tests",
     )
-    # The choice is made, and those done are kept.
-    assert (so_far.fit.theta, so_far.fit.status) == (choice.fit.theta, "converged")
-    assert choice.others
-    assert [each.theta for each in so_far.others] == [each.theta for each in choice.others[:-1]]
-    assert asdict(resumed.table) == asdict(choice.table)
-    assert resumed.fit.theta == choice.fit.theta
+    assert (so_far.best.status, so_far.others) == ("interrupted", ())
+    assert asdict(resumed.ranking) == asdict(choice.ranking)
+    assert resumed.best.theta == choice.best.theta
     assert [each.theta for each in resumed.others] == [each.theta for each in choice.others]
 
 
@@ -168,7 +173,7 @@ def test_laws_are_compared_on_cycles_from_the_middle_of_a_record() -> None:
 
 
 @pytest.fixture(scope="module")
-def gapped(settings: FitSettings) -> LawChoice:
+def gapped(settings: FitSettings) -> Choice:
     """A choice from tests at 0, 0.5 and 1.5 A of a yield force of 110, 640 and 1430 N, quadratic in the command."""
     tests = [
         sinusoidal_test(
@@ -186,21 +191,21 @@ def gapped(settings: FitSettings) -> LawChoice:
 
 @pytest.mark.long
 def test_of_two_forms_that_no_test_tells_apart_the_one_without_an_extremum_is_chosen(
-    gapped: LawChoice,
+    gapped: Choice,
 ) -> None:
-    assert gapped.table.chosen_laws.laws["k_w"] == "quadratic:0,0.5,1.5"
-    assert not any("extremum" in each for each in gapped.fit.warnings)
-    values = dict(law_values(gapped.fit.spec, np.array(gapped.fit.theta), np.array([1.0])))
+    assert gapped.ranking.chosen_standing.laws["k_w"] == "quadratic:0,0.5,1.5"
+    assert not any("extremum" in each for each in gapped.best.warnings)
+    values = dict(law_values(gapped.best.spec, np.array(gapped.best.theta), np.array([1.0])))
     (at_one,) = (value for parameter, value in values.items() if parameter.name == "k_w")
     # The truth; logarithms of the values give about 1500 N.
     assert at_one == pytest.approx(1080.0, rel=0.03)
 
 
 def test_the_other_form_of_the_chosen_laws_is_a_set_that_differs_between_the_commands(
-    gapped: LawChoice,
+    gapped: Choice,
 ) -> None:
     fit, test = (
-        gapped.fit,
+        gapped.best,
         sinusoidal_test(
             "viscous_dahl", (800.0, 1080.0, 2000.0, 20.0), MOTIONS[0], noise=0.02, rng=9, command=1.0
         ),
@@ -213,7 +218,7 @@ def test_the_other_form_of_the_chosen_laws_is_a_set_that_differs_between_the_com
     assert at_tested.sets_apart is None or at_tested.sets_apart.percent < 5.0
 
 
-def test_a_law_that_is_given_is_warned_of_its_extremum_with_the_form_that_has_none(gapped: LawChoice) -> None:
+def test_a_law_that_is_given_is_warned_of_its_extremum_with_the_form_that_has_none(gapped: Choice) -> None:
     spec = mr.damper("viscous_dahl").with_current_laws({"k_w": "values:0,0.5,1.5"}, unit="A")
     theta = [800.0, 110.0, 640.0, 1430.0, 2000.0, 20.0]
     (found,) = hidden_extrema(spec, theta, (0.0, 0.5, 1.5))
@@ -222,12 +227,12 @@ def test_a_law_that_is_given_is_warned_of_its_extremum_with_the_form_that_has_no
     assert str(found.instead) == "quadratic:0,0.5,1.5"
     # A test that shows the values there leaves nothing hidden, whatever they are.
     assert hidden_extrema(spec, theta, np.linspace(0.0, 1.5, 16).tolist()) == ()
-    fit = mr.identify(spec, gapped.fit.tests, threads=1)
+    fit = mr.identify(spec, gapped.best.tests, threads=1)
     assert any("give k_w=quadratic:0,0.5,1.5" in each for each in fit.warnings)
 
 
-def test_the_next_test_is_within_a_gap_of_the_commands(gapped: LawChoice) -> None:
-    fit = gapped.fit
+def test_the_next_test_is_within_a_gap_of_the_commands(gapped: Choice) -> None:
+    fit = gapped.best
     candidates = candidate_grid(fit.spec, fit.tests, amplitudes=[0.01], frequencies=[1.0])
     assert [each.command for each in candidates] == [0.0, 0.5, 1.0, 1.5]
     plan = mr.plan(fit, fit.tests, candidates, threads=1)

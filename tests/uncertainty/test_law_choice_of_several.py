@@ -21,8 +21,8 @@ import mrwork as mr
 from mrwork.identification import FitSettings
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
-from mrwork.uncertainty.choice.law_table import TriedLaws
-from mrwork.uncertainty.choice.laws import LawChoice
+from mrwork.uncertainty import Choice
+from mrwork.uncertainty.choice.ranking import Standing
 
 COMMANDS = (0.0, 1.0)
 # Contains dahl as its limit of no stiffness `k_x`; bingham has no hysteresis.
@@ -47,54 +47,55 @@ def tests() -> tuple[DamperTest, ...]:
 
 
 @pytest.fixture(scope="module")
-def choice(tests: tuple[DamperTest, ...]) -> LawChoice:
+def choice(tests: tuple[DamperTest, ...]) -> Choice:
     return mr.choose_laws(MODELS, tests, settings=SETTINGS, threads=1)
 
 
-def of_model(choice: LawChoice, model: str) -> list[TriedLaws]:
+def of_model(choice: Choice, model: str) -> list[Standing]:
     """The rows of a model, without what depends on the others."""
-    rows = [each for each in choice.table.tried if each.model == model]
-    return [replace(each, verdict="behind", behind=None, behind_error=None) for each in rows]
+    rows = [each for each in choice.ranking.standings if each.model == model]
+    return [
+        replace(each, verdict="behind", left_out_behind=None, left_out_behind_error=None) for each in rows
+    ]
 
 
 @pytest.mark.long
-def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(choice: LawChoice) -> None:
-    table = choice.table
-    assert (table.model, table.chosen_laws.model, choice.fit.model) == ("dahl", "dahl", "dahl")
-    assert table.chosen_laws.laws == {"k_w": "linear"}
-    good = [each for each in table.tried if each.verdict in ("chosen", "as good")]
+def test_of_models_as_good_as_the_best_the_one_with_fewest_parameters_is_chosen(choice: Choice) -> None:
+    ranking = choice.ranking
+    chosen = ranking.chosen_standing
+    assert (ranking.chosen, chosen.model, choice.best.model) == ("dahl", "dahl", "dahl")
+    assert chosen.laws == {"k_w": "linear"}
+    good = [each for each in ranking.standings if each.verdict in ("chosen", "as good")]
     assert {each.model for each in good} == {"dahl", "viscous_dahl"}
-    assert table.chosen_laws.n_params == min(each.n_params for each in good)
-    assert table.models == MODELS
-    assert "of 3 models, the one of dahl with 4 parameters is chosen (k_w linear)" in table.sentence
+    assert chosen.n_params == min(each.n_params for each in good)
+    assert ranking.n_models == len(MODELS)
+    assert "of 3 models, Dahl with 4 parameters (k_w linear) is chosen" in ranking.sentence
 
 
-def test_other_models_do_not_change_what_a_model_finds(
-    tests: tuple[DamperTest, ...], choice: LawChoice
-) -> None:
+def test_other_models_do_not_change_what_a_model_finds(tests: tuple[DamperTest, ...], choice: Choice) -> None:
     alone = mr.choose_laws("dahl", tests, settings=SETTINGS, threads=1)
     assert of_model(alone, "dahl") == of_model(choice, "dahl")
-    assert alone.fit.theta == choice.fit.theta
-    assert alone.table.table.columns[0] == "parameters"
-    assert "of dahl" not in alone.table.sentence
+    assert alone.best.theta == choice.best.theta
+    assert alone.ranking.table.columns[0] == "parameters"
 
 
 def test_a_model_that_cannot_be_fitted_is_named_and_stops_no_other(
-    tests: tuple[DamperTest, ...], choice: LawChoice
+    tests: tuple[DamperTest, ...], choice: Choice
 ) -> None:
     held = replace(SETTINGS, bounds=TOO_STIFF)
     found = mr.choose_laws(["dahl", "bingham"], tests, settings=held, threads=1)
-    assert found.fit.model == "bingham"
+    assert found.best.model == "bingham"
     assert of_model(found, "bingham") == of_model(choice, "bingham")
-    assert list(found.table.failed) == ["dahl"]
-    assert found.table.notes[0].startswith("dahl could not be fitted: none of ")
+    failed = found.ranking.standings[-1]
+    assert (failed.model, failed.verdict) == ("dahl", "failed")
+    assert failed.reason.startswith("none of ")
     refusal(
         mr.choose_laws,
         ["dahl", "viscous_dahl"],
         tests,
         settings=held,
         threads=1,
-        match="models could be fitted",
+        match="no model predicts",
     )
 
 
@@ -108,17 +109,17 @@ def test_laws_that_cannot_predict_whole_tests_are_not_chosen() -> None:
 
     tests = [spiked(motion, command) for motion, command in product(MOTIONS[:2], COMMANDS)]
     found = mr.choose_laws(["dahl", "bingham"], tests, settings=SETTINGS, threads=1)
-    assert found.fit.model == "bingham"
-    of_dahl = [each for each in found.table.tried if each.model == "dahl"]
+    assert found.best.model == "bingham"
+    of_dahl = [each for each in found.ranking.standings if each.model == "dahl"]
     assert of_dahl
     assert all(each.left_out_percent == pytest.approx(0.0) for each in of_dahl)
     assert all(len(each.not_predicted) == len(tests) for each in of_dahl)
-    refusal(mr.choose_laws, "dahl", tests, settings=SETTINGS, threads=1, match="too stiff")
+    refusal(mr.choose_laws, "dahl", tests, settings=SETTINGS, threads=1, match="no model predicts")
 
 
 @pytest.mark.long
 def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happened(
-    tests: tuple[DamperTest, ...], choice: LawChoice, tmp_path: Path
+    tests: tuple[DamperTest, ...], choice: Choice, tmp_path: Path
 ) -> None:
     so_far, resumed = stopped_and_resumed(
         tmp_path,
@@ -126,10 +127,10 @@ def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happen
         lambda progress: progress.number == 2 and progress.task != "first laws",
     )
     assert of_model(so_far, "viscous_dahl") == of_model(choice, "viscous_dahl")
-    assert (so_far.fit.model, so_far.fit.status) == ("viscous_dahl", "interrupted")
-    assert "nor any of bingham, dahl" in so_far.table.sentence
-    assert asdict(resumed.table) == asdict(choice.table)
-    assert resumed.fit.theta == choice.fit.theta
+    assert (so_far.best.model, so_far.best.status) == ("viscous_dahl", "interrupted")
+    assert "interrupted and lacks bingham, dahl" in so_far.ranking.sentence
+    assert asdict(resumed.ranking) == asdict(choice.ranking)
+    assert resumed.best.theta == choice.best.theta
 
 
 def test_given_laws_and_bounds_are_of_the_models_that_have_such_parameters(
@@ -137,8 +138,8 @@ def test_given_laws_and_bounds_are_of_the_models_that_have_such_parameters(
 ) -> None:
     held = replace(SETTINGS, bounds={"v_s": (1e-3, 1e-1), "rho": (100.0, 1e4)})
     found = mr.choose_laws(["dahl", "bingham"], tests, laws={"k_w": "linear"}, settings=held, threads=1)
-    assert found.table.given == {"k_w": "linear"}
-    for each in found.table.tried:
+    assert found.ranking.given == {"k_w": "linear"}
+    for each in found.ranking.standings:
         assert each.laws.get("k_w") == ("linear" if each.model == "dahl" else None)
         assert not {"v_s", "rho"} & set(each.laws)
 
@@ -172,10 +173,12 @@ def test_a_run_of_several_models_names_the_model_of_the_laws(
     command = ("identify", *files, "--model", "dahl,bingham,bouc_wen", *options, "--out", out)
     summary = json.loads(printed(*command, "--json"))
     assert summary["model"] == "dahl"
-    assert summary["choice_of_laws"] == json.loads((out / "laws.json").read_text())
-    assert list(summary["choice_of_laws"]["failed"]) == ["bouc_wen"]
+    shown, written = summary["choice_of_laws"], json.loads((out / "ranking.json").read_text())
+    assert {key: shown[key] for key in written} == written
+    assert list(shown["failed"]) == ["bouc_wen"]
+    assert shown["models"] == ["dahl", "bingham", "bouc_wen"]
+    assert {"laws", "behind", "behind_error", "objection", "inside_percent"} <= set(shown["tried"][0])
     run = mr.load(out)
     assert run.fit.model == "dahl"
-    assert run.laws is not None
-    assert run.laws.models == ("dahl", "bingham", "bouc_wen")
-    assert {each.model for each in run.laws.tried} == {"dahl", "bingham"}
+    assert run.ranking is not None
+    assert {each.model for each in run.ranking.standings} == {"dahl", "bingham", "bouc_wen"}

@@ -10,15 +10,7 @@ import pytest
 
 from mrwork.identification.result import BuildingCost
 from mrwork.report.fit.choices import ranking_figure
-from mrwork.uncertainty.choice.ranking import (
-    Collapse,
-    Evidence,
-    Ranking,
-    Standing,
-    cost_remark,
-    rank,
-    ranking_of,
-)
+from mrwork.uncertainty.choice.ranking import Ranking, Standing, rank
 
 TESTS = np.array([0.10, 0.14, 0.08, 0.12, 0.11, 0.13])
 
@@ -30,31 +22,26 @@ def family(
     *,
     reason: str = "",
     same_as: str = "",
-) -> Evidence:
-    return Evidence(
+) -> Standing:
+    return Standing(
         model=model,
         title=model.capitalize(),
         n_params=n_params,
         status="converged" if left_out is not None else "failed",
         seconds=1.0,
-        reason=reason,
+        reason="sigma is at upper bound" if same_as else reason,
         fit_percent=None if left_out is None else 90.0,
         left_out=() if left_out is None else tuple(left_out.tolist()),
-        collapse=Collapse(model=same_as, reason="sigma is at upper bound") if same_as else None,
+        same_as=same_as,
     )
 
 
-def verdicts(*evidence: Evidence) -> dict[str, str]:
+def verdicts(*evidence: Standing) -> dict[str, str]:
     return {each.model: each.verdict for each in rank(evidence)}
 
 
-def ranking(*evidence: Evidence, missing: tuple[str, ...] = ()) -> Ranking:
-    return ranking_of(
-        rank(evidence),
-        held_out="6 tests, each predicted without itself",
-        n_folds=6,
-        missing=missing,
-    )
+def ranking(*evidence: Standing, missing: tuple[str, ...] = ()) -> Ranking:
+    return Ranking.of(evidence, held_out="6 tests, each predicted without itself", n_folds=6, missing=missing)
 
 
 WOBBLE = np.array([0.004, -0.004, 0.005, -0.005, 0.006, -0.004])
@@ -62,7 +49,7 @@ WOBBLE = np.array([0.004, -0.004, 0.005, -0.005, 0.006, -0.004])
 
 # A tenth of a point on every test is less than rigs repeat; a paired difference of 40 points with an error of 40 does
 # not excuse the family that fails on one test.
-RULES: dict[str, tuple[tuple[Evidence, ...], dict[str, str]]] = {
+RULES: dict[str, tuple[tuple[Standing, ...], dict[str, str]]] = {
     "not for a hair": (
         (family("small", 4, TESTS), family("large", 9, TESTS - 0.0009)),
         {"small": "chosen", "large": "as good"},
@@ -164,37 +151,36 @@ def test_a_family_that_has_collapsed_to_a_simpler_one_cannot_be_chosen_over_it()
 FOLDS = np.array([0.070, 0.071, 0.072, 0.073])
 
 
-def remark(evidence: list[Evidence], steps: dict[str, float]) -> tuple[str, ...]:
-    own = {each.model: replace(each, cost=BuildingCost(steps=steps[each.model])) for each in evidence}
-    return cost_remark(rank([*own.values()]), own)
+def costing(family: Standing, steps: float) -> Standing:
+    return family.costing(BuildingCost(steps=steps), ())
+
+
+def remarks(*families: Standing) -> tuple[str, ...]:
+    return ranking(*families).remarks
 
 
 def test_of_families_as_good_one_that_is_not_costly_is_chosen() -> None:
-    steps = {"loop": 64, "curve": 2, "line": 2}
     families = [
-        replace(each, cost=BuildingCost(steps=steps[each.model]))
-        for each in (
-            family("loop", 7, FOLDS),
-            family("curve", 8, FOLDS + 0.0005),
-            family("line", 9, FOLDS + 0.004),
-        )
+        costing(family("loop", 7, FOLDS), 64),
+        costing(family("curve", 8, FOLDS + 0.0005), 2),
+        costing(family("line", 9, FOLDS + 0.004), 2),
     ]
     assert verdicts(*families) == {"loop": "as good", "curve": "chosen", "line": "behind"}
     assert "takes fewer steps in a building" in ranking(*families).sentence
 
 
 def test_a_family_that_something_speaks_against_is_not_chosen_while_others_are_left() -> None:
-    dying = replace(family("dying", 5, FOLDS), objections=("the law of c vanishes",))
+    dying = replace(family("dying", 5, FOLDS), objection="the law of c vanishes")
     assert verdicts(dying, family("sound", 6, FOLDS + 0.01)) == {"sound": "chosen", "dying": "unusable"}
     assert verdicts(dying) == {"dying": "chosen"}
 
 
 def test_a_costly_choice_names_the_nearest_cheap_family() -> None:
-    (found,) = remark([family("loop", 7, FOLDS), family("line", 6, FOLDS + 0.01)], {"loop": 64, "line": 2})
+    (found,) = remarks(costing(family("loop", 7, FOLDS), 64), costing(family("line", 6, FOLDS + 0.01), 2))
     assert "Line comes nearest (91.85 % against 92.85 % left out)" in found
-    curve = [family("loop", 7, FOLDS), family("curve", 8, FOLDS)]
-    assert remark(curve, {"loop": 8, "curve": 2}) == ()
-    (found,) = remark(curve, {"loop": math.inf, "curve": 32})
+    curve = costing(family("curve", 8, FOLDS), 2)
+    assert remarks(costing(family("loop", 7, FOLDS), 8), curve) == ()
+    (found,) = remarks(costing(family("loop", 7, FOLDS), math.inf), replace(curve, is_costly=True))
     assert "more than 512 integration steps" in found
 
 
@@ -207,16 +193,16 @@ def compared() -> Ranking:
         family("lost", 5, np.array([2.0, 8.0, 0.1])),
         family("broken", 6, None, reason="it diverged"),
     ]
-    return ranking_of(rank(families), held_out="3 tests", n_folds=3)
+    return Ranking.of(families, held_out="3 tests", n_folds=3)
 
 
 def test_every_family_is_a_row_and_the_reasons_are_there(compared: Ranking) -> None:
     table = compared.table
     rows = {row[0]: dict(zip(table.columns, row, strict=True)) for row in table.rows}
     assert list(rows) == ["large", "good", "poor", "lost", "broken"]
-    assert rows["broken"]["left-out fit %"] == rows["broken"]["behind, points"] == "–"
-    assert rows["good"]["left-out fit %"] == "94.00 ± 0.58"
-    assert rows["large"]["behind, points"] == "0.00"
+    assert rows["broken"]["left-out fit [%]"] == rows["broken"]["behind [%]"] == "–"
+    assert rows["good"]["left-out fit [%]"] == "94.00 ± 0.58"
+    assert rows["large"]["behind [%]"] == "0.00"
 
 
 @pytest.mark.words

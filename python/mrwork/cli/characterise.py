@@ -163,8 +163,10 @@ def _of_use(rows: Sequence[ListedTest], use: Use) -> list[ListedTest]:
 def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_Step, str]:
     """The step that chooses a model, and its laws where the tests run at several commands; why no test is spare."""
     # SciPy is slow to load.
-    from mrwork.cli.identified import Identification, fit_best_laws, fit_best_model, fit_model
-    from mrwork.uncertainty.choice.law_search import can_leave_out
+    from mrwork.cli.identified import Identification, fit_best, fit_model
+    from mrwork.uncertainty.choice.choose import choose_model
+    from mrwork.uncertainty.choice.laws import choose_laws
+    from mrwork.uncertainty.choice.splits import can_leave_out
 
     reading = _reading(_of_use(rows, "fit"))
     tests = _read(reading)
@@ -179,9 +181,10 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
         _refuse_lone_commands(options.folder, rows, tests)
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
-        fit = partial(fit_best_laws, verb, models, settings, unit=command_unit(tests))
+        laws = partial(choose_laws, models, settings=settings, unit=command_unit(tests))
+        fit = partial(fit_best, verb, laws)
     elif len(models) > 1:
-        fit = partial(fit_best_model, verb, models, settings)
+        fit = partial(fit_best, verb, partial(choose_model, models=models, settings=settings))
     else:
         fit = partial(fit_model, verb, damper(models[0]), settings)
     of_model = _OF_MODEL + _PER_SAMPLE[several] * sum(test.n_time for test in tests)
@@ -323,7 +326,7 @@ def _read(reading: Reading) -> tuple[DamperTest, ...]:
 
 def _refuse_lone_commands(folder: Path, rows: Sequence[ListedTest], tests: Sequence[DamperTest]) -> None:
     """Refuse fitted tests of which those that remain without one motion run at one command, if a kept one helps."""
-    from mrwork.uncertainty.choice.law_search import can_leave_out  # loads SciPy
+    from mrwork.uncertainty.choice.splits import can_leave_out  # loads SciPy
 
     if can_leave_out(tests):
         return

@@ -10,19 +10,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from mrwork.base.progress import ProgressLine
 from mrwork.base.summary import Summarised
-from mrwork.base.units import CommandUnit
 from mrwork.cli.frame import Frame, command_line
 from mrwork.cli.output import as_plain, draw_last, in_words, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
-from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import manifest_of, others_content, read_fit, write_run
 from mrwork.identification.identify import identify_with
 from mrwork.identification.progress import IdentificationInWords
-from mrwork.identification.settings import FitSettings, Fold
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for
 from mrwork.records.reading import Reading
@@ -31,7 +29,6 @@ from mrwork.store.run_folder import (
     FIT_RUN,
     INTERRUPTED,
     JOURNAL,
-    LAWS,
     MODELS,
     NEAR_SETS,
     RANKING,
@@ -42,6 +39,7 @@ from mrwork.store.run_writer import RunAtWork, is_complete, nothing_to_resume
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
+    from mrwork.uncertainty.choice.choose import Choice
 
 Result = TypeVar("Result")
 
@@ -199,105 +197,50 @@ def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> 
         return status if fit is None else verb.end(verb.with_command(fit), status, work=work)
 
 
-def fit_best_model(
-    verb: Identification,
-    models: Sequence[str | DamperSpec],
-    settings: FitSettings,
-    *,
-    laws: Mapping[str, LawName] | None = None,
-    unit: CommandUnit = "A",
-    lagged: bool = False,
-    leave_out: Fold = "test",
-) -> int:
-    """Fit and rank models; the run folder has the best, and the fits of all; return the exit status."""
-    # SciPy's optimisers are slow to load.
-    from mrwork.uncertainty.choice.choose import choose_model
+def fit_best(verb: Identification, choose: Callable[..., Choice]) -> int:
+    """Make a choice of model or laws; the run folder has the best, and what was compared; return the exit status.
 
+    `choose` takes the tests, threads, journals and the line of progress.
+    """
     if (status := verb.end_complete(RANKING)) is not None:
         return status
     with RunAtWork(verb.frame.destination, note=note) as work:
         choice, status = verb.search(
-            lambda line: choose_model(
-                verb.tests,
-                models,
-                leave_out=leave_out,
-                laws=laws,
-                unit=unit,
-                lagged=lagged,
-                settings=settings,
+            lambda line: choose(
+                tests=verb.tests,
                 threads=verb.frame.options.threads,
                 on_progress=line,
                 journal_of=work.step_journal,
             ),
             in_words,
-            before="any model was identified",
+            before="anything was compared",
         )
         if choice is None:
             return status
         ranking, folder = choice.ranking, verb.frame.folder
-        fits = {fit.model: verb.with_command(fit) for fit in choice.fits}
-        paths = {name: f"{MODELS}/{name}/{FIT}" for name in fits}
-        best = fits[ranking.chosen]
-        return verb.end(
-            best,
-            status,
-            work=work,
-            grown=() if status == 0 else work.step_journals,
-            results=(ranking, best) if status == 0 else (ranking,),
-            document=asdict(ranking) | {"fits": {name: str(folder / path) for name, path in paths.items()}},
-            documents={
-                **{paths[name]: fit.as_dict() for name, fit in fits.items()},
-                RANKING: asdict(ranking),
-            },
-        )
-
-
-def fit_best_laws(
-    verb: Identification,
-    models: Sequence[str | DamperSpec],
-    settings: FitSettings,
-    *,
-    laws: Mapping[str, LawName] | None = None,
-    unit: CommandUnit = "A",
-    leave_out: Fold | None = None,
-) -> int:
-    """Choose the laws of one or several models; the run folder has their fit; return the exit status."""
-    # SciPy's optimisers are slow to load.
-    from mrwork.uncertainty.choice.laws import choose_laws
-
-    if (status := verb.end_complete(LAWS)) is not None:
-        return status
-    with RunAtWork(verb.frame.destination, note=note) as work:
-        choice, status = verb.search(
-            lambda line: choose_laws(
-                models,
-                verb.tests,
-                laws=laws,
-                unit=unit,
-                leave_out=leave_out,
-                settings=settings,
-                threads=verb.frame.options.threads,
-                on_progress=line,
-                journal_of=work.step_journal,
-            ),
-            in_words,
-            before="any laws were fitted",
-        )
-        if choice is None:
-            return status
-        table, fit = choice.table, verb.with_command(replace(choice.fit, seconds=choice.seconds))
+        documents: dict[str, object] = {RANKING: asdict(ranking)}
+        if ranking.unit is None:
+            best, paths = verb.with_command(choice.best), dict[str, str]()
+            for fit in choice.fits:
+                paths[fit.model] = f"{MODELS}/{fit.model}/{FIT}"
+                documents[paths[fit.model]] = verb.with_command(fit).as_dict()
+            shown = ranking.document() | {"fits": {name: str(folder / path) for name, path in paths.items()}}
+        else:
+            best = verb.with_command(replace(choice.best, seconds=choice.seconds))
+            shown = best.document() | {"choice_of_laws": ranking.document()}
+            if choice.others:
+                documents[NEAR_SETS] = others_content(choice.others)
         if choice.others and not verb.frame.is_quiet:
             note(
                 f"{len(choice.others)} other sets of laws predict nearly as well, within 1 point; predict and respond "
                 "say how far they are apart where the tests end"
             )
         return verb.end(
-            fit,
+            best,
             status,
             work=work,
             grown=() if status == 0 else work.step_journals,
-            results=(table, fit),
-            document=fit.document() | {"choice_of_laws": asdict(table)},
-            documents={LAWS: asdict(table)}
-            | ({NEAR_SETS: others_content(choice.others)} if choice.others else {}),
+            results=(ranking, best) if status == 0 else (ranking,),
+            document=shown,
+            documents=documents,
         )

@@ -89,8 +89,8 @@ def add_options(parser: CommandParser) -> None:
     comparison.add_argument(
         "--leave-out",
         choices=get_args(Fold),
-        help="with several models or --law auto: tests that are left out together and predicted: each test alone "
-        "(default), all of one motion (default of --law auto from three motions on), or all at one command",
+        help="with several models or --law auto: tests that are left out together and predicted: all of one motion "
+        "(default from three motions on), each test alone, or all at one command",
     )
     add_observation(parser)
     search = parser.group(SEARCH)
@@ -159,7 +159,7 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     # What identifies and writes the folder is slow to load, and the help does not need it.
-    from mrwork.cli.identified import Identification, fit_best_laws, fit_best_model
+    from mrwork.cli.identified import Identification, fit_best
 
     settings = settings_of(options)
     several, law_is_auto = is_choice(options), _laws_are_chosen(options)
@@ -169,35 +169,28 @@ def run(options: argparse.Namespace) -> int:
     if not (several or law_is_auto):
         needless = "one model is fitted, on the threads of this process"
     with on_workers(options, needless=needless):
-        if law_is_auto:
-            if options.starts:
-                raise SettingError("--law auto finds its own starts; leave --start out")
-            ending = "models" if several else options.model.rpartition(":")[2]
-            verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
-            return fit_best_laws(
-                verb,
-                _models_of(options),
-                settings,
-                laws=_laws_of(options),
-                unit=command_unit(verb.tests, options.command_unit),
-                leave_out=options.leave_out,
+        if not (several or law_is_auto):
+            return _identify_model(options, settings)
+        from mrwork.uncertainty.choice.choose import choose_model
+        from mrwork.uncertainty.choice.laws import choose_laws
+
+        if law_is_auto and options.starts:
+            raise SettingError("--law auto finds its own starts; leave --start out")
+        if not law_is_auto and options.engine != "lanes":
+            raise SettingError(
+                f"--engine {options.engine} finishes one model; leave it out where models are compared"
             )
-        if several:
-            if options.engine != "lanes":
-                raise SettingError(
-                    f"--engine {options.engine} finishes one model; leave it out where models are compared"
-                )
-            verb = Identification.of(options, settings, "models", kept="what was identified")
-            return fit_best_model(
-                verb,
-                _models_of(options),
-                settings,
-                laws=_laws_of(options),
-                unit=command_unit(verb.tests, options.command_unit),
-                lagged=options.driver_lag,
-                leave_out=options.leave_out or "test",
-            )
-        return _identify_model(options, settings)
+        ending = "models" if several else options.model.rpartition(":")[2]
+        verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
+        models, unit = _models_of(options), command_unit(verb.tests, options.command_unit)
+        of_models = partial(choose_model, models=models, lagged=options.driver_lag)
+        choose = partial(choose_laws, models) if law_is_auto else of_models
+        return fit_best(
+            verb,
+            partial(
+                choose, laws=_laws_of(options), unit=unit, leave_out=options.leave_out, settings=settings
+            ),
+        )
 
 
 def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:

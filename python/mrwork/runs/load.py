@@ -15,7 +15,6 @@ from mrwork.identification.fit_file import fit_of, manifest_of, read_others, wri
 from mrwork.store.run_folder import (
     DRAWS,
     FIT_RUN,
-    LAWS,
     PLAN,
     PROFILES,
     RANKING,
@@ -28,7 +27,6 @@ from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.held_out import read_held_out
 from mrwork.uncertainty.bands.predictions import Predictions
-from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
 from mrwork.uncertainty.planning import Plan
@@ -47,9 +45,9 @@ class StoredRun(Plotted, Summarised):
 
     The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
     free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
-    `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models, `laws` of
-    `mrwork identify --law auto`, `others` the fits of sets of laws that predict nearly as well, and `held_out` the
-    tests that `mrwork predict` has predicted and neither the fit nor its calibration has seen.
+    `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models or `--law auto`, `others` the fits of
+    sets of laws that predict nearly as well, and `held_out` the tests that `mrwork predict` has predicted and neither
+    the fit nor its calibration has seen.
     """
 
     _made_by: ClassVar[str] = "mr.load(run)"
@@ -61,7 +59,6 @@ class StoredRun(Plotted, Summarised):
     bands: StoredBands | None = None
     plan: Plan | None = None
     ranking: Ranking | None = None
-    laws: LawTable | None = None
     others: tuple[Fit, ...] | None = None
     held_out: Predictions | None = None
 
@@ -211,7 +208,6 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
         bands=read_bands(run),
         plan=run.read(Plan, PLAN, verb="plan"),
         ranking=run.read(Ranking, RANKING),
-        laws=run.read(LawTable, LAWS),
         others=read_others(run),
         held_out=read_held_out(run, fit),
     )

@@ -55,12 +55,10 @@ FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
 HELD_OUT = "held_out.json"
 HELD_OUT_FORCES = "held_out.npz"
-# Added by a comparison of models: the ranking, and a folder with the fit of each model.
+# Added by a choice of model or laws: the ranking, a folder with the fit of each model, and the fits of other sets of
+# laws that predict nearly as well.
 RANKING = "ranking.json"
 MODELS = "models"
-# Added by a choice of current laws: the laws that were tried.
-LAWS = "laws.json"
-# And the fits of other sets of laws that predict nearly as well.
 NEAR_SETS = "near_sets.json"
 # Written by a study of buildings.
 RESULTS = "results.json"
@@ -96,7 +94,7 @@ ADDITIONS: Final = frozenset({
 REDRAWN: Final = frozenset({REPORT, SUMMARY, DATA})
 """What later verbs write again, from the other files."""
 OWN_NAMES: Final = ADDITIONS | REDRAWN | {
-    MANIFEST, JOURNAL, FIGURES, FIT, RANKING, MODELS, LAWS, NEAR_SETS, RESULTS, STUDY, RUNS, HISTORIES,
+    MANIFEST, JOURNAL, FIGURES, FIT, RANKING, MODELS, NEAR_SETS, RESULTS, STUDY, RUNS, HISTORIES,
     CRITERIA_TABLE, PROFILES_TABLE, ENSEMBLE, CHOSEN, SCORES_TABLE, TUNED,
 }  # fmt: skip
 """Names in a run folder that verbs use; all others are the user's."""

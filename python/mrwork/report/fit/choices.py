@@ -28,41 +28,25 @@ _WIDTH = 3.0
 _RANGE = 40.0
 
 
-def _models_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
-    """The sentence, the table and the figure of a comparison, and how its numbers are defined."""
+def _ranking_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
+    """The sentence, the table and, of models, the figure of a choice, and how its numbers are defined."""
     ranking = run.ranking
     if ranking is None:
         return None
-    chosen = ranking.chosen_standing
+    chosen, of_laws = ranking.chosen_standing, ranking.unit is not None
     provisionally = " provisionally" if chosen.verdict == "provisional" else ""
-    predicted = sum(each.left_out_percent is not None for each in ranking.standings)
-    what = (
-        f"Left-out fit of {predicted} models with its standard error; {chosen.title} is chosen{provisionally}"
-    )
-    note = f"Mean and standard error over {ranking.held_out}."
-    drawn = panel("ranking", "Left-out fit of the models", ranking_figure(ranking), what, note)
+    panels = []
+    if not of_laws:
+        predicted = sum(each.left_out_percent is not None for each in ranking.standings)
+        what = f"Left-out fit of {predicted} models with its standard error; {chosen.title} is chosen{provisionally}"
+        note = f"Mean and standard error over {ranking.held_out}."
+        panels.append(panel("ranking", "Left-out fit of the models", ranking_figure(ranking), what, note))
     return Section(
         anchor="ranking",
-        title="Choice of model",
-        summary=f"{chosen.title}{provisionally} of {len(ranking.standings)} families, left-out fit "
-        f"{chosen.left_out_in_words} %.",
-        groups=(Group(summary=ranking._summary(), points=ranking.definitions, panels=(drawn,)),),
-    )
-
-
-def _laws_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
-    """The sentence and the table of a choice, and how its numbers are defined."""
-    laws = run.laws
-    if laws is None:
-        return None
-    chosen = laws.chosen_laws
-    in_words = f"{laws.model}, {chosen.in_words}" if laws.is_of_several else chosen.in_words
-    return Section(
-        anchor="laws",
-        title="Choice of current laws",
-        summary=f"{in_words}, of {len(laws.tried)} sets of laws; left-out fit "
-        f"{chosen.left_out_percent:.2f} %.",
-        groups=(Group(summary=laws._summary(), points=laws.definitions),),
+        title=f"Choice of {'current laws' if of_laws else 'model'}",
+        summary=f"{chosen.in_words}{provisionally} of {len(ranking.standings)} "
+        f"{'sets of laws' if of_laws else 'families'}, left-out fit {chosen.left_out_in_words} %.",
+        groups=(Group(summary=ranking._summary(), points=ranking.definitions, panels=tuple(panels)),),
     )
 
 
@@ -115,18 +99,11 @@ def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
 
 
 RANKING = SectionKind(
-    make=_models_section,
-    title="Choice of model",
+    make=_ranking_section,
+    title="Choice of model or laws",
     command="mrwork identify TESTS --model all",
-    description="compares families of models on tests that their fits have not seen, and writes a run folder of "
-    "its own.",
-)
-LAWS = SectionKind(
-    make=_laws_section,
-    title="Choice of current laws",
-    command="mrwork identify TESTS --law auto",
-    description="chooses which parameters follow the command, and by which law, by predictions of tests left out, "
-    "and writes a run folder of its own.",
+    description="compares models on tests that their fits have not seen, and writes a run folder of its own; "
+    "--law auto also chooses which parameters follow the command, and by which law.",
 )
 
 

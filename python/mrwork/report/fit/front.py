@@ -71,7 +71,7 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
         spread=spread_of(predictions),
         remark="How well it predicts others is not known.",
     )
-    bands, laws, ranking = run.bands, run.laws, run.ranking
+    bands, ranking = run.bands, run.ranking
     if run.held_out is not None:
         outside = sum(bool(each.outside.names) for each in run.held_out.predictions)
         lying = "It lies" if len(run.held_out.predictions) == 1 else f"{outside} of them"
@@ -95,16 +95,11 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
             drawn=bands.predictions,
             spread=spread_of(bands.predictions),
         )
-    chosen = None
-    if laws is not None:
-        chosen = "laws were", laws.chosen_laws.left_out_percent
-    elif ranking is not None:
-        chosen = "model was", ranking.chosen_standing.left_out_percent or 0.0
-    if chosen is not None:
-        left_out = f"Fits to other tests predict tests left out to {format_fixed(chosen[1], 1)} %; the "
-        return replace(
-            own, opening=f"{left_out}{chosen[0]} chosen by it, so expect less. {own.opening}", remark=""
-        )
+    if ranking is not None:
+        chosen = "model was" if ranking.unit is None else "laws were"
+        percent = format_fixed(ranking.chosen_standing.left_out_percent, 1)
+        left_out = f"Fits to other tests predict tests left out to {percent} %; the {chosen} chosen by it"
+        return replace(own, opening=f"{left_out}, so expect less. {own.opening}", remark="")
     return own
 
 

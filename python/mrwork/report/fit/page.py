@@ -13,7 +13,7 @@ from mrwork.identification.fit_file import reopen
 from mrwork.plots.canvas import png_bytes, svg_bytes
 from mrwork.report.fit.agreement import AMPLITUDES, HELD_OUT, drawn_in_full, has_small_loops, tests_section
 from mrwork.report.fit.bands import BANDS
-from mrwork.report.fit.choices import LAWS, PLAN, RANKING
+from mrwork.report.fit.choices import PLAN, RANKING
 from mrwork.report.fit.front import fit_lead
 from mrwork.report.fit.parameters import PROFILES, parameters_section
 from mrwork.report.fit.posterior import POSTERIOR
@@ -34,7 +34,7 @@ from mrwork.store.run_folder import FIGURES, REPORT, SUMMARY
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.prediction import Prediction, predictions_of
 
-SECTIONS = (HELD_OUT, BANDS, LAWS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
+SECTIONS = (HELD_OUT, BANDS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
 """The sections between those on tests and parameters, and those on the search and its provenance, in their order."""
 
 # Entries of a setting that are shown.

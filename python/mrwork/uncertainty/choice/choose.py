@@ -21,7 +21,6 @@ from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
-from mrwork.base.values import Floats
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper, damper_models
 from mrwork.errors import (
@@ -34,7 +33,6 @@ from mrwork.errors import (
     WorkerError,
 )
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf, with_journal
-from mrwork.identification.covariance import effective_samples
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.minimise.level_search import (
@@ -46,24 +44,15 @@ from mrwork.identification.minimise.level_search import (
 from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import BuildingCost
-from mrwork.identification.settings import FitSettings
+from mrwork.identification.settings import FitSettings, Fold
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
-from mrwork.store.long_call import LongCall, SoFar
-from mrwork.uncertainty.bands.prediction import (
-    LATER_CYCLES,
-    ONE_TEST,
-    Fold,
-    alike_remark,
-    halves,
-    later_cycle_errors,
-)
+from mrwork.store.long_call import LongCall
+from mrwork.uncertainty.choice.collapse import find_collapses, residuals_of
 from mrwork.uncertainty.choice.objections import objections_to
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, cost_remark, find_collapses, rank, ranking_of
-from mrwork.uncertainty.choice.splits import Splits, left_out_errors, splits_of
-from mrwork.uncertainty.noise import NOISES
-from mrwork.uncertainty.posterior.target import target_of
+from mrwork.uncertainty.choice.ranking import Ranking, Standing
+from mrwork.uncertainty.choice.splits import LeftOut, Splits, left_out_of
 from mrwork.workers.engine import Workers, on_executor, present_workers
 
 T = TypeVar("T")
@@ -140,11 +129,12 @@ def _with_own_laws(
 
 
 def _refuse_few_commands(
-    compared: Sequence[DamperSpec], tests: tuple[DamperTest, ...], splits: Splits | None
+    compared: Sequence[DamperSpec], tests: tuple[DamperTest, ...], splits: LeftOut
 ) -> None:
     """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
-    unit = "test" if splits is None else splits.fold
-    inside = [] if splits is None else [split.members for split in splits.splits if not split.beyond]
+    inside = (
+        [split.members for split in splits.splits if not split.beyond] if isinstance(splits, Splits) else []
+    )
     rests = [tuple(test for index, test in enumerate(tests) if index not in members) for members in inside]
     for spec in filter(lambda spec: spec.command_unit is not None, compared):
         n_levels, needed = count_levels(spec, tests), levels_needed(spec)
@@ -152,7 +142,7 @@ def _refuse_few_commands(
         remaining = min((count_levels(spec, rest) for rest in rests), default=n_levels)
         if remaining < needed:
             raise SettingError(
-                f"the current laws of {spec.name} need tests at {needed} commands, and without one {unit} only "
+                f"the current laws of {spec.name} need tests at {needed} commands, and where some are left out only "
                 f"{remaining} of {n_levels} remain; give laws of a lower degree, leave out another unit of tests, or "
                 "add tests at other commands"
             )
@@ -160,14 +150,20 @@ def _refuse_few_commands(
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Choice(WithAxes, Summarised):
-    """The ranking of families, and the fits of those that could be identified, in the same order."""
+    """The ranking of candidates, and the fits to all tests of those that could be identified, in the same order.
+
+    Of laws only the chosen ones are fitted to the whole tests. `others` are up to four sets of laws that predict nearly
+    as well, within 1 point, those that differ most beyond the tests, best predictions first.
+    """
 
     ranking: Ranking
     fits: tuple[Fit, ...]
+    others: tuple[Fit, ...] = ()
+    seconds: float = 0.0
 
     @property
     def best(self) -> Fit:
-        """The fit of the chosen family, or of the provisional one, to all tests."""
+        """The fit of the chosen candidate, or of the provisional one, to all tests."""
         return next(fit for fit in self.fits if fit.model == self.ranking.chosen)
 
     def _named_arrays(self) -> NamedArrays:
@@ -212,10 +208,14 @@ class ChoiceProgress(ProgressReport):
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Steps(LongCall[ChoiceProgress, SoFar]):
-    """Steps of a choice among models: the journal of each by its name, reports, and why models failed."""
+class Choosing(LongCall[ChoiceProgress, Choice]):
+    """A choice that runs: its tests, models and splits, the journal of each step, and why models failed."""
 
-    models: tuple[str, ...]
+    tests: tuple[DamperTest, ...]
+    models: tuple[DamperSpec, ...]
+    splits: LeftOut
+    remarks: tuple[str, ...]
+    threads: int
     journal_of: JournalOf | None
     failed: dict[str, str] = field(default_factory=dict)
 
@@ -235,37 +235,46 @@ class Steps(LongCall[ChoiceProgress, SoFar]):
 
     def tell(self, progress: ChoiceProgress) -> None:
         """Report the progress of a model, with its number and the time."""
-        number, n_models = 1 + self.models.index(progress.model), len(self.models)
-        self.report(replace(progress, number=number, n_models=n_models, seconds=self.seconds))
+        names = [model.name for model in self.models]
+        number = 1 + names.index(progress.model)
+        self.report(replace(progress, number=number, n_models=len(names), seconds=self.seconds))
+
+    def failing(self, model: DamperSpec) -> Standing:
+        """The row of a model that failed."""
+        return Standing(
+            model=model.name,
+            title=model.title,
+            n_params=len(model.parameters),
+            status="failed",
+            reason=self.failed.get(model.name, ""),
+        )
+
+    def ranked(self, candidates: Sequence[Standing], **facts: object) -> Ranking:
+        """The ranking of candidates; models that have none are missing."""
+        done = {each.model for each in candidates}
+        missing = tuple(model.name for model in self.models if model.name not in done)
+        return Ranking.of(
+            candidates,
+            held_out=self.splits.in_words,
+            n_folds=max(len(each.left_out) for each in candidates),
+            missing=missing,
+            **facts,
+        )
 
 
-def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Floats, ...]:
-    """Residuals of a fit, test by test, in deviations of the test's measured force, shape (n_counted,)."""
-    target, theta = target_of(fit, tests, NOISES["iid"], tempering=1.0)
-    return tuple(residual[0] for residual, _ in target.residuals(theta[None]))
+@dataclass(slots=True, kw_only=True, eq=False)
+class _ChoosingModel(Choosing):
+    """A choice of model that runs, with what is known of each family by its name."""
 
-
-@dataclass(slots=True, kw_only=True)
-class RunningComparison:
-    """A comparison in progress, with `evidence` and `fits` by model."""
-
-    tests: tuple[DamperTest, ...]
-    compared: tuple[DamperSpec, ...]
     settings: FitSettings
-    threads: int
-    splits: Splits | None
-    remarks: tuple[str, ...]
-    steps: Steps[Choice]
-    evidence: dict[str, Evidence] = field(default_factory=dict)
+    candidates: dict[str, Standing] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
-    _batch: FitBatch = field(init=False)
     # Seconds and number of parameters of the fits so far; the cost of a fit grows with its parameters.
-    _spent: float = field(default=0.0, init=False)
-    _done: int = field(default=0, init=False)
+    spent: float = 0.0
+    done: int = 0
 
-    def __post_init__(self) -> None:
-        # Of a single test the first half of its cycles remains.
-        rests = [halves(self.tests[0])[:1]] if self.splits is None else self.splits.rests(self.tests)
+    def batch(self) -> FitBatch:
+        """For each family its fit to all tests, then those without each split."""
         tasks = [
             FitTask(
                 spec=family,
@@ -274,95 +283,84 @@ class RunningComparison:
                 examines=not fold,
                 step=f"{family.name}/{f'left_out_{fold}' if fold else 'fit'}",
             )
-            for family in self.compared
-            for fold, part in enumerate([self.tests, *rests])
+            for family in self.models
+            for fold, part in enumerate([self.tests, *self.splits.rests(self.tests)])
         ]
-        self._batch = FitBatch(
+        return FitBatch(
             tasks=tasks,
             threads=self.threads,
-            journal_of=self.steps.journal_of,
+            journal_of=self.journal_of,
             on_progress=self._report_fit,
             on_fit=self._count,
         )
 
-    @property
-    def n_splits(self) -> int:
-        """Number of fits to less than all tests."""
-        return 1 if self.splits is None else len(self.splits.splits)
-
-    def evaluate(self, family: DamperSpec) -> None:
-        """Identify a family from all tests and without each fold; a failure is recorded as its reason."""
-        model = family.name
-        first = self.compared.index(family) * (1 + self.n_splits)
-        made: list[Fit] = []
-        left_out: tuple[float, ...] = ()
-        with self.steps.recording_failure(model):
-            for number in range(first, first + 1 + self.n_splits):
-                made.append(self._batch.fit(number))  # noqa: PERF401, what was made before an error counts
-            left_out = (
-                later_cycle_errors(self.tests[0], made[1])
-                if self.splits is None
-                else left_out_errors(self.tests, self.splits, made[1:])
-            )
-        failed = Evidence(
-            model=model,
-            title=family.title,
-            n_params=len(family.parameters),
-            status="failed",
-            reason=self.steps.failed.get(model, ""),
-            seconds=sum(each.seconds for each in made),
+    def evaluate(self, family: DamperSpec, batch: FitBatch) -> None:
+        """Identify a family from all tests and without each split; a failure is recorded as its reason."""
+        model, n_splits = family.name, self.splits.n_splits
+        first = self.models.index(family) * (1 + n_splits)
+        nrmse, seconds = [], 0.0
+        fit: Fit | None = None
+        with self.recording_failure(model):
+            fit = batch.fit(first)
+        if fit is None:
+            self.candidates[model] = self.failing(family)
+            return
+        for number in range(n_splits):
+            own = np.full(len(self.splits.names(self.tests, number)), np.inf)
+            with self.recording_failure(model):
+                rest = batch.fit(first + 1 + number)
+                seconds += rest.seconds
+                own = self.splits.predict(self.tests, number, rest)
+            nrmse.append(own)
+        row = replace(
+            self.failing(family).predicting(nrmse, self.splits, self.tests),
+            n_params=len(identifiable_form(fit.spec, fit.settings.bounds).box.free),
+            status=fit.status,
+            seconds=fit.seconds + seconds,
+            fit_percent=fit.fit_percent,
         )
-        self.evidence[model] = failed
-        if made:
-            fit = self.fits[model] = made[0]
-            cost = BuildingCost.of(fit.spec, fit.theta, self.tests)
-            self.evidence[model] = replace(
-                failed,
-                n_params=len(identifiable_form(fit.spec, fit.settings.bounds).box.free),
-                status=fit.status,
-                fit_percent=fit.fit_percent,
-                left_out=left_out,
-                cost=cost,
-                objections=objections_to(fit.spec, np.array(fit.theta), self.tests, cost),
-            )
+        cost = BuildingCost.of(fit.spec, fit.theta, self.tests)
+        objections = objections_to(fit.spec, np.array(fit.theta), self.tests, cost)
+        self.candidates[model], self.fits[model] = row.costing(cost, objections), fit
 
     def choice(self) -> Choice:
         """The choice among the families that are done."""
-        best = min(self.fits.values(), key=lambda fit: fit.nrmse)
         residuals = {model: residuals_of(fit, self.tests) for model, fit in self.fits.items()}
-        n_effective = effective_samples(residuals[best.model])
-        n_params = {model: self.evidence[model].n_params for model in self.fits}
-        same = find_collapses(self.fits, residuals, n_params, self.tests, n_effective)
-        evidence = [replace(each, collapse=same.get(model)) for model, each in self.evidence.items()]
-        standings = rank(evidence)
-        ranking = ranking_of(
-            standings,
-            held_out=LATER_CYCLES if self.splits is None else self.splits.in_words,
-            n_folds=max(len(each.left_out) for each in evidence),
-            remarks=(*self.remarks, *cost_remark(standings, self.evidence)),
-            missing=[model for model in self.steps.models if model not in self.evidence],
-        )
-        order = [each.model for each in standings if each.model in self.fits]
-        return Choice(ranking=ranking, fits=tuple(self.fits[model] for model in order))
+        n_params = {model: self.candidates[model].n_params for model in self.fits}
+        same = find_collapses(self.fits, residuals, n_params, self.tests) if self.fits else {}
+        rows = [
+            replace(each, same_as=same[model].model, reason=same[model].reason) if model in same else each
+            for model, each in self.candidates.items()
+        ]
+        ranking = self.ranked(rows, remarks=self.remarks)
+        order = [each.model for each in ranking.standings if each.model in self.fits]
+        fits = tuple(self.fits[model] for model in order)
+        return Choice(ranking=ranking, fits=fits, seconds=self.seconds)
+
+    def best_so_far(self) -> Choice | None:
+        """The choice so far; `None` before any family has predicted."""
+        return self.choice() if any(each.has_predicted for each in self.candidates.values()) else None
 
     def _count(self, number: int, fit: Fit) -> None:
-        self._spent += fit.seconds
-        self._done += len(fit.spec.parameters)
+        self.spent += fit.seconds
+        self.done += len(fit.spec.parameters)
 
     def _report_fit(self, number: int, within: Progress | None) -> None:
-        family, fold = divmod(number, 1 + self.n_splits)
-        task = f"left out {fold} of {self.n_splits}" if fold else "all tests"
-        if (workers := present_workers()) is not None:
-            task = workers.in_words
-        self._report(self.compared[family].name, task, within)
-
-    def _report(self, model: str, task: str, within: Progress | None = None) -> None:
-        total = (1 + self.n_splits) * sum(len(family.parameters) for family in self.compared)
-        left = self._spent / self._done * max(total - self._done, 0) if self._done else None
-        # Workers tell the time that is left themselves.
-        left = left if present_workers() is None else None
-        share = self._done / total
-        self.steps.tell(ChoiceProgress(model=model, task=task, within=within, seconds_left=left, share=share))
+        n_splits, workers = self.splits.n_splits, present_workers()
+        family, fold = divmod(number, 1 + n_splits)
+        task = f"left out {fold} of {n_splits}" if fold else "all tests"
+        total = (1 + n_splits) * sum(len(each.parameters) for each in self.models)
+        left = self.spent / self.done * max(total - self.done, 0) if self.done else None
+        self.tell(
+            ChoiceProgress(
+                model=self.models[family].name,
+                task=task if workers is None else workers.in_words,
+                within=within,
+                # Workers tell the time that is left themselves.
+                seconds_left=left if workers is None else None,
+                share=self.done / total,
+            )
+        )
 
 
 @checked
@@ -372,7 +370,7 @@ def choose_model(
     tests: DamperTest | Sequence[DamperTest],
     models: str | Sequence[DamperSpec | str] = ALL,
     *,
-    leave_out: Fold = "test",
+    leave_out: Fold | None = None,
     laws: Mapping[str, LawName] | None = None,
     unit: CommandUnit = "A",
     lagged: bool = False,
@@ -384,7 +382,7 @@ def choose_model(
 ) -> Choice:
     """Identify families of models from the same tests, and rank them by their error on data left out of the fit.
 
-    Each family is identified from all tests, and again without each test in turn (or motion, or command), which is then
+    Each family is identified from all tests, and again without each motion in turn (or test, or command), which is then
     predicted; and without the fastest, the slowest and the largest motions, each with every test at or beyond it. Both
     kinds, inside and beyond the tests that remain, have equal weights. From a single test it is identified on the first
     half of the cycles and predicts the second. A family that fails is a row of the ranking.
@@ -394,7 +392,7 @@ def choose_model(
     models
         Names of models, models with their laws, or "all".
     leave_out
-        Unit that is left out: each test, all tests of one motion, or all at one command.
+        Tests that are left out together: those of one motion where there are three motions or more, else each test.
     laws, unit, lagged
         Laws of the parameters that follow the command, for the families that have such parameters, and whether the
         driver lags behind it; see `DamperSpec.with_current_laws`.
@@ -442,37 +440,27 @@ def choose_model(
     compared, remarks = families(
         models, tests, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds
     )
-    splits = splits_of(tests, leave_out) if len(tests) > 1 else None
+    splits = left_out_of(tests, leave_out)
     _refuse_few_commands(compared, tests, splits)
     about_commands = command_warning(tests, compared)
     for sentence in about_commands:
         warn(sentence, MrworkWarning, stacklevel=5)
-    remarks += about_commands
-    remarks += (ONE_TEST,) if splits is None else splits.remarks
-    alike = alike_remark(tests)
-    remarks += (alike,) if alike else ()
-    comparison = RunningComparison(
+    running = _ChoosingModel(
         tests=tests,
-        compared=compared,
-        settings=settings,
-        threads=threads,
+        models=compared,
         splits=splits,
-        remarks=remarks,
-        steps=Steps(
-            models=tuple(family.name for family in compared), journal_of=journal_of, on_progress=on_progress
-        ),
+        remarks=(*remarks, *about_commands, *splits.remarks),
+        threads=threads,
+        journal_of=journal_of,
+        on_progress=on_progress,
+        settings=settings,
     )
-    steps = comparison.steps
-    steps.so_far = lambda: (
-        comparison.choice() if any(each.left_out for each in comparison.evidence.values()) else None
-    )
-    with steps.keeping("choice of model"):
+    running.so_far = running.best_so_far
+    batch = running.batch()
+    with running.keeping("choice of model"):
         for family in compared:
-            comparison.evaluate(family)
-        if not comparison.fits:
-            model, reason = next(iter(steps.failed.items()))
-            raise SettingError(f"none of the models could be identified; {model}: {reason}")
-    choice = comparison.choice()
+            running.evaluate(family, batch)
+    choice = running.choice()
     for sentence in choice.ranking.doubts:
         warn(sentence, MrworkWarning, stacklevel=5)
     return choice

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -42,12 +41,10 @@ from mrwork.records.damper_test import loading_of
 from mrwork.records.repairs import NONE
 from mrwork.records.window import middle_excerpt
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.bands.prediction import folds_of, rests_of
 from mrwork.uncertainty.choice.folded_tests import FoldedFit, FoldedTests
 from mrwork.uncertainty.choice.law_promise import LinearisedTests
-from mrwork.uncertainty.choice.law_table import TriedLaws, laws_in_words
 from mrwork.uncertainty.choice.objections import dying_laws, objections_to
-from mrwork.uncertainty.choice.ranking import is_as_good
+from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_from, laws_in_words
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 
 Laws = dict[str, CommandLaw]
@@ -63,13 +60,9 @@ _ALIVE = 10.0
 _EXPANDED = 4
 # Single changes, the most promising ones, of which pairs are considered.
 _PAIRED = 6
-# NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
-_NOT_PREDICTED = 1.0
 # Forces are the same up to this NRMSE in each test; their misfits then agree at least to this share.
 _SAME_FORCE = 1e-6
 _SAME_MISFIT = 1e-3
-# Number of motions from which on a motion is left out, and not a test.
-_MOTIONS = 3
 
 
 @array_dataclass()
@@ -88,23 +81,31 @@ class _Predictions:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FittedLaws:
-    """A set of laws with its fits to all tests and without each split, and its row of the table."""
+    """A set of laws with its fits to all tests and without each split, and its row of the ranking."""
 
     spec: DamperSpec
     box: Box
     laws: Laws
     fit: FoldedFit
-    tried: TriedLaws
+    row: Standing
 
     @property
     def start(self) -> Start:
         """The fit to all tests as the start of another."""
         return dict(zip(self.spec.names, self.fit.theta[0].tolist(), strict=True))
 
-    @property
-    def score(self) -> float:
-        """Mean error of the predictions."""
-        return float(np.mean(self.tried.left_out))
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Neighbourhood:
+    """What laws near the `current` ones promise, by their key, from the tests that are linearised there."""
+
+    current: FittedLaws
+    tests: LinearisedTests | None = None
+    errors: dict[tuple[tuple[str, CommandLaw], ...], float] = field(default_factory=dict)
+
+
+def _key_of(laws: Laws) -> tuple[tuple[str, CommandLaw], ...]:
+    return tuple(sorted(laws.items()))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -126,6 +127,7 @@ class LawSearch:
     call: LongCall[Any, Any] = field(default_factory=LongCall)
     report: Callable[[str], None] = lambda task: None
     fitted: list[FittedLaws] = field(default_factory=list)
+    neighbourhoods: dict[int, _Neighbourhood] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -153,7 +155,7 @@ class LawSearch:
         of_first = self._fit_laws(self.first_laws, starts)
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
             self._move_to(of_first, wider)
-        if all(each.tried.objection for each in self.fitted):
+        if all(each.row.objection for each in self.fitted):
             self._revive(self.fitted[-1])
         expanded: list[Laws] = []
         while len(self.fitted) < _MOST_TRIED:
@@ -179,13 +181,13 @@ class LawSearch:
             if own.fitted_degree == len(self.commands) - 1:
                 laws = self._with_law(laws, name, own.fitted_degree, direct=not own.nodes)
         spec, box = self.model(laws)
-        tried = replace(fitted.tried, laws=self._texts(laws))
-        return replace(fitted, spec=spec, box=box, laws=laws, tried=tried)
+        row = replace(fitted.row, laws=self._texts(laws))
+        return replace(fitted, spec=spec, box=box, laws=laws, row=row)
 
     def _is_best_sound(self) -> bool:
         """Whether no set that something speaks against predicts visibly better than the others."""
         scores = [
-            [each.score for each in self.fitted if bool(each.tried.objection) is dead]
+            [each.row.error for each in self.fitted if bool(each.row.objection) is dead]
             for dead in (True, False)
         ]
         dead, sound = (min(each, default=np.inf) for each in scores)
@@ -212,16 +214,16 @@ class LawSearch:
 
     def frontier(self) -> list[FittedLaws]:
         """Sets of laws whose neighbours are tried: the best, the simplest that is as good, and further good ones."""
-        sound = [each for each in self.fitted if not each.tried.objection] or self.fitted
-        order = sorted(sound, key=lambda each: each.score)
-        good = [each for each in order if is_as_good(each.tried.left_out, order[0].tried.left_out)]
-        simplest = min(good, key=lambda each: (each.tried.is_costly, each.tried.n_params))
-        return [order[0], simplest, *good][: _FRONTIER + 2]
+        sound = [each for each in self.fitted if not each.row.objection] or self.fitted
+        order = sorted(sound, key=lambda each: each.row.error)
+        rows, simplest = choose_from([each.row for each in order])
+        good = [each for each in order if each.row in rows]
+        return [order[0], next(each for each in good if each.row is simplest), *good][: _FRONTIER + 2]
 
     def distinct(self) -> list[FittedLaws]:
         """The candidates except those with the same force as a candidate with fewer parameters."""
         kept = list[FittedLaws]()
-        for each in sorted(self.fitted, key=lambda each: each.tried.n_params):
+        for each in sorted(self.fitted, key=lambda each: each.row.n_params):
             if not any(self._is_same_force(each, other) for other in kept):
                 kept.append(each)
         return kept
@@ -236,30 +238,16 @@ class LawSearch:
                 return False
         return True
 
-    def candidate(self, tried: TriedLaws) -> FittedLaws:
-        """The candidate of these laws."""
-        return next(each for each in self.fitted if each.tried.laws == tried.laws)
-
     def _proposals(self, current: FittedLaws) -> list[Laws]:
         """Laws near the present ones that are not tried yet, by the errors that a linearised model promises.
 
         The most promising change of one law or two; the same of those with fewer parameters; and the end of a chain of
         simpler laws, each the most promising one after the one before, while no more is lost than is negligible.
         """
-        linearised = cache(lambda: interruptible(lambda: self._linearise(current)))
-
-        def error_of(laws: Laws) -> float:
-            spec, box = self.model(laws)
-            return linearised().error_of(spec, box, self.transfer_starts(current, spec, box))
+        around = self.neighbourhoods.setdefault(id(current), _Neighbourhood(current=current))
 
         def promised(candidates: Sequence[Laws]) -> Floats:
-            return self.call.step(
-                "promise",
-                _Promises,
-                lambda: _Promises(errors=np.array([error_of(laws) for laws in candidates])),
-                current.fit.theta,
-                candidates,
-            ).errors
+            return self._promised(around, candidates)
 
         done = [each.laws for each in self.fitted]
         single = self._changes(current.laws)
@@ -291,6 +279,28 @@ class LawSearch:
         if chain not in done and chain not in proposals:
             proposals.append(chain)
         return proposals
+
+    def _promised(self, around: _Neighbourhood, candidates: Sequence[Laws]) -> Floats:
+        """Errors of predictions that laws near the present ones promise; each is found once."""
+        new = [laws for laws in candidates if _key_of(laws) not in around.errors]
+        if new:
+            found = self.call.step(
+                "promise",
+                _Promises,
+                lambda: interruptible(lambda: self._promise(around, new)),
+                around.current.fit.theta,
+                new,
+            )
+            around.errors |= zip(map(_key_of, new), found.errors.tolist(), strict=True)
+        return np.array([around.errors[_key_of(laws)] for laws in candidates])
+
+    def _promise(self, around: _Neighbourhood, candidates: Sequence[Laws]) -> _Promises:
+        tests = around.tests = around.tests or self._linearise(around.current)
+        errors = []
+        for laws in candidates:
+            spec, box = self.model(laws)
+            errors.append(tests.error_of(spec, box, self.transfer_starts(around.current, spec, box)))
+        return _Promises(errors=np.array(errors))
 
     def _linearise(self, current: FittedLaws) -> LinearisedTests:
         observed = tuple(
@@ -357,25 +367,18 @@ class LawSearch:
             box,
             fit.theta,
         ).nrmse
-        errors = np.split(predicted, np.cumsum([len(each.members) for each in self.splits.splits])[:-1])
-        failed = {
-            self.tests[index].name: None
-            for split, own in zip(self.splits.splits, errors, strict=True)
-            for index, error in zip(split.members, own, strict=True)
-            if not np.isfinite(error)
-        }
         cost = BuildingCost.of(spec, fit.theta[0], self.tests)
-        tried = TriedLaws.of(
-            self._texts(laws),
+        row = Standing(
+            model=self.name,
+            title=self.plain.title,
+            laws=self._texts(laws),
             n_params=len(box.free),
-            fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared[0]))), _NOT_PREDICTED)),
-            left_out=[np.minimum(own, _NOT_PREDICTED) for own in errors],
-            splits=self.splits,
-            not_predicted=tuple(failed),
-            objection="; ".join(objections_to(spec, fit.theta[0], self.tests, cost)),
-            is_costly=cost.is_high,
+            fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared[0]))), NOT_PREDICTED)),
         )
-        self.fitted.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
+        left_out = np.split(predicted, np.cumsum([len(each.members) for each in self.splits.splits])[:-1])
+        row = row.predicting(left_out, self.splits, self.tests)
+        row = row.costing(cost, objections_to(spec, fit.theta[0], self.tests, cost))
+        self.fitted.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, row=row))
         return self.fitted[-1]
 
     def _fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
@@ -441,7 +444,6 @@ def prepare_search(
         raise SettingError(
             "laws are chosen by tests left out of their fits, and one test was given; give more"
         )
-    leave_out = leave_out or default_fold(tests)
     short = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in tests)
     commands = np.array(sorted(levels_of(spec, short)))
     level_of = [
@@ -474,21 +476,3 @@ def prepare_search(
         free=tuple(name for name in plain.names if name not in {**given, **settings.bounds}),
         most=most,
     )
-
-
-def default_fold(tests: Sequence[DamperTest]) -> Fold:
-    """Tests that are left out together: those of one motion from three motions on, else each test."""
-    try:
-        motions = len(folds_of(tests, "motion"))
-    except SettingError:
-        motions = 1
-    return "motion" if motions >= _MOTIONS else "test"
-
-
-def can_leave_out(tests: Sequence[DamperTest]) -> bool:
-    """Whether the tests run at two commands without any that are left out together."""
-    try:
-        folds = folds_of(tests, default_fold(tests))
-    except SettingError:
-        return False
-    return all(len({test.command_in_words for test in rest}) > 1 for rest in rests_of(tests, folds))

@@ -1,275 +1,323 @@
-"""Ranking of families of models by their left-out fit, and its conclusion in words.
+"""Ranking of candidates by their fit to what was left out: the rule of a choice, its table, and its sentence.
 
-A family whose fit is that of a simpler one in the same comparison has collapsed, and counts as the simpler one.
+A candidate is a model with the laws of its parameters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass, field, replace
+from math import inf
+from operator import attrgetter
+from typing import Any, Literal
 
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Whole
-from mrwork.base.labelled import NamedArrays, WithAxes, columns_of, labels_of
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import Summarised, Summary, list_names
-from mrwork.base.table import Table, TableColumn, text_table
+from mrwork.base.table import Table, TableColumn, declared, text_table
+from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.coordinates import Box
+from mrwork.dampers.laws import CommandLaw, LawName, law_of
 from mrwork.errors import SettingError
-from mrwork.identification.fit import NEGLIGIBLE, Fit
+from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.identification.result import MANY, BuildingCost
-from mrwork.identification.verdicts import Scale
 from mrwork.records import DamperTest
+from mrwork.uncertainty.choice.splits import LeftOut
 
-# Residuals of each test, in deviations of its force, shape (n_counted,).
-Residuals = Sequence[Floats]
-
-# Gain in the log-likelihood ratio, for each further parameter, that is not more than chance (Akaike's criterion).
-_CHANCE = 2.0
-# A family that failed is far better where the error of the chosen one on all tests is above this multiple of its own.
+# A candidate that failed is far better where the error of the chosen one on all tests is above this multiple of its.
 _FAR_BETTER = 2.0
+# NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
+NOT_PREDICTED = 1.0
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Collapse:
-    """The simpler family, `model`, that gives the same force, and the reason in words."""
-
-    model: str
-    reason: str
-
-
-def find_collapses(
-    fits: Mapping[str, Fit],
-    residuals: Mapping[str, Residuals],
-    n_params: Mapping[str, int],
-    tests: tuple[DamperTest, ...],
-    n_effective: float,
-) -> dict[str, Collapse]:
-    """Families, by model, whose fit is that of a simpler one: the one with the fewest parameters.
-
-    The forces are the same up to chance: the mean square of the difference of the residuals, and the gain in the
-    log-likelihood, `n_eff ln(S_simpler/S)`, are at most 2 for each further parameter (Akaike's criterion). And more of
-    its parameters are on a bound or undetermined, that is with a standard error above their value or half their range.
-    """
-    doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
-    n_doubtful = {model: sum(map(len, states.values())) for model, states in doubtful.items()}
-    joined = {model: np.concatenate(residuals[model]) for model in fits}
-    collapses: dict[str, Collapse] = {}
-    for model in fits:
-        simpler = sorted(
-            (each for each in fits if n_params[each] < n_params[model]), key=lambda each: n_params[each]
-        )
-        for other in simpler:
-            chance = _CHANCE * (n_params[model] - n_params[other]) / n_effective
-            squared, theirs = (float(np.mean(joined[each] ** 2)) for each in (model, other))
-            difference = float(np.mean((joined[model] - joined[other]) ** 2))
-            same = difference <= chance * theirs and theirs <= squared * np.exp(chance)
-            if same and n_doubtful[model] > n_doubtful[other]:
-                states = [
-                    f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {state}"
-                    for state, names in doubtful[model].items()
-                    if names
-                ]
-                collapses[model] = Collapse(
-                    model=other,
-                    reason=f"its force is that of {fits[other].spec.title} to {100.0 * np.sqrt(difference):.2g} % of "
-                    f"the force's deviation, and {' and '.join(states)}",
-                )
-                break
-    return collapses
-
-
-def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
-    """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
-    spec, theta = fit.spec, np.array(fit.theta)
-    scale = Scale.of(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
-    free = [(index, each) for index, each in enumerate(fit.estimates) if each.is_free]
-    return {
-        "on a bound": [each.name for _, each in free if each.at_bound],
-        "undetermined": [
-            each.name
-            for index, each in free
-            if each.verdict == "not identifiable"
-            or (each.standard_error is not None and each.standard_error > scale.size[index])
-        ],
-    }
-
-
-DEFINITIONS = (
-    "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean over folds with its standard "
-    "error. A family is as good as the best within one standard error of the paired difference, not more than that "
-    f"of the best itself, or within {NEGLIGIBLE:g} points; of those one that takes fewer than {MANY} integration steps "
-    "a sample in a building is chosen, and of these the one with the fewest parameters.",
-    "Unusable: a law vanishes or leaves its range within the tested commands, or no building can be simulated with the "
-    "fit. Such a family is not chosen while others are left.",
+RULES = (
+    "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean of two kinds with equal weights. "
+    "Inside: tests that lie between those that remain. Beyond: the fastest, slowest and largest motions, each left out "
+    "with every test at or beyond it. Both are means over motions, with a standard error, of the geometric mean of the "
+    "NRMSE of their tests. A test that cannot be predicted counts as 0 %.",
+    "Behind: the difference to the best, paired motion by motion, with its standard error. A candidate is as good as "
+    "the best within one standard error of it, no more than that of the best itself, or within "
+    f"{NEGLIGIBLE:g} points; of those one that takes fewer than {MANY} integration steps a sample in a building is "
+    "chosen, of these the one with the fewest parameters.",
+    "Unusable: a law vanishes or leaves its range within the tested commands, the force falls beyond the tested "
+    "velocities, or no building can be simulated with it. Such a candidate is not chosen while others are left.",
+    "Provisional: the candidate that would be chosen, while one that could not predict a test has less than "
+    f"1/{_FAR_BETTER:g} of its error on all tests. None is chosen then.",
+)
+RULE_OF_COLLAPSE = (
     "Collapsed: the fit is that of a simpler family, because the forces of the two differ by no more than chance, and "
-    "more of its parameters are on a bound or undetermined. Such a family counts as the simpler one and is not chosen.",
-    "Provisional: the family that would be chosen of those that predict what was left out, while one that failed there "
-    f"has less than 1/{_FAR_BETTER:g} of its error on all tests. None is chosen then.",
+    "more of its parameters are on a bound or undetermined. Such a family counts as the simpler one and is not chosen."
+)
+RULES_OF_LAWS = (
+    "The search starts with every positive parameter quadratic in the command, then every one but offsets, and tries "
+    "neighbours of the best laws, of the simplest as good, and of others as good: those that promise most when the "
+    "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, of "
+    "a positive parameter through their logarithms, or direct, through the values themselves. Of two forms that no "
+    "test tells apart, one without an extremum between the tested commands is taken. Laws are fitted to cycles from "
+    "the middle of all tests, and of all but those of each split, from the fits of the laws before.",
+    "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
+    "measure it without bias.",
 )
 
-RankVerdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
-    """Results of one family; `left_out` has the error of each unit left out, empty where a prediction failed.
-
-    `objections` speak against the choice of the family, and `cost` is that in a building.
-    """
-
-    model: str
-    title: str
-    n_params: int
-    status: str
-    seconds: float
-    reason: str = ""
-    fit_percent: float | None = None
-    left_out: tuple[float, ...] = ()
-    collapse: Collapse | None = None
-    objections: tuple[str, ...] = ()
-    cost: BuildingCost | None = None
-
-    @property
-    def is_costly(self) -> bool:
-        """Whether the family takes many steps in a building."""
-        return self.cost is not None and self.cost.is_high
+Verdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
-    """One row of the ranking, in percent and percentage points; differences to the best family are positive.
+    """A candidate of a choice, in percent and percentage points; differences to the best one are positive.
 
-    Those of a collapsed family, which has the fit of `same_as` and is not ranked, may be negative.
+    `laws` are those that are not constant. `left_out` has the error (NRMSE) of each unit left out, empty where the
+    candidate failed, for the `reason`; `median_percent` and `worst_percent` are of single tests, of which those of
+    `not_predicted` could not be simulated. `steps` are those of a sample in a building, `None` where too many. The
+    `objection` speaks against a choice. A collapsed candidate, which has the fit of `same_as`, may be ahead.
     """
 
     model: str
     title: str
     n_params: Whole
-    verdict: RankVerdict
-    status: str
-    reason: str
-    seconds: NotNegative
-    fit_percent: float | None
+    laws: dict[str, LawName] = field(default_factory=dict)
+    verdict: Verdict = "behind"
+    status: str = ""
+    reason: str = ""
+    seconds: NotNegative = 0.0
+    fit_percent: float | None = None
+    left_out: tuple[float, ...] = ()
     left_out_percent: float | None = None
     left_out_error: NotNegative | None = None
     left_out_behind: float | None = None
     left_out_behind_error: NotNegative | None = None
+    inside_percent: float | None = None
+    outside_percent: float | None = None
+    median_percent: float | None = None
+    worst_percent: float | None = None
+    not_predicted: tuple[str, ...] = ()
+    objection: str = ""
+    steps: float | None = None
+    is_costly: bool = False
     same_as: str = ""
+
+    def predicting(self, nrmse: Sequence[Floats], splits: LeftOut, tests: Sequence[DamperTest]) -> Standing:
+        """The candidate with the NRMSE of what each split predicts, infinite where that could not be simulated."""
+        left_out = [np.minimum(each, NOT_PREDICTED) for each in nrmse]
+        single = np.concatenate(left_out)
+        inside, outside = (None if each is None else 100.0 * (1.0 - each) for each in splits.means(left_out))
+        failed = {
+            name: None
+            for number, each in enumerate(nrmse)
+            for name, error in zip(splits.names(tests, number), each, strict=False)
+            if not np.isfinite(error)
+        }
+        return replace(
+            self,
+            left_out=tuple(splits.errors(left_out).tolist()),
+            inside_percent=inside,
+            outside_percent=outside,
+            median_percent=100.0 * (1.0 - float(np.median(single))),
+            worst_percent=100.0 * (1.0 - float(single.max())),
+            not_predicted=tuple(failed),
+        )
+
+    def costing(self, cost: BuildingCost, objections: Sequence[str]) -> Standing:
+        """The candidate with what it costs in a building, and what speaks against it."""
+        steps = cost.steps if cost.is_possible else None
+        return replace(self, steps=steps, is_costly=cost.is_high, objection="; ".join(objections))
+
+    @property
+    def has_predicted(self) -> bool:
+        """Whether it predicts anything that was left out better than the mean force does."""
+        return min(self.left_out, default=NOT_PREDICTED) < NOT_PREDICTED
+
+    @property
+    def error(self) -> float:
+        """Mean error of its predictions."""
+        return float(np.mean(self.left_out))
 
     @property
     def is_chosen(self) -> bool:
-        """Whether the family is chosen, if only provisionally."""
+        """Whether it is chosen, if only provisionally."""
         return self.verdict in ("chosen", "provisional")
+
+    @property
+    def laws_in_words(self) -> str:
+        """The laws in one line."""
+        return laws_in_words(self.laws)
+
+    @property
+    def in_words(self) -> str:
+        """The model with its laws, if any follow from the choice."""
+        return f"{self.title} ({self.laws_in_words})" if self.laws else self.title
 
     @property
     def left_out_in_words(self) -> str:
         """The fit to what was left out, with its standard error."""
-        return _with_error(self.left_out_percent, self.left_out_error, 2)
+        return _with_error(self.left_out_percent, self.left_out_error)
 
     @property
     def remark(self) -> str:
-        """The verdict, what makes it doubtful, and why the family failed."""
+        """The verdict, what makes it doubtful, and why the candidate failed."""
         parts = (
             "" if self.verdict == "behind" else self.verdict,
             "not converged" if self.status == "not_converged" else "",
-            self.reason,
+            self.reason or self.objection,
+            "costly" if self.is_costly else "",
         )
         return ", ".join(filter(None, parts))
 
 
-def _with_error(value: float | None, error: float | None, decimals: int) -> str:
-    text = format_fixed(value, decimals)
-    return text if value is None or not error else f"{text} ± {format_fixed(error, decimals)}"
+def laws_in_words(laws: Mapping[str, LawName | CommandLaw]) -> str:
+    """Laws in one line; "direct" are those through values themselves, not through their logarithms."""
+    return ", ".join(f"{name} {_law_in_words(law_of(law))}" for name, law in laws.items()) or "all constant"
 
 
-_MODEL = TableColumn(heading="model", cell=lambda each: each.model)
+def _law_in_words(law: CommandLaw) -> str:
+    return f"direct {CommandLaw(law.fitted_degree)}" if law.nodes and not law.logarithms else str(law)
+
+
+def _with_error(value: float | None, error: float | None) -> str:
+    text = format_fixed(value, 2)
+    return text if value is None or not error else f"{text} ± {format_fixed(error, 2)}"
+
+
+def _percent(name: str) -> Any:
+    """Cell of a percentage."""
+    return lambda each: format_fixed(getattr(each, name), 2)
+
+
+# What a ranking has for each candidate, in tables and in arrays. Columns that are empty are in no table.
 _COLUMNS = (
-    TableColumn(heading="parameters", cell=lambda each: str(each.n_params)),
-    TableColumn(heading="fit %", cell=lambda each: format_fixed(each.fit_percent, 2)),
-    TableColumn(heading="left-out fit %", cell=lambda each: each.left_out_in_words),
+    TableColumn(heading="model", cell=attrgetter("model"), key="model", long_name="model"),
+    TableColumn(key="title", long_name="name in words"),
+    TableColumn(key="verdict", long_name="place in the ranking"),
+    TableColumn(key="status", long_name="how the identification ended"),
+    TableColumn(key="same_as", long_name="family whose fit it has"),
     TableColumn(
-        heading="behind, points",
-        cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error, 2),
+        heading="parameters",
+        cell=lambda each: str(each.n_params),
+        key="n_params",
+        long_name="number of parameters",
     ),
-    TableColumn(heading="seconds", cell=lambda each: format_fixed(each.seconds, 1)),
-    TableColumn(heading="remark", cell=lambda each: each.remark, words=True),
+    TableColumn(unit="s", key="seconds", long_name="time of the identifications"),
+    TableColumn(
+        heading="fit",
+        cell=_percent("fit_percent"),
+        unit="%",
+        key="fit_percent",
+        long_name="fit to all tests",
+    ),
+    TableColumn(
+        heading="left-out fit",
+        cell=attrgetter("left_out_in_words"),
+        unit="%",
+        key="left_out_percent",
+        long_name="fit to what was left out",
+    ),
+    TableColumn(unit="%", key="left_out_error", long_name="standard error of the fit to what was left out"),
+    TableColumn(
+        heading="inside",
+        cell=_percent("inside_percent"),
+        unit="%",
+        key="inside_percent",
+        long_name="fit to what was left out inside the tests that remained",
+    ),
+    TableColumn(
+        heading="beyond",
+        cell=_percent("outside_percent"),
+        unit="%",
+        key="outside_percent",
+        long_name="fit to what was left out beyond the tests that remained",
+    ),
+    TableColumn(
+        heading="behind",
+        cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error),
+        unit="%",
+        key="left_out_behind",
+        long_name="difference to the best in the fit to what was left out",
+    ),
+    TableColumn(unit="%", key="left_out_behind_error", long_name="standard error of that difference"),
+    TableColumn(unit="%", key="median_percent", long_name="median fit of single tests left out"),
+    TableColumn(
+        heading="worst",
+        cell=_percent("worst_percent"),
+        unit="%",
+        key="worst_percent",
+        long_name="worst fit of single tests left out",
+    ),
+    TableColumn(heading="remark", cell=attrgetter("remark"), words=True),
+    TableColumn(heading="laws", cell=attrgetter("laws_in_words"), words=True, key="laws"),
 )
 
 
-def rank(evidence: Sequence[Evidence]) -> tuple[Standing, ...]:
-    """Rank families by their left-out fit, best first; collapsed families follow, those that failed come last.
+def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
+    """Candidates by their left-out fit, best first, with verdicts by the rules of `RULES`.
 
-    The rules are those of `DEFINITIONS`; a family counts as collapsed if the simpler one predicts the tests left out.
+    Unusable and collapsed ones follow, those that failed come last. A candidate counts as collapsed if the simpler one
+    predicts what was left out.
     """
-    predicted = sorted(
-        (each for each in evidence if each.left_out), key=lambda each: float(np.mean(each.left_out))
-    )
+    predicted = sorted((each for each in candidates if each.has_predicted), key=attrgetter("error"))
     if not predicted:
-        reasons = "; ".join(f"{each.model}: {each.reason}" for each in evidence)
-        raise SettingError(f"no family of models predicts what was left out of its fit ({reasons})")
+        reasons = "; ".join(
+            f"{each.in_words}: {each.reason or 'no test could be predicted'}" for each in candidates
+        )
+        raise SettingError(f"no model predicts what was left out of its fit ({reasons})")
     simpler = {each.model for each in predicted}
-    distinct = [each for each in predicted if each.collapse is None or each.collapse.model not in simpler]
-    sound = [each for each in distinct if not each.objections] or distinct
-    best = sound[0]
-    as_good = [each for each in sound if is_as_good(each.left_out, best.left_out)]
-    chosen = min(as_good, key=lambda each: (each.is_costly, each.n_params))
-    standings = []
-    same = [each for each in predicted if each not in distinct]
-    failed = [each for each in evidence if not each.left_out]
-    unusable = [each for each in distinct if each not in sound]
-    for each in [*sound, *unusable, *same, *failed]:
-        verdict: RankVerdict = "failed" if not each.left_out else "collapsed" if each in same else "behind"
+    distinct = [each for each in predicted if each.same_as not in simpler]
+    sound = [each for each in distinct if not each.objection] or distinct
+    good, chosen = choose_from(sound)
+    failed = [each for each in candidates if not each.has_predicted]
+    lost = [*failed, *(each for each in predicted if each.not_predicted)]
+
+    def judged(each: Standing) -> Standing:
+        verdict: Verdict = "behind"
         if each is chosen:
-            verdict = "provisional" if any(_is_far_better(other, chosen) for other in failed) else "chosen"
-        elif each in as_good:
+            verdict = "provisional" if any(_is_far_better(other, chosen) for other in lost) else "chosen"
+        elif each in good:
             verdict = "as good"
-        elif each in unusable:
+        elif each in failed:
+            verdict = "failed"
+        elif each not in distinct:
+            verdict = "collapsed"
+        elif each not in sound:
             verdict = "unusable"
-        standings.append(_standing(each, verdict, best))
-    return tuple(standings)
+        percent = 100.0 * np.array(each.left_out)
+        behind = percent - 100.0 * np.array(sound[0].left_out) if percent.size else percent
+        return replace(
+            each,
+            verdict=verdict,
+            same_as=each.same_as if verdict == "collapsed" else "",
+            reason=each.reason if verdict in ("collapsed", "failed") else "",
+            left_out_percent=100.0 - float(percent.mean()) if percent.size else None,
+            left_out_error=error_of_mean(percent),
+            left_out_behind=float(behind.mean()) if percent.size else None,
+            left_out_behind_error=None if each is sound[0] else error_of_mean(behind),
+        )
+
+    unusable = [each for each in distinct if each not in sound]
+    same = [each for each in predicted if each not in distinct]
+    return tuple(map(judged, (*sound, *unusable, *same, *failed)))
 
 
-def _standing(own: Evidence, verdict: RankVerdict, best: Evidence) -> Standing:
-    percent = 100.0 * np.array(own.left_out)
-    difference = percent - 100.0 * np.array(best.left_out) if percent.size else percent
-    same = own.collapse if verdict == "collapsed" else None
-    return Standing(
-        model=own.model,
-        title=own.title,
-        n_params=own.n_params,
-        verdict=verdict,
-        status=own.status,
-        reason=(own.reason or "; ".join(own.objections)) if same is None else same.reason,
-        seconds=own.seconds,
-        fit_percent=own.fit_percent,
-        same_as="" if same is None else same.model,
-        left_out_percent=100.0 - float(percent.mean()) if percent.size else None,
-        left_out_error=error_of_mean(percent),
-        left_out_behind=float(difference.mean()) if percent.size else None,
-        left_out_behind_error=error_of_mean(difference),
-    )
+def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing]:
+    """Of candidates, the best first, those as good as the best, and the one that is chosen of these.
 
-
-def is_as_good(own: Sequence[float], best: Sequence[float]) -> bool:
-    """Whether NRMSE of folds left out are as good as the best, by the rule of `DEFINITIONS`.
-
-    The error of the difference is limited to that of the best: a family that fails on one test has a large one.
+    The error of the difference is limited to that of the best: a candidate that fails on one test has a large one.
     """
-    difference = 100.0 * (np.array(own) - np.array(best))
-    errors = [error_of_mean(difference), error_of_mean(100.0 * np.array(best))]
-    allowed = min((error for error in errors if error is not None), default=0.0)
-    return float(difference.mean()) <= max(allowed, NEGLIGIBLE)
+    best = 100.0 * np.array(ordered[0].left_out)
+    good = []
+    for each in ordered:
+        difference = 100.0 * np.array(each.left_out) - best
+        errors = [error for error in (error_of_mean(difference), error_of_mean(best)) if error is not None]
+        if float(difference.mean()) <= max(min(errors, default=0.0), NEGLIGIBLE):
+            good.append(each)
+    return good, min(good, key=attrgetter("is_costly", "n_params"))
 
 
-def _is_far_better(failed: Evidence | Standing, chosen: Evidence | Standing) -> bool:
-    """Whether a family that failed has far less error on all tests than the chosen one."""
-    if failed.fit_percent is None or chosen.fit_percent is None:
+def _is_far_better(lost: Standing, chosen: Standing) -> bool:
+    """Whether a candidate has far less error on all tests than the chosen one."""
+    if lost.fit_percent is None or chosen.fit_percent is None:
         return False
-    return 100.0 - chosen.fit_percent > _FAR_BETTER * (100.0 - failed.fit_percent)
+    return 100.0 - chosen.fit_percent > _FAR_BETTER * (100.0 - lost.fit_percent)
 
 
 def error_of_mean(values: Floats) -> float | None:
@@ -277,71 +325,109 @@ def error_of_mean(values: Floats) -> float | None:
     return float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else None
 
 
-# Units and words of what a ranking has for each family.
-_ARRAYS = {
-    "title": ("", "name in words"),
-    "verdict": ("", "place in the ranking"),
-    "status": ("", "how the identification ended"),
-    "same_as": ("", "family whose fit it has"),
-    "n_params": ("1", "number of parameters"),
-    "seconds": ("s", "time of the identifications"),
-    "fit_percent": ("%", "fit to all tests"),
-    "left_out_percent": ("%", "fit to what was left out"),
-    "left_out_error": ("%", "standard error of the fit to what was left out"),
-    "left_out_behind": ("%", "difference to the best in the fit to what was left out"),
-    "left_out_behind_error": ("%", "standard error of that difference"),
-}
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Ranking(WithAxes, Summarised):
-    """Families in order of merit, the chosen one, and the reason; an interrupt left those of `missing` undone.
+    """Candidates in order of merit, the chosen model, and the reason; an interrupt left those of `missing` undone.
 
-    `chosen` is provisional, as its standing says, where a family that failed fits all tests far better.
+    `chosen` is provisional, as its standing says, where a candidate that could not predict fits all tests far better.
+    Where laws were chosen, `unit` is that of the command and `given` are laws that were not chosen; an interrupt also
+    leaves further laws untried, so that the ranking is not `complete`.
     """
 
     chosen: str
-    sentence: str
+    sentence: str = ""
     standings: tuple[Standing, ...]
     held_out: str
     n_folds: Whole
     remarks: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
-    definitions: tuple[str, ...] = DEFINITIONS
+    definitions: tuple[str, ...] = (*RULES, RULE_OF_COLLAPSE)
+    unit: CommandUnit | None = None
+    given: dict[str, LawName] = field(default_factory=dict)
+    complete: bool = True
+
+    @classmethod
+    def of(cls, candidates: Sequence[Standing], **facts: Any) -> Ranking:
+        """The ranking of candidates, with its sentence; `facts` are further fields."""
+        standings = rank(candidates)
+        chosen = next(each for each in standings if each.is_chosen)
+        ranking = cls(chosen=chosen.model, standings=standings, **facts)
+        remarks = (*ranking.remarks, *_remark_on_cost(standings, chosen))
+        return replace(ranking, remarks=remarks, sentence=_sentence_on(ranking))
+
+    def document(self) -> dict[str, Any]:
+        """What the command line prints as JSON; where laws were chosen, with the names of their table."""
+        document = asdict(self)
+        if self.unit is None:
+            return document
+        tried = [
+            row | {"behind": row["left_out_behind"], "behind_error": row["left_out_behind_error"]}
+            for row in document["standings"]
+        ]
+        failed = {each.model: each.reason for each in self.standings if each.verdict == "failed"}
+        models = [*dict.fromkeys(each.model for each in self.standings), *self.missing]
+        return document | {"model": self.chosen, "tried": tried, "failed": failed, "models": models}
 
     def _named_arrays(self) -> NamedArrays:
+        axis, labels = "model", labels_of([each.model for each in self.standings])
+        columns = {name: words for name, words in declared(_COLUMNS).items() if name not in ("model", "laws")}
+        laws = dict[str, NamedArray]()
+        if self.unit is not None:
+            axis, labels = "tried", number_labels(len(self.standings))
+            columns["model"] = ("", "model")
+            laws = {
+                f"law_{name}": NamedArray.of(
+                    [each.laws.get(name, "constant") for each in self.standings],
+                    axis,
+                    long_name=f"law of {name}",
+                )
+                for name in dict.fromkeys(name for each in self.standings for name in each.laws)
+            }
         return NamedArrays(
-            title=f"Choice of model: {self.chosen}",
-            rows=("model",),
-            labels={"model": labels_of([each.model for each in self.standings])},
-            arrays=columns_of(self.standings, "model", _ARRAYS),
+            title=f"Choice of {self._what}: {self.chosen}",
+            rows=(axis,),
+            labels={axis: labels},
+            arrays=columns_of(self.standings, axis, columns) | laws,
         )
 
     @property
+    def _what(self) -> str:
+        return "model" if self.unit is None else "current laws"
+
+    @property
     def chosen_standing(self) -> Standing:
-        """The chosen family, or the provisional one."""
+        """The chosen candidate, or the provisional one."""
         return next(each for each in self.standings if each.is_chosen)
 
     @property
+    def n_models(self) -> int:
+        """Number of models."""
+        return len({each.model for each in self.standings})
+
+    @property
     def doubts(self) -> tuple[str, ...]:
-        """Sentences on families that failed, and on why none is chosen."""
-        failed = [each for each in self.standings if each.verdict == "failed"]
-        if not failed:
-            return ()
-        named = list_names([f"{each.model} ({each.reason})" for each in failed])
+        """Sentences on candidates that failed, and on why none is chosen."""
+        failed = [f"{each.model} ({each.reason})" for each in self.standings if each.verdict == "failed"]
         their = "its predictions" if len(failed) == 1 else "their predictions"
-        none = _none_chosen(self.standings, self.chosen_standing)
-        return (f"not compared, as {their} failed: {named}", *([none] if none else []))
+        said = f"not compared, as {their} failed: {list_names(failed)}" if failed else ""
+        return tuple(filter(None, (said, _none_chosen(self.standings, self.chosen_standing))))
 
     @property
     def table(self) -> Table:
-        """The families by name."""
-        return text_table((_MODEL, *_COLUMNS), self.standings)
+        """The candidates; columns that are empty are left out, and so is the model where laws of one were tried."""
+        columns = []
+        for each in _COLUMNS:
+            cells = {each.cell(row) for row in self.standings} if each.heading else set()
+            is_model = each.key == "model" and self.unit is not None and self.n_models == 1
+            is_laws = each.key == "laws" and self.unit is None
+            if cells - {format_fixed(None, 2)} and not is_model and not is_laws:
+                columns.append(each)
+        return text_table(columns, self.standings)
 
     def _summary(self) -> Summary:
         provisional = ", provisional" if self.chosen_standing.verdict == "provisional" else ""
         return Summary(
-            title=f"Choice of model: {self.chosen}{provisional}",
+            title=f"Choice of {self._what}: {self.chosen}{provisional}",
             facts=(("evaluated on", self.held_out),),
             tables=[self.table],
             notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
@@ -352,61 +438,18 @@ class Ranking(WithAxes, Summarised):
 _FEW_FOLDS = 4
 
 
-def ranking_of(
-    standings: tuple[Standing, ...],
-    *,
-    held_out: str,
-    n_folds: int,
-    remarks: Sequence[str] = (),
-    missing: Sequence[str] = (),
-) -> Ranking:
-    """Ranking of these standings with its sentence."""
-    chosen = next(each for each in standings if each.is_chosen)
-    failed = [each.title for each in standings if each.verdict == "failed"]
-    parts = [f"Failed, and so not compared: {', '.join(failed)}"] if failed else []
-    parts += [_none_chosen(standings, chosen), _choice(standings, chosen, held_out)]
-    runner_up = next((each for each in standings if each.verdict == "behind"), None)
-    if runner_up is not None:
-        parts.append(
-            f"Next comes {runner_up.title} with {runner_up.n_params} parameters, "
-            f"{_points(runner_up, chosen)} behind the best"
-        )
-    if 1 < n_folds < _FEW_FOLDS:
-        parts.append(f"A standard error from {n_folds} folds is uncertain")
-    titles = {each.model: each.title for each in standings}
-    parts += [
-        f"{each.title} counts as {titles[each.same_as]}: {each.reason}"
-        for each in standings
-        if each.verdict == "collapsed"
-    ]
-    if missing:
-        parts.append(f"The comparison was interrupted and lacks {', '.join(missing)}")
-    return Ranking(
-        chosen=chosen.model,
-        sentence=". ".join(part for part in parts if part) + ".",
-        standings=standings,
-        held_out=held_out,
-        n_folds=n_folds,
-        remarks=tuple(remarks),
-        missing=tuple(missing),
-    )
-
-
-def cost_remark(standings: Sequence[Standing], evidence: Mapping[str, Evidence]) -> tuple[str, ...]:
-    """A sentence where the chosen family is costly in a building; it names the best one that is not."""
-    chosen = next(each for each in standings if each.is_chosen)
-    cost = evidence[chosen.model].cost
-    if cost is None or not cost.is_high:
+def _remark_on_cost(standings: Sequence[Standing], chosen: Standing) -> tuple[str, ...]:
+    """A sentence where the chosen candidate is costly in a building; it names the best one that is not."""
+    if not chosen.is_costly:
         return ()
-    text = f"the fit of {chosen.title} takes {cost.in_words}"
-    cheap = [
-        each for each in standings if evidence[each.model].left_out and not evidence[each.model].is_costly
-    ]
+    steps = inf if chosen.steps is None else chosen.steps
+    text = f"the fit of {chosen.in_words} takes {BuildingCost(steps=steps).in_words}"
+    cheap = [each for each in standings if each.has_predicted and not each.is_costly]
     if not cheap:
         return (f"{text}, and so does every other that predicts what was left out",)
-    best = min(cheap, key=lambda each: sum(evidence[each.model].left_out))
+    best = min(cheap, key=attrgetter("error"))
     return (
-        f"{text}; of those that take fewer than {MANY} {best.title} comes nearest ({best.left_out_percent:.2f} % "
+        f"{text}; of those that take fewer than {MANY} {best.in_words} comes nearest ({best.left_out_percent:.2f} % "
         f"against {chosen.left_out_percent:.2f} % left out)",
     )
 
@@ -415,28 +458,81 @@ def _none_chosen(standings: Sequence[Standing], chosen: Standing) -> str:
     """A sentence where the choice is provisional, else nothing."""
     if chosen.verdict != "provisional":
         return ""
-    better = [each for each in standings if each.verdict == "failed" and _is_far_better(each, chosen)]
-    named = list_names(
-        [
-            f"{each.title}, which failed, fits all tests far better ({each.fit_percent:.2f} %)"
-            for each in better
-        ]
-    )
+    better = [
+        f"{each.in_words}, which failed, fits all tests far better ({each.fit_percent:.2f} %)"
+        for each in standings
+        if (each.verdict == "failed" or each.not_predicted) and _is_far_better(each, chosen)
+    ]
     return (
-        f"No family is chosen: {named} than {chosen.title} ({chosen.fit_percent:.2f} %), the best of those that could "
-        "be compared; change what it failed for and compare again"
+        f"No {'family' if not chosen.laws else 'set of laws'} is chosen: {list_names(better)} than {chosen.title} "
+        f"({chosen.fit_percent:.2f} %), the best of those that could be compared; change what it failed for and "
+        "compare again"
     )
 
 
-def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) -> str:
-    count = f"Of {len(standings)} families" if len(standings) > 1 else "The only family"
+def _sentence_on(ranking: Ranking) -> str:
+    """What was chosen, how it predicts, and what lies behind."""
+    standings, chosen = ranking.standings, ranking.chosen_standing
+    of_verdict = {
+        verdict: [each for each in standings if each.verdict == verdict]
+        for verdict in ("failed", "as good", "behind", "unusable", "collapsed")
+    }
+    failed = list_names([each.title for each in of_verdict["failed"]])
+    parts = [f"Failed, and so not compared: {failed}"] if failed else []
+    parts += [_none_chosen(standings, chosen), _choice(ranking, chosen)]
+    best = standings[0]
+    others = [each.in_words for each in of_verdict["as good"] if each is not best]
+    if others:
+        parts.append(f"As good with no fewer parameters: {list_names(others)}")
+    if of_verdict["behind"]:
+        runner_up = of_verdict["behind"][0]
+        parts.append(
+            f"Next comes {runner_up.in_words} with {runner_up.n_params} parameters, "
+            f"{_points(runner_up, chosen)} behind the best"
+        )
+    if chosen.not_predicted:
+        names = list_names(chosen.not_predicted)
+        parts.append(f"{names} could not be simulated when left out, which counts as 0 %")
+    if chosen.objection:
+        parts.append(
+            f"Something speaks against every candidate, against the chosen one that {chosen.objection}"
+        )
+    ahead = [each for each in of_verdict["unusable"] if each.error < best.error]
+    if ahead:
+        points = 100.0 * (best.error - ahead[0].error)
+        parts.append(
+            f"{ahead[0].in_words} predicts {points:.2f} points better and is left alone, because {ahead[0].objection}"
+        )
+    if 1 < ranking.n_folds < _FEW_FOLDS:
+        parts.append(f"A standard error from {ranking.n_folds} folds is uncertain")
+    titles = {each.model: each.title for each in standings}
+    parts += [
+        f"{each.title} counts as {titles[each.same_as]}: {each.reason}" for each in of_verdict["collapsed"]
+    ]
+    if ranking.missing:
+        parts.append(f"The comparison was interrupted and lacks {', '.join(ranking.missing)}")
+    elif not ranking.complete:
+        parts.append("The choice was interrupted, and further laws were not tried")
+    return ". ".join(part for part in parts if part) + "."
+
+
+def _choice(ranking: Ranking, chosen: Standing) -> str:
+    standings, best = ranking.standings, ranking.standings[0]
+    tried = len(standings)
+    count = "The only family" if tried == 1 else f"Of {tried} families"
+    if ranking.unit is not None:
+        of_models = f" of {ranking.n_models} models" if ranking.n_models > 1 else ""
+        count = f"Of {tried} sets of laws{of_models}"
     error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
     verb = "remains" if chosen.verdict == "provisional" else "is chosen"
+    laws = "" if ranking.unit is None else f" ({chosen.laws_in_words})"
     text = (
-        f"{count}, {chosen.title} with {chosen.n_params} parameters {verb}: its mean left-out fit is "
-        f"{chosen.left_out_percent:.2f} % ({held_out}{error})"
+        f"{count}, {chosen.title} with {chosen.n_params} parameters{laws} {verb}: its mean left-out fit is "
+        f"{chosen.left_out_percent:.2f} % ({ranking.held_out}{error})"
     )
-    best = standings[0]
+    if chosen.inside_percent is not None and chosen.outside_percent is not None:
+        inside, outside = chosen.inside_percent, chosen.outside_percent
+        text += f", {inside:.2f} % inside the tests that remain and {outside:.2f} % beyond them"
     if best is not chosen:
         more = best.n_params - chosen.n_params
         reason = (
@@ -444,10 +540,7 @@ def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) ->
             if more > 0
             else "as good, and it takes fewer steps in a building"
         )
-        text += f", {_points(chosen, best)} behind {best.title}, the best, {reason}"
-    others = [each for each in standings if each.verdict == "as good" and each is not best]
-    if others:
-        text += f". As good with no fewer parameters: {', '.join(each.title for each in others)}"
+        text += f", {_points(chosen, best)} behind {best.in_words}, the best, {reason}"
     return text
 
 

@@ -10,17 +10,28 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.minimise.multistart import command_of
 from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest
-from mrwork.uncertainty.bands.prediction import IN_WORDS, folds_of, predict_test, rests_of
+from mrwork.uncertainty.bands.prediction import (
+    IN_WORDS,
+    LATER_CYCLES,
+    ONE_TEST,
+    alike_remark,
+    folds_of,
+    halves,
+    later_cycle_errors,
+    predict_test,
+    rests_of,
+)
 
 # Weight of what lies beyond the tests that remain, in the mean error.
 _OUTSIDE = 0.5
@@ -30,6 +41,37 @@ _ONE_IN = 3
 _AT = 0.1
 # Floor of the NRMSE, for synthetic tests without noise.
 _EXACT = 1e-9
+# Number of motions from which on a motion is left out by default, and not a test.
+_MOTIONS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LaterCycles:
+    """The later half of the cycles of a single test, predicted by a fit to the earlier half."""
+
+    in_words: str = LATER_CYCLES
+    remarks: tuple[str, ...] = (ONE_TEST,)
+    n_splits: int = 1
+
+    def rests(self, tests: Sequence[DamperTest]) -> list[tuple[DamperTest, ...]]:
+        """The first half of the test."""
+        return [halves(tests[0])[:1]]
+
+    def predict(self, tests: Sequence[DamperTest], number: int, fit: Fit) -> Floats:
+        """NRMSE of each later cycle."""
+        return np.array(later_cycle_errors(tests[0], fit))
+
+    def names(self, tests: Sequence[DamperTest], number: int) -> list[str]:
+        """The test."""
+        return [tests[0].name]
+
+    def errors(self, nrmse: Sequence[Floats]) -> Floats:
+        """Those of the cycles."""
+        return np.concatenate(nrmse)
+
+    def means(self, nrmse: Sequence[Floats]) -> tuple[float | None, float | None]:
+        """Neither kind."""
+        return None, None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,6 +101,11 @@ class Splits:
         return [list(each.members) for each in self.splits]
 
     @property
+    def n_splits(self) -> int:
+        """Number of fits to less than all tests."""
+        return len(self.splits)
+
+    @property
     def in_words(self) -> str:
         """What is predicted, after the number of tests."""
         ends = list_names([end for each in self.splits for end in each.beyond])
@@ -68,6 +115,14 @@ class Splits:
     def rests(self, tests: Sequence[DamperTest]) -> list[tuple[DamperTest, ...]]:
         """The tests that remain without each split."""
         return rests_of(tests, self.members)
+
+    def predict(self, tests: Sequence[DamperTest], number: int, fit: Fit) -> Floats:
+        """NRMSE of the tests of a split."""
+        return np.array([predict_test(fit, tests[index]).nrmse for index in self.splits[number].members])
+
+    def names(self, tests: Sequence[DamperTest], number: int) -> list[str]:
+        """Names of the tests of a split."""
+        return [tests[index].name for index in self.splits[number].members]
 
     def errors(self, nrmse: Sequence[Floats]) -> Floats:
         """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from those of each split.
@@ -104,9 +159,21 @@ class Splits:
         return inside, outside
 
 
-def splits_of(tests: Sequence[DamperTest], fold: Fold) -> Splits:
-    """Splits of the tests by `fold`, and those beyond the rest, which keep a test at every command."""
+LeftOut: TypeAlias = Splits | LaterCycles
+"""What a choice leaves out of fits and predicts."""
+
+
+def left_out_of(tests: Sequence[DamperTest], fold: Fold | None) -> LeftOut:
+    """What a choice leaves out: by `fold` or the default one; of a single test its later cycles."""
+    return LaterCycles() if len(tests) == 1 else splits_of(tests, fold)
+
+
+def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
+    """Splits of the tests by `fold`, or the default one, and those beyond the rest, which keep every command."""
+    fold = fold or default_fold(tests)
     folds = folds_of(tests, fold)
+    alike = alike_remark(tests)
+    remarks = [alike] if alike else []
     try:
         motions = folds_of(tests, "motion")
     except SettingError:
@@ -116,10 +183,10 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold) -> Splits:
             splits=tuple(Split(members=tuple(sorted(each))) for each in folds),
             units=_units(folds, len(tests)),
             fold=fold,
+            remarks=tuple(remarks),
         )
     levels = [command_of(test, "varies") for test in tests]
     ends: dict[tuple[int, ...], tuple[str, ...]] = {}
-    remarks = list[str]()
     for end, size in _ENDS.items():
         sizes = np.array([size(test) for test in tests])
         most = max(float(np.median(sizes[each])) for each in motions)
@@ -148,15 +215,22 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold) -> Splits:
     )
 
 
-def left_out_errors(tests: Sequence[DamperTest], splits: Splits, fits: Sequence[Fit]) -> tuple[float, ...]:
-    """Errors of the units of the splits, whose tests the fit to those that remain predicts, shape (n_units,)."""
-    nrmse = []
-    for members, fit in zip(splits.members, fits, strict=True):
-        try:
-            nrmse.append(np.array([predict_test(fit, tests[index]).nrmse for index in members]))
-        except SimulationError as reason:
-            raise SimulationError(f"what was left out cannot be predicted: {reason}") from reason
-    return tuple(splits.errors(nrmse).tolist())
+def default_fold(tests: Sequence[DamperTest]) -> Fold:
+    """Tests that are left out together: those of one motion from three motions on, else each test."""
+    try:
+        motions = len(folds_of(tests, "motion"))
+    except SettingError:
+        motions = 1
+    return "motion" if motions >= _MOTIONS else "test"
+
+
+def can_leave_out(tests: Sequence[DamperTest]) -> bool:
+    """Whether the tests run at two commands without any that are left out together."""
+    try:
+        folds = folds_of(tests, default_fold(tests))
+    except SettingError:
+        return False
+    return all(len({test.command_in_words for test in rest}) > 1 for rest in rests_of(tests, folds))
 
 
 def _units(groups: Sequence[Sequence[int]], n_tests: int) -> tuple[int, ...]:
