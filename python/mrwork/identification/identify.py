@@ -17,7 +17,7 @@ from mrwork.dampers.spec import DamperSpec, damper, plain_parameters
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinima
 from mrwork.identification.minimise.multistart import (
     StartingPoints,
     points_from_multistart,
@@ -247,9 +247,10 @@ class _Identification:
         def keep(theta: Floats) -> None:
             call.so_far = lambda: (theta, points.trace)
 
-        def on_start(minimum: LocalMinimum, share: float) -> None:
-            keep(minimum.theta)
-            call.tell("screening", round(share * 100), "%", minimum.misfit, share)
+        def on_start(minima: LocalMinima) -> None:
+            best = minima.best
+            keep(best.theta)
+            call.tell("screening", best.steps, "steps", best.misfit, 0.0)
 
         def on_step(steps: int, misfit: float) -> None:
             call.tell("refinement", steps, "steps", misfit, 0.0)

@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, ClassVar, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.base.arguments import AnyNumbers, Shape, Threads, checked
 from mrwork.base.summary import Summarised
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Misfits, Outcome, simulate_misfits
 from mrwork.dampers.spec import DamperSpec
@@ -136,6 +137,10 @@ class Objective(Summarised):
         own = replace(self, spec=spec, compared=_observe_tests(spec, tests, self.settings))
         return up_to(own, self.stiffest)
 
+    def with_laws(self, spec: DamperSpec) -> Objective:
+        """The same misfit, on the same motions, for the same model with other laws, or without any."""
+        return replace(self, spec=spec, compared=tuple(replace(each, spec=spec) for each in self.compared))
+
     @checked
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
         """Result of `compute` for these inputs, a dataclass `kind`; recalled where the journal has recorded it."""
@@ -185,19 +190,24 @@ class Objective(Summarised):
         misfit is infinite; other rows have the same bits as without thresholds. Where the force is not compared
         directly, the whole of it is needed: thresholds then have no effect.
         """
-        if self.stiffest == np.inf:
+        below = self._is_below(theta)
+        if below.all():
             return self._misfits_of(theta, thresholds)
         misfit = np.full(len(theta), np.inf)
-        below = np.all([each.stiffness(theta) <= 1.0 for each in self.compared], axis=0)
         if below.any():
             misfit[below] = self._misfits_of(theta[below], None if thresholds is None else thresholds[below])
         return misfit
 
+    def _is_below(self, theta: Floats) -> NDArray[np.bool_]:
+        """Whether rows are below the limit of stiffness, shape (n_batch,)."""
+        if self.stiffest == np.inf:
+            return np.ones(len(theta), dtype=np.bool_)
+        return np.asarray(np.all([each.stiffness(theta) <= 1.0 for each in self.compared], axis=0))
+
     def _misfits_of(self, theta: Floats, thresholds: Floats | None) -> Floats:
         if not self.is_direct:
-            return np.concatenate(
-                [self._indirect(rows) for rows in np.array_split(theta, -(-len(theta) // _ROWS) or 1)]
-            )
+            shares = np.array([[each.share] for each in self.compared])
+            return self._mean(shares * self.squared_nrmse(theta).T)
         if thresholds is not None:
             return self._misfits_below(theta, thresholds)
         own = [each.weight(1) ** 2 for each in self.compared]
@@ -257,24 +267,50 @@ class Objective(Summarised):
 
         return on_every_test(len(tests), self.threads, run)
 
-    def _indirect(self, theta: Floats) -> Floats:
+    @property
+    def shares(self) -> Floats:
+        """Weights of the squared NRMSE of the tests in the squared misfit, shape (n_tests,)."""
+        return np.array([each.share for each in self.compared]) / len(self.compared)
+
+    @checked
+    def squared_nrmse(self, theta: _Rows, included: NDArray[np.bool_] | None = None) -> Floats:
+        """Squared NRMSE of each test, shape (n_batch, n_tests), whatever its share.
+
+        Infinite where a simulation failed, and where the row of `included`, of that shape, leaves the test out.
+        """
         self.tally.simulations += len(theta)
-        squares = self._on_every_test(
-            lambda index, threads: _squares(self._part(index, theta, failure=np.inf, threads=threads))
-        )
-        return self._mean(len(self.tests) * np.array(squares))
+        squared = np.full((len(theta), len(self.compared)), np.inf)
+
+        def fill(index: int, threads: int) -> None:
+            rows = np.arange(len(theta)) if included is None else np.flatnonzero(included[:, index])
+            if rows.size:
+                squared[rows, index] = self.squared_nrmse_of(index, theta[rows], threads=threads)
+
+        self._on_every_test(fill)
+        return squared
+
+    def squared_nrmse_of(self, index: int, theta: Floats, *, threads: int = 0) -> Floats:
+        """Squared NRMSE of one test, shape (n_batch,), as in `squared_nrmse`."""
+        each = self.compared[index]
+        squared = []
+        for some in np.array_split(theta, -(-len(theta) // _ROWS)):
+            if self.is_direct:
+                squared.append(self._simulate_test(index, some, threads=threads).squared_error)
+            else:
+                residuals, failed = each.residuals(some, threads=threads)
+                squared.append(np.where(failed, np.inf, np.einsum("bt,bt->b", residuals, residuals)))
+        return np.concatenate(squared) / (each.variance * each.measured.size)
 
     @checked
     def nrmse_of_tests(self, theta: _Rows) -> Floats:
         """NRMSE of each test, shape (n_tests, n_batch), whatever its share; infinite where a simulation failed."""
-        self.tally.simulations += len(theta)
+        return np.asarray(np.sqrt(self.squared_nrmse(theta).T))
 
-        def nrmse(index: int, threads: int) -> Floats:
-            each = self.compared[index]
-            squares = _squares(self._part(index, theta, failure=np.inf, threads=threads))
-            return np.asarray(np.sqrt(len(self.tests) * squares / each.share))
-
-        return np.array(self._on_every_test(nrmse))
+    def weighted(self, theta: Floats, shares: Floats) -> Floats:
+        """Misfit of each row of `theta` by its own weights of the tests, shape (n_batch, n_tests); 0 leaves one out."""
+        squared = self.squared_nrmse(theta, shares > 0.0)
+        misfit = np.sqrt(np.sum(shares * np.where(shares > 0.0, squared, 0.0), axis=1))
+        return np.where(self._is_below(theta), misfit, np.inf)
 
     def _mean(self, squared: Floats) -> Floats:
         """Root mean square of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
@@ -317,18 +353,15 @@ class Objective(Summarised):
         Residuals of a simulation that failed are 1, far above those of any fit.
         """
         self.tally.simulations += len(theta)
-        parts = self._on_every_test(
-            lambda index, threads: self._part(index, theta, failure=1.0, threads=threads)
-        )
-        return np.concatenate(parts, axis=1)
 
-    def _part(self, index: int, theta: Floats, *, failure: float, threads: int) -> Floats:
-        """Weighted residuals of a test, shape (n_batch, n_counted); rows that failed have the value `failure`."""
-        each = self.compared[index]
-        residuals, failed = each.residuals(theta, threads=threads)
-        residuals *= each.weight(len(self.compared))
-        residuals[failed] = failure
-        return residuals
+        def part(index: int, threads: int) -> Floats:
+            each = self.compared[index]
+            residuals, failed = each.residuals(theta, threads=threads)
+            residuals *= each.weight(len(self.compared))
+            residuals[failed] = 1.0
+            return residuals
+
+        return np.concatenate(self._on_every_test(part), axis=1)
 
 
 def up_to(objective: Objective, stiffest: float) -> Objective:
@@ -336,10 +369,6 @@ def up_to(objective: Objective, stiffest: float) -> Objective:
     if stiffest == objective.stiffest:
         return objective
     return replace(objective, compared=tuple(replace(each, stiffest=stiffest) for each in objective.compared))
-
-
-def _squares(residuals: Floats) -> Floats:
-    return np.asarray(np.einsum("bt,bt->b", residuals, residuals))
 
 
 # Largest block of a Jacobian, in numbers, that is in memory beside the whole: 64 MiB.
@@ -379,3 +408,54 @@ def _block(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple
 
     on_every_test(len(objective.tests), objective.threads, fill)
     return residuals, jacobian
+
+
+@array_dataclass()
+class NormalEquations:
+    """Squared NRMSE of tests, (n_rows, n_tests), half its gradient by latent coordinates, (..., n_free), and J'J.
+
+    Where a row leaves a test out, or a simulation fails, the squared NRMSE is infinite and the rest zero.
+    """
+
+    squared: Floats
+    gradient: Floats
+    matrix: Floats
+
+    @classmethod
+    def at(
+        cls, objective: Objective, box: Box, latent: Floats, included: NDArray[np.bool_]
+    ) -> NormalEquations:
+        """Simulate rows of `latent`, (n_rows, n_free), with derivatives, on the tests that each `included` row has."""
+        objective.tally.simulations += len(latent)
+        theta = np.asarray(box.theta_from_latent(latent))
+        slope = np.exp(box.log_slope(latent))
+        n_free = latent.shape[1]
+        squared = np.full(included.shape, np.inf)
+        gradient = np.zeros((*included.shape, n_free))
+        matrix = np.zeros((*included.shape, n_free, n_free))
+
+        def fill(index: int, threads: int) -> None:
+            each = objective.compared[index]
+            rows = np.flatnonzero(included[:, index])
+            at_once = max(1, _BLOCK_SIZE // (each.measured.size * max(n_free, 1)))
+            scale = 1.0 / each.deviation / np.sqrt(each.measured.size)
+            for some in (rows[first : first + at_once] for first in range(0, rows.size, at_once)):
+                residuals, jacobian, failed = each.linearise_residuals(theta[some], box.free, threads=threads)
+                # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
+                with np.errstate(over="ignore", invalid="ignore"):
+                    residuals *= scale
+                    jacobian *= scale * slope[some][..., None]
+                    own = np.einsum("bt,bt->b", residuals, residuals)
+                    gradient[some, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
+                    matrix[some, index] = jacobian @ jacobian.transpose(0, 2, 1)
+                squared[some, index] = np.where(failed, np.inf, own)
+
+        on_every_test(len(objective.compared), objective.threads, fill)
+        return cls(squared=squared, gradient=gradient, matrix=matrix)
+
+    def joint(self, shares: Floats) -> tuple[Floats, Floats]:
+        """Gradient and J'J of the squared misfit of each row with these weights of the tests, (n_rows, n_tests)."""
+        return (
+            np.einsum("rt,rtp->rp", shares, self.gradient),
+            np.einsum("rt,rtpq->rpq", shares, self.matrix),
+        )

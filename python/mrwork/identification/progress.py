@@ -77,7 +77,7 @@ def _wait_for(thread: threading.Thread) -> None:
 
 
 Stage = Literal["search", "screening", "refinement"]
-Unit = Literal["simulations", "%", "steps"]
+Unit = Literal["simulations", "steps"]
 
 
 @dataclass(slots=True)

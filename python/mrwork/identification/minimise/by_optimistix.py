@@ -15,13 +15,8 @@ import optimistix as optx
 from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.minimise.levenberg_marquardt import (
-    Linearisations,
-    LocalMinimum,
-    check_recalled_minimum,
-    scale_to_unit_sensitivity,
-)
-from mrwork.identification.objective import Objective
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
+from mrwork.identification.objective import NormalEquations, Objective
 from mrwork.identification.traced import Residuals, arrays_of
 from mrwork.twins.models import on_processor
 
@@ -40,19 +35,21 @@ def find_minimum_by_optimistix(
 ) -> LocalMinimum:
     """The minimum that is reached from `start`, shape (n_params,), inside `box`; it is not worse than the start.
 
-    Evaluations are steps; `on_step` is as in `find_minimum`.
+    `on_step` is called with the number of steps and the misfit; not if the result is recalled from a journal.
     """
-    minimum = objective.once(
+    return objective.once(
         "refinement", LocalMinimum, lambda: _minimise(objective, box, start, on_step), box, start
     )
-    check_recalled_minimum(minimum.theta, box, start)
-    return minimum
 
 
 def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> LocalMinimum:
     begin, advance = _method(Residuals.of(objective, columns=box.free, substeps=None, threads=1), box)
     origin = np.asarray(box.latent_from_theta(box.inside(start)))
-    scale = scale_to_unit_sensitivity(Linearisations(objective, box)(origin)[1])
+    # Units of the coordinates in which they have equal effects on the residuals, as in Marquardt's scaling.
+    every = np.ones((1, len(objective.compared)), dtype=np.bool_)
+    equations = NormalEquations.at(objective, box, origin[None], every)
+    sensitivity = np.sqrt(np.diagonal(equations.joint(objective.shares[None])[1][0]))
+    scale = 1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300))
     args = (jnp.asarray(origin), jnp.asarray(scale), arrays_of(objective))
     position = jnp.zeros_like(args[0])
     state = begin(position, args)
@@ -71,7 +68,7 @@ def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | N
     misfits = objective(candidates)
     best = int(np.argmin(misfits))
     return LocalMinimum(
-        theta=candidates[best], misfit=float(misfits[best]), evaluations=len(squared), converged=converged
+        theta=candidates[best], misfit=float(misfits[best]), steps=len(squared), converged=converged
     )
 
 

@@ -1,9 +1,9 @@
-"""Levenberg-Marquardt method with exact Jacobians, simulated in lanes: one start (SciPy), or a batch of starts.
+"""Levenberg-Marquardt method with exact Jacobians for a batch of starts, simulated in lanes.
 
 Residuals and Jacobian come from one simulation, which takes a quarter longer than a simulation of the residuals alone.
 A few candidates take as long to simulate as about fifty, because the time steps of a record are sequential. The batch
 therefore simulates the Jacobians of all starts together, and likewise all trial steps, several of different damping
-for each start.
+for each start. Each start may weigh the tests in its own way, as one without the tests of a fold does.
 
 Steps follow the limit of stiffness, above which a candidate is not simulated, and points above it are moved below. A
 hysteresis loop that wants to be sharper than the step of the tests resolves would otherwise stop a minimisation where
@@ -12,7 +12,7 @@ it meets that limit, far from the minimum of all its other parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 
@@ -24,7 +24,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import MOST_SUBSTEPS
 from mrwork.errors import JournalError
-from mrwork.identification.objective import Objective, linearise_residuals
+from mrwork.identification.objective import NormalEquations, Objective
 from mrwork.identification.residual import ObservedTest
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
@@ -134,14 +134,9 @@ def _minimise_within(matrix: Floats, gradient: Floats, slope: Floats, room: Floa
     return np.asarray(step)
 
 
-# Convergence: relative decrease of the squared misfit in a step, also at the limit of stiffness; for SciPy the
-# relative length of the step too.
+# Convergence: relative decrease of the squared misfit in a step, also at the limit of stiffness.
 TOLERANCE = 1e-7
 _TOLERANCE_AT_LIMIT = 3e-5
-# Bound of SciPy's first step: about the change of the residuals (root sum of squares, misfit units) it may cause.
-_FIRST_STEP = 0.3
-# Of the batch: number of Jacobians in memory at once.
-_ROWS = 16
 # Floor for insensitive parameters; keeps the normal matrix non-singular.
 _LEAST_SENSITIVITY = 1e-150
 # Factors on the present damping that are tried together.
@@ -155,125 +150,12 @@ _PACED = 5
 
 @array_dataclass()
 class LocalMinimum:
-    """Result of a local minimisation: parameters (n_params,), misfit, number of evaluations, whether it converged."""
+    """Result of a local minimisation: parameters (n_params,), misfit, number of steps, whether it converged."""
 
     theta: Floats
     misfit: float
-    evaluations: int
+    steps: int
     converged: bool
-
-
-def find_minimum(
-    objective: Objective,
-    box: Box,
-    start: Floats,
-    *,
-    max_evaluations: int,
-    on_step: Callable[[int, float], None] | None = None,
-) -> LocalMinimum:
-    """Minimise the misfit from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
-
-    `max_evaluations`: largest number of evaluations of the residuals with their Jacobian. `on_step`: called with the
-    number of evaluations so far and the misfit; not if the result is recalled from a journal.
-    """
-    minimum = objective.once(
-        "descent",
-        LocalMinimum,
-        lambda: _minimise_from(objective, box, start, max_evaluations, on_step),
-        box,
-        start,
-        max_evaluations,
-    )
-    check_recalled_minimum(minimum.theta, box, start)
-    return minimum
-
-
-def check_recalled_minimum(theta: Floats, box: Box, start: Floats) -> None:
-    """Refuse a recalled minimum that a search from `start` inside `box` cannot return."""
-    _check_recalled(theta, start)
-    if not (np.array_equal(theta, start) or box.contains(theta)):
-        raise JournalError(
-            "the journal holds a minimum outside of the bounds of the search; run again with --replace, not --resume"
-        )
-
-
-def _minimise_from(
-    objective: Objective,
-    box: Box,
-    start: Floats,
-    max_evaluations: int,
-    on_step: Callable[[int, float], None] | None,
-) -> LocalMinimum:
-    from scipy.optimize import least_squares  # slow to load, and not needed for plain models
-
-    at = Linearisations(objective, box, on_step)
-    # The length of a step is then about the change of the residuals. MINPACK's first step is up to a hundred of its
-    # units, which could leave the basin of the minimum.
-    origin = np.asarray(box.latent_from_theta(box.inside(start)))
-    scale = scale_to_unit_sensitivity(at(origin)[1])
-
-    def residuals_at(position: Floats) -> Floats:
-        return at(origin + scale * position)[0]
-
-    def jacobian_at(position: Floats) -> Floats:
-        return np.asarray(at(origin + scale * position)[1].T * scale)
-
-    solution = least_squares(
-        residuals_at,
-        np.zeros_like(origin),
-        jac=jacobian_at,
-        method="lm",
-        x_scale=_FIRST_STEP / 100.0,
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
-        max_nfev=max_evaluations,
-    )
-    candidates = np.stack([start, box.theta_from_latent(origin + scale * solution.x)])
-    misfits = objective(candidates)
-    best = int(np.argmin(misfits))
-    return LocalMinimum(
-        theta=candidates[best],
-        misfit=float(misfits[best]),
-        evaluations=at.evaluations,
-        converged=bool(solution.status > 0),
-    )
-
-
-def scale_to_unit_sensitivity(jacobian: Floats) -> Floats:
-    """Units of coordinates, shape (n_free,), in which they have equal effects on residuals, as in Marquardt's scaling.
-
-    `jacobian`: derivative of the residuals by the coordinates, shape (n_free, n_residuals).
-    """
-    sensitivity = np.linalg.norm(jacobian, axis=1)
-    return np.asarray(1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300)))
-
-
-class Linearisations:
-    """Residuals and their derivative in latent coordinates; a cache keeps those of the last two points."""
-
-    def __init__(
-        self, objective: Objective, box: Box, on_step: Callable[[int, float], None] | None = None
-    ) -> None:
-        self.objective = objective
-        self.box = box
-        self.on_step = on_step
-        self.evaluations = 0
-        self._cache: list[tuple[Floats, Floats, Floats]] = []
-
-    def __call__(self, latent: Floats) -> tuple[Floats, Floats]:
-        """Residuals (n_residuals,) and derivative (n_free, n_residuals)."""
-        for cached, residuals, jacobian in self._cache:
-            if np.array_equal(cached, latent):
-                return residuals, jacobian
-        theta = np.asarray(self.box.theta_from_latent(latent))
-        (residuals,), (jacobian,) = linearise_residuals(self.objective, theta[None], self.box.free)
-        jacobian *= np.exp(self.box.log_slope(latent))[:, None]
-        # Two, because after a rejected step the method evaluates the point before it again.
-        self._cache = [(latent.copy(), residuals, jacobian), *self._cache[:1]]
-        self.evaluations += 1
-        if self.on_step is not None:
-            self.on_step(self.evaluations, float(np.linalg.norm(residuals)))
-        return residuals, jacobian
 
 
 @array_dataclass()
@@ -284,6 +166,17 @@ class LocalMinima:
     misfit: Floats
     converged: NDArray[np.bool_]
     iterations: int
+
+    @property
+    def best(self) -> LocalMinimum:
+        """The one with the least misfit."""
+        best = int(np.argmin(self.misfit))
+        return LocalMinimum(
+            theta=self.theta[best],
+            misfit=float(self.misfit[best]),
+            steps=self.iterations,
+            converged=bool(self.converged[best]),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -325,6 +218,7 @@ def find_minima(
     *,
     max_iterations: Count,
     tolerance: float = TOLERANCE,
+    shares: Floats | None = None,
     hopeless: Hopeless | None = None,
     on_iteration: Callable[[LocalMinima], None] | None = None,
 ) -> LocalMinima:
@@ -333,10 +227,12 @@ def find_minima(
     Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in Mathematics
     630, 1978, 105-116). The result of a start does not depend on the other starts, unless `hopeless` ones are given up.
 
-    `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `hopeless`: rule
-    by which starts are given up; none by default. `on_iteration`: called after each iteration with the present points.
+    `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `shares`: weights
+    of the squared NRMSE of the tests for each start, shape (n_starts, n_tests), 0 for one that is left out; by default
+    those of the objective. `hopeless`: rule by which starts are given up; none by default. `on_iteration`: called after
+    each iteration with the present points.
     """
-    state = _initial(objective, box, starts)
+    state = _initial(objective, box, starts, shares)
     iterations = 0
     courses = [state.misfit]
     while iterations < max_iterations and state.running.any():
@@ -345,8 +241,9 @@ def find_minima(
         state = objective.once(
             "iteration",
             _State,
-            partial(_iterate_once, objective, box, state, tolerance),
+            partial(_iterate_once, objective, box, state, tolerance, shares),
             tolerance,
+            shares,
             box,
             state.latent,
             state.misfit,
@@ -381,9 +278,10 @@ class _State:
     running: NDArray[np.bool_]
 
 
-def _initial(objective: Objective, box: Box, starts: Floats) -> _State:
+def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | None) -> _State:
     latent = np.asarray(box.latent_from_theta(box.inside(starts)))
-    misfit = objective(np.asarray(box.theta_from_latent(latent)))
+    theta = np.asarray(box.theta_from_latent(latent))
+    misfit = objective(theta) if shares is None else objective.weighted(theta, shares)
     n_starts, n_free = latent.shape
     return _State(
         latent=latent,
@@ -407,22 +305,23 @@ def _check_recalled(recalled: Floats, expected: Floats) -> None:
         )
 
 
-def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
+def _iterate_once(
+    objective: Objective, box: Box, state: _State, tolerance: float, shares: Floats | None
+) -> _State:
     """Linearise at the points that have moved, then try several dampings for every running start."""
     new = replace(state, **{each.name: getattr(state, each.name).copy() for each in fields(state)})
     latent, misfit, damping, normal, gradient = new.latent, new.misfit, new.damping, new.normal, new.gradient
     sensitivity, moved, arrived, running = new.sensitivity, new.moved, new.arrived, new.running
+    weights = np.tile(objective.shares, (len(latent), 1)) if shares is None else shares
     fresh = np.flatnonzero(running & moved)
-    for index, residuals, jacobian in _linearise_rows(objective, box, latent, fresh):
-        # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
-        with np.errstate(over="ignore", invalid="ignore"):
-            sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=1))
-            normal[index] = jacobian @ jacobian.T
-            gradient[index] = jacobian @ residuals
-        running[index] = np.isfinite(normal[index]).all() and np.isfinite(gradient[index]).all()
+    equations = NormalEquations.at(objective, box, latent[fresh], weights[fresh] > 0.0)
+    gradient[fresh], normal[fresh] = equations.joint(weights[fresh])
+    running[fresh] = np.isfinite(normal[fresh]).all(axis=(1, 2)) & np.isfinite(gradient[fresh]).all(axis=1)
     if not running.any():
         return replace(state, running=running)
     active = np.flatnonzero(running)
+    size = np.sqrt(np.diagonal(normal[active], axis1=1, axis2=2))
+    sensitivity[active] = np.maximum(sensitivity[active], size)
     floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
     weight = np.maximum(sensitivity[active], np.maximum(floor, _LEAST_SENSITIVITY)) ** 2
     dampings = damping[active, None] * np.array(_DAMPING_FACTORS)
@@ -434,9 +333,13 @@ def _iterate_once(objective: Objective, box: Box, state: _State, tolerance: floa
     step = within_stiffness(objective.compared, box, latent[active], step, damped, gradient[active])
     tried = latent[active, None] + step
     before = misfit[active]
-    theta = np.asarray(box.theta_from_latent(tried))
-    after = objective(theta.reshape(-1, theta.shape[-1]), np.repeat(before, len(_DAMPING_FACTORS)))
-    after = after.reshape(-1, len(_DAMPING_FACTORS))
+    theta = np.asarray(box.theta_from_latent(tried.reshape(-1, latent.shape[1])))
+    n_tried = len(_DAMPING_FACTORS)
+    if shares is None:
+        after = objective(theta, np.repeat(before, n_tried))
+    else:
+        after = objective.weighted(theta, np.repeat(shares[active], n_tried, axis=0))
+    after = after.reshape(-1, n_tried)
     best = np.argmin(after, axis=1)
     each = np.arange(active.size)
     better = after[each, best] < before
@@ -465,16 +368,3 @@ def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
         converged=state.arrived,
         iterations=iterations,
     )
-
-
-def _linearise_rows(
-    objective: Objective, box: Box, latent: Floats, rows: NDArray[np.intp]
-) -> Iterator[tuple[int, Floats, Floats]]:
-    """Residuals (n_residuals,) and their derivative (n_free, n_residuals) at these rows of `latent`, one at a time."""
-    for at in range(0, len(rows), _ROWS):
-        some = rows[at : at + _ROWS]
-        theta = np.asarray(box.theta_from_latent(latent[some]))
-        slope = np.exp(box.log_slope(latent[some]))
-        residuals, jacobian = linearise_residuals(objective, theta, box.free)
-        jacobian *= slope[..., None]
-        yield from zip(some.tolist(), residuals, jacobian, strict=True)

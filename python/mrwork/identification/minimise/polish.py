@@ -7,41 +7,32 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from operator import attrgetter
 from typing import TypeVar
 
 import numpy as np
 
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.equivalent import bounds_of, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import (
     Hopeless,
-    LocalMinimum,
+    LocalMinima,
     find_minima,
-    find_minimum,
     nearest_below_stiffness,
 )
-from mrwork.identification.minimise.multistart import StartingPoints, distinct_minima, minima_from, mirror
+from mrwork.identification.minimise.multistart import StartingPoints, minima_from
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
 
-# Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
-# takes this number of the best.
-_FINAL_EVALUATIONS = 100
-_FIRST_SCREENING = 15
-_SECOND_SCREENING = 60
-_SCREENED_TWICE = 4
-
+# Largest number of iterations of the final fit.
+_MOST_ITERATIONS = 100
 # Of minima that are fitted together, one that would not reach the best that has converged is given up.
 _BEHIND = Hopeless(after=5, factor=4.0, found=1, closeness=0.0)
 
-_MISFIT = attrgetter("misfit")
-# Called with the best minimum so far and the share of the screening that is done.
-OnStart = Callable[[LocalMinimum, float], None]
+# Called with the minimisations from starts that are no minima.
+OnStart = Callable[[LocalMinima], None]
 # Called with the steps so far and the misfit.
 OnStep = Callable[[int, float], None]
 
@@ -56,81 +47,35 @@ class Polished:
     converged: bool
 
 
-def polish(problem: Problem, points: StartingPoints, *, on_start: OnStart, on_step: OnStep) -> Polished:
-    """Screen the starting points by short local minimisations, then fit from the best to convergence.
+def polish(
+    problem: Problem, points: StartingPoints, *, on_start: OnStart = lambda minima: None, on_step: OnStep
+) -> Polished:
+    """Minimise shortly from the starting points, unless they are minima, then fit from the best to convergence.
 
-    Points that are minima already are not screened. Standard errors are those of least squares at the minimum.
+    Standard errors are those of least squares at the minimum.
     """
-    form = problem.form
-    starts = points.theta
+    objective, form, starts = problem.objective, problem.form, points.theta
     if not points.minima:
-        starts = screen_starts(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
-    in_a_batch = points.minima and problem.settings.engine == "lanes"
-    ended = (_in_a_batch if in_a_batch else _one_by_one)(problem, starts, on_step)
-    covariance = Covariance.of(Slopes.at(problem.objective, form, ended.theta))
-    return Polished(
-        theta=ended.theta,
-        covariance=covariance,
-        steps=ended.evaluations,
-        converged=ended.converged,
-    )
-
-
-def _in_a_batch(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
-    minima = find_minima(
-        problem.objective,
-        problem.form.box,
-        nearest_below_stiffness(problem.objective.compared, problem.form.box, starts),
-        max_iterations=_FINAL_EVALUATIONS,
-        hopeless=_BEHIND,
-        on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
-    )
-    best = int(np.argmin(minima.misfit))
-    return LocalMinimum(
-        theta=minima.theta[best],
-        misfit=float(minima.misfit[best]),
-        evaluations=minima.iterations,
-        converged=bool(minima.converged[best]),
-    )
-
-
-def _one_by_one(problem: Problem, starts: Floats, on_step: OnStep) -> LocalMinimum:
+        starts = minima_from(
+            points.objective, form.box, starts, mirrored=form.mirrored, on_iteration=on_start
+        )
     if problem.settings.engine == "optimistix":
         # The only import of JAX that pyproject.toml allows here: it takes a second to load.
         from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix as find
+
+        found = (find(objective, form.box, start, on_step=on_step) for start in starts)
+        ended = min(found, key=attrgetter("misfit"))
     else:
-        find = partial(find_minimum, max_evaluations=_FINAL_EVALUATIONS)
-    objective, box = problem.objective, problem.form.box
-    return min((find(objective, box, start, on_step=on_step) for start in starts), key=_MISFIT)
-
-
-def screen_starts(
-    objective: Objective, box: Box, starts: Floats, *, mirrored: tuple[int, ...], on_start: OnStart
-) -> Floats:
-    """The `distinct_minima` of short local minimisations from every start, (n_starts, n_params), then longer ones.
-
-    `mirrored` as in `search_starts`. `on_start`: called with the best so far and the share of the work that is done.
-    """
-    done = 0
-    total = len(starts) + min(_SCREENED_TWICE, len(starts)) + bool(mirrored)
-    minima: list[LocalMinimum] = []
-
-    def minimise_from(start: Floats, max_evaluations: int) -> LocalMinimum:
-        nonlocal done
-        minimum = find_minimum(objective, box, start, max_evaluations=max_evaluations)
-        minima.append(minimum)
-        done += 1
-        on_start(min(minima, key=_MISFIT), done / total)
-        return minimum
-
-    first = sorted((minimise_from(start, _FIRST_SCREENING) for start in starts), key=_MISFIT)
-    last = [minimise_from(minimum.theta, _SECOND_SCREENING) for minimum in first[:_SCREENED_TWICE]]
-    last.sort(key=_MISFIT)
-    if mirrored:
-        last.append(minimise_from(mirror(last[0].theta, mirrored), _SECOND_SCREENING))
-        last.sort(key=_MISFIT)
-    misfits = np.array([minimum.misfit for minimum in last])
-    return distinct_minima(box, np.array([minimum.theta for minimum in last]), misfits)
+        ended = find_minima(
+            objective,
+            form.box,
+            nearest_below_stiffness(objective.compared, form.box, starts),
+            max_iterations=_MOST_ITERATIONS,
+            hopeless=_BEHIND,
+            on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
+        ).best
+    covariance = Covariance.of(Slopes.at(objective, form, ended.theta))
+    return Polished(theta=ended.theta, covariance=covariance, steps=ended.steps, converged=ended.converged)
 
 
 # Rates of the lag [1/s] that are tried where it was left out: from a slow coil and driver to that of a fast one.
@@ -224,15 +169,14 @@ def polish_with_wanted_lag(
     )
     if _is_clear(lagged, points, starts):
         return lagged
-    # Report no start of the model without the lag: an interrupt must return the fit with it.
-    polished = polish(plain, starts, on_start=lambda _minimum, _share: None, on_step=on_step)
+    polished = polish(plain, starts, on_step=on_step)
     without = FinalFit(problem=plain, polished=polished)
     missing = missing_lag(plain.form.spec, plain.objective, polished.theta)
     minimised = float(lagged.problem.objective(lagged.polished.theta[None])[0])
     if missing is not None and missing.misfit_with < minimised:
         # The search with the lag has ended in a false minimum.
         start = replace(points, theta=problem.inside([*polished.theta, missing.rate])[None], minima=True)
-        again = polish(problem, start, on_start=on_start, on_step=on_step)
+        again = polish(problem, start, on_step=on_step)
         lagged = FinalFit(problem=problem, polished=again)
     return _choose_fit(lagged, without)
 

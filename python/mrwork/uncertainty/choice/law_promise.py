@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, by_parameter
-from mrwork.identification.residual import ObservedTest
-from mrwork.uncertainty.choice.folded_tests import FoldedTests, NormalEquations
+from mrwork.identification.objective import NormalEquations, Objective
 from mrwork.uncertainty.choice.splits import Splits
 
 # Steps of the linearised fits, their damping, relative to the sensitivity of each parameter, and the step in latent
@@ -42,28 +41,25 @@ class LinearisedTests:
         cls,
         spec: DamperSpec,
         theta: Floats,
-        observed: Sequence[ObservedTest],
+        objective: Objective,
         shares: Floats,
         *,
         commands: Floats,
         levels: NDArray[np.intp],
         splits: Splits,
-        threads: int,
     ) -> LinearisedTests:
-        """Simulate tests `observed` with the plain model at the laws of each row of `theta`, with derivatives."""
-        plain = observed[0].spec
+        """Simulate the tests of the plain model's objective at the laws of each row of `theta`, with derivatives."""
+        plain = objective.spec
         box = Box.of(plain)
-        here = _latent_curves(spec, theta, commands, box)
+        here = np.asarray(box.latent_from_theta(box.inside(plain_curves(spec, theta, commands))))
         n_rows, n_plain = len(theta), here.shape[-1]
-        squared = np.empty((n_rows, len(observed)))
+        squared = np.empty((n_rows, len(levels)))
         gradient, matrix = np.empty((*squared.shape, n_plain)), np.empty((*squared.shape, n_plain, n_plain))
         for level in range(len(commands)):
             own = np.flatnonzero(levels == level)
-            all_shares = np.ones((n_rows, own.size))
-            tests = FoldedTests(
-                observed=tuple(observed[index] for index in own.tolist()), shares=all_shares, threads=threads
-            )
-            normal = tests.linearise(plain, box, here[:, level], all_shares)
+            at_level = replace(objective, compared=tuple(objective.compared[index] for index in own))
+            every = np.ones((n_rows, own.size), dtype=np.bool_)
+            normal = NormalEquations.at(at_level, box, here[:, level], every)
             squared[:, own], gradient[:, own], matrix[:, own] = normal.squared, normal.gradient, normal.matrix
         return cls(
             plain=plain,
@@ -84,7 +80,8 @@ class LinearisedTests:
 
         def curves_at(rows: Floats) -> Floats:
             theta = np.asarray(box.theta_from_latent(rows))
-            return _latent_curves(spec, theta, self.commands, box_of_plain)
+            inside = box_of_plain.inside(plain_curves(spec, theta, self.commands))
+            return np.asarray(box_of_plain.latent_from_theta(inside))
 
         curves = curves_at(latent)
         for _ in range(_STEPS):
@@ -116,10 +113,10 @@ class LinearisedTests:
         return np.stack([weighted[:, self.levels == level].sum(axis=1) for level in levels], axis=1)
 
 
-def _latent_curves(spec: DamperSpec, theta: Floats, commands: Floats, box: Box) -> Floats:
-    """Latent plain parameters, (n_rows, n_commands, n_plain), at commands by the laws of each row of `theta`."""
+def plain_curves(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
+    """Parameters of the plain model, (n_rows, n_commands, n_plain), at commands by the laws of each row of `theta`."""
     columns = []
     for (parameter, law), own in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
         values = law.values(own.T, commands[:, None], positive=parameter.is_positive).T
         columns.append(np.clip(values, parameter.lower, parameter.upper))
-    return np.asarray(box.latent_from_theta(box.inside(np.stack(columns, axis=-1))))
+    return np.stack(columns, axis=-1)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,8 +33,9 @@ from mrwork.identification.minimise.level_search import (
     spec_by_values,
     tested_commands,
 )
-from mrwork.identification.progress import interruptible
-from mrwork.identification.residual import ObservedTest
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
+from mrwork.identification.objective import Objective
+from mrwork.identification.progress import interruptible, on_every_test
 from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
@@ -41,8 +43,7 @@ from mrwork.records.damper_test import loading_of
 from mrwork.records.repairs import NONE
 from mrwork.records.window import middle_excerpt
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.choice.folded_tests import FoldedFit, FoldedTests
-from mrwork.uncertainty.choice.law_promise import LinearisedTests
+from mrwork.uncertainty.choice.law_promise import LinearisedTests, plain_curves
 from mrwork.uncertainty.choice.objections import dying_laws, objections_to
 from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_from, laws_in_words
 from mrwork.uncertainty.choice.splits import Splits, splits_of
@@ -60,9 +61,24 @@ _ALIVE = 10.0
 _EXPANDED = 4
 # Single changes, the most promising ones, of which pairs are considered.
 _PAIRED = 6
-# Forces are the same up to this NRMSE in each test; their misfits then agree at least to this share.
+# Convergence of the fits: relative decrease of the squared misfit in an iteration; largest number of iterations.
+_TOLERANCE = 1e-5
+_ITERATIONS = 30
+# Forces are the same up to this root mean square NRMSE; their misfits then agree at least to this share.
 _SAME_FORCE = 1e-6
 _SAME_MISFIT = 1e-3
+
+
+@array_dataclass()
+class FoldedFit:
+    """Parameters of each row, (n_rows, n_params), their misfits, (n_rows,), and squared NRMSE of the first, (n_tests,).
+
+    The first row is fitted to all tests, the others to those that remain without each split; misfits may be infinite.
+    """
+
+    theta: Floats
+    misfit: Floats
+    squared: Floats
 
 
 @array_dataclass()
@@ -74,7 +90,7 @@ class _Promises:
 
 @array_dataclass()
 class _Predictions:
-    """NRMSE of each whole test of each split by the fit without it, shape (n_pairs,); infinite where not simulated."""
+    """NRMSE of the whole tests of each split by the fits without them, shape (n_sets, n_pairs); may be infinite."""
 
     nrmse: Floats
 
@@ -110,15 +126,20 @@ def _key_of(laws: Laws) -> tuple[tuple[str, CommandLaw], ...]:
 
 @dataclass(slots=True, kw_only=True)
 class LawSearch:
-    """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of the `whole` records."""
+    """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of the `whole` records.
+
+    Laws are fitted to the `excerpts` of the same tests. Each row of `shares`, (1 + n_splits, n_tests), weighs these for
+    all tests, then without each split.
+    """
 
     plain: DamperSpec
     tests: tuple[DamperTest, ...]
-    whole: tuple[ObservedTest, ...]
+    whole: Objective
+    excerpts: Objective
+    shares: Floats
     commands: Floats
     levels: NDArray[np.intp]
     splits: Splits
-    folded: FoldedTests
     settings: FitSettings
     unit: CommandUnit
     given: Laws
@@ -152,9 +173,9 @@ class LawSearch:
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`, until the neighbours of the frontier are tried."""
         starts = np.repeat(np.array(first.theta)[None], 1 + len(self.splits.splits), axis=0)
-        of_first = self._fit_laws(self.first_laws, starts)
+        self._fit_laws([self.first_laws], [starts])
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
-            self._move_to(of_first, wider)
+            self._move_to(self.fitted[0], wider)
         if all(each.row.objection for each in self.fitted):
             self._revive(self.fitted[-1])
         expanded: list[Laws] = []
@@ -165,8 +186,8 @@ class LawSearch:
                 break
             current = min(left, key=lambda each: expanded.count(each.laws))
             expanded.append(current.laws)
-            for laws in self._proposals(current):
-                self._move_to(current, laws)
+            if proposals := self._proposals(current):
+                self._move_to(current, *proposals)
         # Of a law that has an extremum between the commands, the form that has none.
         for number, each in enumerate(self.fitted):
             found = hidden_extrema(each.spec, each.fit.theta[0], self.commands.tolist())
@@ -206,7 +227,8 @@ class LawSearch:
             place = [self.plain.names.index(each.plain_name) for each in spec.parameters]
             starts = self.transfer_starts(dead, spec, box)
             starts = np.where(box.log, np.maximum(starts, least[place]), starts)
-            alive = self._fit_laws(laws, np.asarray(box.inside(np.minimum(starts, box.upper))))
+            self._fit_laws([laws], [np.asarray(box.inside(np.minimum(starts, box.upper)))])
+            alive = self.fitted[-1]
             dying = {each.parameter for each in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
             if not dying & set(laws):
                 return
@@ -229,14 +251,12 @@ class LawSearch:
         return kept
 
     def _is_same_force(self, one: FittedLaws, other: FittedLaws) -> bool:
-        if not np.allclose(one.fit.squared[0], other.fit.squared[0], rtol=_SAME_MISFIT):
+        if not np.allclose(one.fit.squared, other.fit.squared, rtol=_SAME_MISFIT):
             return False
-        for observed in self.folded.observed:
-            (first,), _ = replace(observed, spec=one.spec).residuals(one.fit.theta[:1])
-            (second,), _ = replace(observed, spec=other.spec).residuals(other.fit.theta[:1])
-            if np.linalg.norm(first - second) * observed.weight(1) > _SAME_FORCE:
-                return False
-        return True
+        first, second = (
+            self.excerpts.with_laws(each.spec).residuals(each.fit.theta[:1]) for each in (one, other)
+        )
+        return bool(np.linalg.norm(first - second) <= _SAME_FORCE)
 
     def _proposals(self, current: FittedLaws) -> list[Laws]:
         """Laws near the present ones that are not tried yet, by the errors that a linearised model promises.
@@ -303,19 +323,14 @@ class LawSearch:
         return _Promises(errors=np.array(errors))
 
     def _linearise(self, current: FittedLaws) -> LinearisedTests:
-        observed = tuple(
-            replace(ObservedTest.of(self.plain, own.test, own.nuisances), share=own.share)
-            for own in self.folded.observed
-        )
         return LinearisedTests.about(
             current.spec,
             current.fit.theta,
-            observed,
-            self.folded.shares,
+            self.excerpts.with_laws(self.plain),
+            self.shares,
             commands=self.commands,
             levels=self.levels,
             splits=self.splits,
-            threads=self.folded.threads,
         )
 
     def _changes(self, laws: Laws) -> list[tuple[str, Laws]]:
@@ -350,54 +365,79 @@ class LawSearch:
     def _texts(self, laws: Laws) -> dict[str, LawName]:
         return {name: str(law) for name, law in (self.given | laws).items()}
 
-    def _move_to(self, current: FittedLaws, laws: Laws) -> FittedLaws:
-        spec, box = self.model(laws)
-        return self._fit_laws(laws, self.transfer_starts(current, spec, box))
+    def _move_to(self, current: FittedLaws, *proposals: Laws) -> None:
+        """Fit laws from the present ones."""
+        starts = []
+        for laws in proposals:
+            spec, box = self.model(laws)
+            starts.append(self.transfer_starts(current, spec, box))
+        self._fit_laws(proposals, starts)
 
-    def _fit_laws(self, laws: Laws, starts: Floats) -> FittedLaws:
-        spec, box = self.model(laws)
-        self.report(f"fitting {laws_in_words(laws)}")
-        fit = self.call.step(
-            "laws", FoldedFit, lambda: interruptible(lambda: self._fit(spec, box, starts)), box, starts
-        )
-        predicted = self.call.step(
-            "predictions",
-            _Predictions,
-            lambda: interruptible(lambda: self._predict_left_out(spec, fit.theta)),
-            box,
-            fit.theta,
-        ).nrmse
-        cost = BuildingCost.of(spec, fit.theta[0], self.tests)
-        row = Standing(
-            model=self.name,
-            title=self.plain.title,
-            laws=self._texts(laws),
-            n_params=len(box.free),
-            fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared[0]))), NOT_PREDICTED)),
-        )
-        left_out = np.split(predicted, np.cumsum([len(each.members) for each in self.splits.splits])[:-1])
-        row = row.predicting(left_out, self.splits, self.tests)
-        row = row.costing(cost, objections_to(spec, fit.theta[0], self.tests, cost))
-        self.fitted.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, row=row))
-        return self.fitted[-1]
+    def _fit_laws(self, proposals: Sequence[Laws], starts: Sequence[Floats]) -> None:
+        """Fit sets of laws to all tests and without each split, and predict the tests left out by all of them."""
+        models = [self.model(laws) for laws in proposals]
+        fits = []
+        for laws, (spec, box), start in zip(proposals, models, starts, strict=True):
+            self.report(f"fitting {laws_in_words(laws)}")
+            work = partial(interruptible, partial(self._fit, spec, box, start))
+            fits.append(self.call.step("laws", FoldedFit, work, box, start))
+        theta = [fit.theta for fit in fits]
+        predict = partial(self._predict_left_out, [spec for spec, _ in models], theta)
+        boxes = [box for _, box in models]
+        predicted = self.call.step("predictions", _Predictions, partial(interruptible, predict), boxes, theta)
+        ends = np.cumsum([len(each.members) for each in self.splits.splits])[:-1]
+        for laws, (spec, box), fit, nrmse in zip(proposals, models, fits, predicted.nrmse, strict=True):
+            cost = BuildingCost.of(spec, fit.theta[0], self.tests)
+            row = Standing(
+                model=self.name,
+                title=self.plain.title,
+                laws=self._texts(laws),
+                n_params=len(box.free),
+                fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared))), NOT_PREDICTED)),
+            )
+            row = row.predicting(np.split(nrmse, ends), self.splits, self.tests)
+            row = row.costing(cost, objections_to(spec, fit.theta[0], self.tests, cost))
+            self.fitted.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, row=row))
 
     def _fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
         """Fit every row; rows that no simulation could start from begin at the best of the others."""
-        fit = self.folded.fit(spec, box, starts)
-        misfit = self.folded.misfit(fit.squared, self.folded.shares)
-        failed = ~np.isfinite(misfit)
-        if not failed.any() or failed.all():
-            return fit
-        return self.folded.fit(spec, box, np.where(failed[:, None], fit.theta[np.argmin(misfit)], fit.theta))
+        objective = self.excerpts.with_laws(spec)
 
-    def _predict_left_out(self, spec: DamperSpec, theta: Floats) -> _Predictions:
-        """Predict the whole tests of each split by the fit without them, `theta`, shape (1 + n_splits, n_params)."""
-        rows = [(row, list(members)) for row, members in enumerate(self.splits.members, start=1)]
-        left_out = np.zeros((len(theta), len(self.whole)))
-        for row, members in rows:
-            left_out[row, members] = 1.0
-        squared = replace(self.folded, observed=self.whole).squared_nrmse(spec, theta, left_out)
-        return _Predictions(nrmse=np.sqrt(np.concatenate([squared[row, members] for row, members in rows])))
+        def minimise(starts: Floats) -> LocalMinima:
+            return find_minima(
+                objective, box, starts, max_iterations=_ITERATIONS, tolerance=_TOLERANCE, shares=self.shares
+            )
+
+        minima = minimise(starts)
+        failed = ~np.isfinite(minima.misfit)
+        if failed.any() and not failed.all():
+            minima = minimise(np.where(failed[:, None], minima.best.theta, minima.theta))
+        (squared,) = objective.squared_nrmse(minima.theta[:1])
+        return FoldedFit(theta=minima.theta, misfit=minima.misfit, squared=squared)
+
+    def _predict_left_out(self, specs: Sequence[DamperSpec], theta: Sequence[Floats]) -> _Predictions:
+        """Predict the whole tests of each split by the fits of several sets of laws without them.
+
+        At its constant command each test is of the plain model, so that all sets are one batch.
+        """
+        pairs = [(row, test) for row, members in enumerate(self.splits.members, start=1) for test in members]
+        nrmse = np.empty((len(specs), len(pairs)))
+        curves = [plain_curves(*each, self.whole_commands) for each in zip(specs, theta, strict=True)]
+
+        def predict(test: int, threads: int) -> None:
+            own = [index for index, pair in enumerate(pairs) if pair[1] == test]
+            rows = np.array([curve[pairs[index][0], test] for curve in curves for index in own])
+            if own:
+                squared = self.whole.squared_nrmse_of(test, rows, threads=threads)
+                nrmse[:, own] = np.sqrt(squared).reshape(len(specs), len(own))
+
+        on_every_test(len(self.tests), self.whole.threads, predict)
+        return _Predictions(nrmse=nrmse)
+
+    @property
+    def whole_commands(self) -> Floats:
+        """Constant command of each whole test, shape (n_tests,)."""
+        return np.array([np.mean(test.command_in(self.unit) or 0.0) for test in self.whole.tests])
 
     def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
@@ -462,14 +502,19 @@ def prepare_search(
             f"the tests run at {counted(len(commands), 'command')}, {n_levels} without those left out; laws are chosen "
             f"from tests at two or more: add tests, or give the laws, as in mrwork identify FILES {typed}"
         )
+    excerpts = Objective.of(spec, short, settings, threads=threads)
+    shares = np.tile(excerpts.shares, (1 + splits.n_splits, 1))
+    for row, members in enumerate(splits.members, start=1):
+        shares[row, members] = 0.0
     return LawSearch(
         plain=plain,
         tests=short,
-        whole=tuple(ObservedTest.of(spec, test, settings.nuisances) for test in tests),
+        whole=Objective.of(spec, tests, settings, threads=threads).with_laws(plain),
+        excerpts=excerpts,
+        shares=shares / shares.sum(axis=1, keepdims=True),
         commands=commands,
         levels=levels,
         splits=splits,
-        folded=FoldedTests.of(spec, short, splits.members, settings, threads=threads),
         settings=settings,
         unit=unit,
         given=given,
