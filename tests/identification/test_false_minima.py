@@ -11,7 +11,8 @@ import pytest
 from mrwork import identify
 from mrwork.dampers import Box, damper
 from mrwork.identification import Multistart, Objective
-from mrwork.identification.minimise.multistart import linear_misfit, scaled_to_force
+from mrwork.identification.minimise.multistart import scaled_to_force
+from mrwork.identification.suspicious import linear_misfit
 from mrwork.records import DamperTest, cut, read_damper_test
 from mrwork.records.reading import synthetic_test
 

@@ -19,9 +19,9 @@ from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progr
 from mrwork.identification.equivalent import leaves_range, within_range
 from mrwork.identification.minimise import level_search
 from mrwork.identification.minimise.level_search import unlike_tests
-from mrwork.identification.minimise.multistart import far_worse, far_worse_sentence
 from mrwork.identification.residual import nuisance_of, without_nuisance
 from mrwork.identification.result import free_run
+from mrwork.identification.suspicious import far_worse, far_worse_sentence
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.records.window import excerpt

@@ -15,7 +15,8 @@ from mrwork.dampers.simulation import Loading, simulate_force, stiffness_shares
 from mrwork.identification import Objective
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import fit_content
-from mrwork.identification.minimise.levenberg_marquardt import find_minima, nearest_below_stiffness
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
+from mrwork.identification.minimise.stiffness import nearest_below_stiffness
 from mrwork.identification.objective import friction_limit, up_to
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest, build_damper_test

@@ -28,9 +28,9 @@ from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
-from mrwork.identification.minimise.level_search import relative_force
-from mrwork.identification.minimise.multistart import StartingPoints
 from mrwork.identification.minimise.polish import FinalFit, polish_with_wanted_lag
+from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.minimise.varying_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of

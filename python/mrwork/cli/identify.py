@@ -211,8 +211,8 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
     laws = _laws_of(options)
     if not laws:
         return plain
-    # SciPy's optimisers are slow to load, and not needed for a plain model.
-    from mrwork.identification.minimise.level_search import spec_by_values, tested_commands
+    # Identification is slow to load.
+    from mrwork.identification.commands import spec_by_values, tested_commands
 
     spec = plain.with_current_laws(
         laws, unit=command_unit(tests, options.command_unit), lagged=options.driver_lag

@@ -20,15 +20,17 @@ import numpy as np
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import with_changed_laws
+from mrwork.identification.commands import excerpts_of_laws
 from mrwork.identification.covariance import Slopes, autocorrelation_time
 from mrwork.identification.fit import Fit
 from mrwork.identification.force_lag import force_lag_warnings
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.multistart import StartingPoints, linear_warning
 from mrwork.identification.minimise.polish import Polished, missing_lag
+from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import Objective, observe_tests_by, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
+from mrwork.identification.suspicious import linear_warning
 from mrwork.records import DamperTest
 from mrwork.records.motion import Differentiator
 from mrwork.records.window import excerpt
@@ -46,7 +48,7 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
         excerpts = objective.on(form.spec, tuple(map(excerpt, objective.tests)))
     else:
         # The search of laws, which a plain model does not need, is slow to load.
-        from mrwork.identification.minimise.level_search import excerpts_of_laws, worse_together
+        from mrwork.identification.minimise.level_search import worse_together
 
         excerpts = objective.on(form.spec, excerpts_of_laws(problem))
         together = worse_together(problem, excerpts, polished.theta, suspected=points.is_suspected)

@@ -14,9 +14,9 @@ from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
+from mrwork.identification.commands import spec_by_values, tested_commands
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
-from mrwork.identification.minimise.level_search import spec_by_values, tested_commands
 from mrwork.records import DamperTest, build_damper_test
 
 # Shares of the tested stroke and velocity of the sinusoids that are fitted, and of a sum of two that is not.

@@ -15,23 +15,28 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, plain_parameters
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
+from mrwork.identification.commands import PER_CYCLE, has_levels, levels_of
+from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinima
-from mrwork.identification.minimise.multistart import (
-    StartingPoints,
-    points_from_multistart,
-    points_from_optimiser,
-)
+from mrwork.identification.minimise.by_optimiser import points_from_optimiser
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
+from mrwork.identification.minimise.plain_search import points_from_multistart
 from mrwork.identification.minimise.polish import polish_with_wanted_lag
+from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Identifying, Progress, interruptible
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import FitSettings, Multistart, UnregisteredSearch
+from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
+from mrwork.records.window import middle_excerpt
 from mrwork.store.journal import Journal
+
+# Most iterations of a fit to the tests at one command, from the fit to all tests.
+_ITERATIONS_ALONE = 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -292,46 +297,49 @@ class _Identification:
 
 
 def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
-    """Fits to the tests at each command of the parameters that follow it; none where the commands vary."""
-    spec, tests = fit.spec, problem.objective.tests
-    if spec.command_unit is None or spec.own is not None:
-        return ()
-    from mrwork.identification.minimise.level_search import has_levels, levels_of
+    """Fits to the tests at each command of the parameters that follow it; none where the commands vary.
 
-    if not has_levels(spec, tests):
+    They end on excerpts; their standard errors are those of the whole tests.
+    """
+    spec, objective = fit.spec, problem.objective
+    if spec.command_unit is None or spec.own is not None or not has_levels(spec, objective.tests):
         return ()
     plain, fits = spec.without_laws, []
-    trace = SearchTrace(evaluations=(), best=(), median=(), stop_reason="given")
-    for command, at_command in levels_of(spec, tests).items():
-        values = plain_parameters(spec, np.array(fit.theta), command).tolist()
-        start = dict(zip(plain.names, values, strict=True))
-        held = {name: (value, value) for name, value in start.items() if name not in spec.following}
-        settings = replace(problem.settings, bounds=held, starts=(start,), search=None, ties={})
-        box = Box.of(plain).with_bounds(held)
+    for command, tests in levels_of(spec, objective.tests).items():
+        values = plain_parameters(spec, np.array(fit.theta), command)
+        known = dict(zip(plain.names, values.tolist(), strict=True))
+        held = {name: (value, value) for name, value in known.items() if name not in spec.following}
+        settings = replace(problem.settings, bounds=held, starts=(), search=None, ties={})
         # A command at which the plain model cannot be fitted is left out.
         with suppress(MrworkError):
-            alone = identify_from(
-                plain,
-                at_command,
-                settings,
-                box=box,
-                trace=trace,
-                threads=problem.objective.threads,
-                examines=False,
-            )
-            estimates = tuple(each for each in alone.estimates if each.name in spec.following)
-            fits.append(SingleCommand(command=command, estimates=estimates))
+            alone = Problem.of(plain, tests, settings, threads=objective.threads)
+            excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in alone.objective.tests)
+            theta = find_minima(
+                alone.objective.on(alone.form.spec, excerpts),
+                alone.form.box,
+                alone.inside(values)[None],
+                max_iterations=_ITERATIONS_ALONE,
+            ).theta[0]
+            covariance = Covariance.of(Slopes.at(alone.objective, alone.form, theta))
+            estimates, _ = fitted_parameters(alone, theta, covariance)
+            following = tuple(each for each in estimates if each.name in spec.following)
+            fits.append(SingleCommand(command=command, estimates=following))
     return tuple(fits)
 
 
 def starting_points(problem: Problem, call: Identifying) -> StartingPoints:
     """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
-    search = problem.search
+    search, spec = problem.search, problem.form.spec
     assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
-    if problem.form.spec.command_unit is not None:
-        from mrwork.identification.minimise.level_search import points_of_laws
+    if spec.command_unit is None:
+        if isinstance(search, Multistart):
+            return points_from_multistart(problem, search, call=call)
+        return points_from_optimiser(problem, search, call=call)
+    # What the search of laws imports is slow to load.
+    if has_levels(spec, problem.objective.tests):
+        from mrwork.identification.minimise.level_search import points_from_levels
 
-        return points_of_laws(problem, search, call=call)
-    if isinstance(search, Multistart):
-        return points_from_multistart(problem, search, call=call)
-    return points_from_optimiser(problem, search, call=call)
+        return points_from_levels(problem, search, call=call)
+    from mrwork.identification.minimise.varying_search import points_from_scaled_forces
+
+    return points_from_scaled_forces(problem, search, call=call)

@@ -16,13 +16,10 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.equivalent import bounds_of, identifiable_form
-from mrwork.identification.minimise.levenberg_marquardt import (
-    Hopeless,
-    LocalMinima,
-    find_minima,
-    nearest_below_stiffness,
-)
-from mrwork.identification.minimise.multistart import StartingPoints, minima_from
+from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
+from mrwork.identification.minimise.multistart import minima_from
+from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.minimise.stiffness import nearest_below_stiffness
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
 

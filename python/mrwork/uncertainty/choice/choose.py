@@ -33,14 +33,9 @@ from mrwork.errors import (
     WorkerError,
 )
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf, with_journal
+from mrwork.identification.commands import count_levels, refuse_few_levels, spec_by_values, tested_commands
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
-from mrwork.identification.minimise.level_search import (
-    count_levels,
-    refuse_few_levels,
-    spec_by_values,
-    tested_commands,
-)
 from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import BuildingCost

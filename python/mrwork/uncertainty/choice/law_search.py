@@ -23,9 +23,7 @@ from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, CommandLaw, LawName
 from mrwork.dampers.parameters import Scale
 from mrwork.dampers.spec import DamperSpec, hidden_extrema
 from mrwork.errors import SettingError
-from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
-from mrwork.identification.fit import NEGLIGIBLE, Fit
-from mrwork.identification.minimise.level_search import (
+from mrwork.identification.commands import (
     PER_CYCLE,
     command_is_constant,
     laws_to_type,
@@ -33,6 +31,8 @@ from mrwork.identification.minimise.level_search import (
     spec_by_values,
     tested_commands,
 )
+from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
+from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.progress import interruptible, on_every_test

@@ -5,7 +5,7 @@ A candidate is a model with the laws of its parameters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import inf
 from operator import attrgetter
@@ -180,70 +180,44 @@ def _with_error(value: float | None, error: float | None) -> str:
     return text if value is None or not error else f"{text} ± {format_fixed(error, 2)}"
 
 
-def _percent(name: str) -> Any:
-    """Cell of a percentage."""
-    return lambda each: format_fixed(getattr(each, name), 2)
+def _column(
+    key: str, long_name: str, heading: str = "", *, unit: str = "", cell: Callable[[Any], str] | None = None
+) -> TableColumn:
+    """A column of a ranking, by default of percentages."""
+    shown = cell or (lambda each: format_fixed(getattr(each, key), 2))
+    return TableColumn(key=key, long_name=long_name, heading=heading, unit=unit, cell=shown)
 
 
-# What a ranking has for each candidate, in tables and in arrays. Columns that are empty are in no table.
+# What a ranking has for each candidate, in tables and in arrays.
 _COLUMNS = (
-    TableColumn(heading="model", cell=attrgetter("model"), key="model", long_name="model"),
-    TableColumn(key="title", long_name="name in words"),
-    TableColumn(key="verdict", long_name="place in the ranking"),
-    TableColumn(key="status", long_name="how the identification ended"),
-    TableColumn(key="same_as", long_name="family whose fit it has"),
-    TableColumn(
-        heading="parameters",
-        cell=lambda each: str(each.n_params),
-        key="n_params",
-        long_name="number of parameters",
-    ),
-    TableColumn(unit="s", key="seconds", long_name="time of the identifications"),
-    TableColumn(
-        heading="fit",
-        cell=_percent("fit_percent"),
+    _column("model", "model", "model", cell=attrgetter("model")),
+    _column("title", "name in words"),
+    _column("verdict", "place in the ranking"),
+    _column("status", "how the identification ended"),
+    _column("same_as", "family whose fit it has"),
+    _column("n_params", "number of parameters", "parameters", cell=lambda each: str(each.n_params)),
+    _column("seconds", "time of the identifications", unit="s"),
+    _column("fit_percent", "fit to all tests", "fit", unit="%"),
+    _column(
+        "left_out_percent",
+        "fit to what was left out",
+        "left-out fit",
         unit="%",
-        key="fit_percent",
-        long_name="fit to all tests",
-    ),
-    TableColumn(
-        heading="left-out fit",
         cell=attrgetter("left_out_in_words"),
-        unit="%",
-        key="left_out_percent",
-        long_name="fit to what was left out",
     ),
-    TableColumn(unit="%", key="left_out_error", long_name="standard error of the fit to what was left out"),
-    TableColumn(
-        heading="inside",
-        cell=_percent("inside_percent"),
+    _column("left_out_error", "standard error of the fit to what was left out", unit="%"),
+    _column("inside_percent", "fit to what lies inside the tests that remained", "inside", unit="%"),
+    _column("outside_percent", "fit to what lies beyond the tests that remained", "beyond", unit="%"),
+    _column(
+        "left_out_behind",
+        "difference to the best in the fit to what was left out",
+        "behind",
         unit="%",
-        key="inside_percent",
-        long_name="fit to what was left out inside the tests that remained",
-    ),
-    TableColumn(
-        heading="beyond",
-        cell=_percent("outside_percent"),
-        unit="%",
-        key="outside_percent",
-        long_name="fit to what was left out beyond the tests that remained",
-    ),
-    TableColumn(
-        heading="behind",
         cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error),
-        unit="%",
-        key="left_out_behind",
-        long_name="difference to the best in the fit to what was left out",
     ),
-    TableColumn(unit="%", key="left_out_behind_error", long_name="standard error of that difference"),
-    TableColumn(unit="%", key="median_percent", long_name="median fit of single tests left out"),
-    TableColumn(
-        heading="worst",
-        cell=_percent("worst_percent"),
-        unit="%",
-        key="worst_percent",
-        long_name="worst fit of single tests left out",
-    ),
+    _column("left_out_behind_error", "standard error of that difference", unit="%"),
+    _column("median_percent", "median fit of single tests left out", unit="%"),
+    _column("worst_percent", "worst fit of single tests left out", "worst", unit="%"),
     TableColumn(heading="remark", cell=attrgetter("remark"), words=True),
     TableColumn(heading="laws", cell=attrgetter("laws_in_words"), words=True, key="laws"),
 )

@@ -18,8 +18,8 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.minimise.multistart import command_of
 from mrwork.identification.settings import Fold
+from mrwork.identification.suspicious import command_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.bands.prediction import (
     IN_WORDS,

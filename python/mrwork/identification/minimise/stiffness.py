@@ -1,0 +1,127 @@
+"""The limit of stiffness, above which a candidate is not simulated: steps that keep below it, points moved there.
+
+A hysteresis loop that wants to be sharper than the step of the tests resolves would otherwise stop a minimisation where
+it meets the limit, far from the minimum of all its other parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.values import Floats
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.simulation import MOST_SUBSTEPS
+from mrwork.identification.residual import ObservedTest
+
+# Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
+_MARGIN = 0.02
+
+# Distance within which a minimum is at the limit.
+_AT_LIMIT = 0.1
+
+# Step in latent coordinates of the differences.
+_SMALL = 1e-4
+
+# Most tests whose limits a step may meet at once.
+_MOST_MET = 8
+
+# Most steps of a point to below the limit; points further above it, in the logarithm of the stiffness, stay.
+_STEPS_BELOW = 10
+_NOT_FAR_ABOVE = 0.7
+
+
+def within_stiffness(
+    tests: Sequence[ObservedTest], box: Box, latent: Floats, step: Floats, damped: Floats, gradient: Floats
+) -> Floats:
+    """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
+
+    `step`, shape (n_rows, n_dampings, n_free), from `latent`, (n_rows, n_free), minimises the quadratic functions of
+    `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free).
+    """
+    ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
+    stiffness = log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
+    beyond = np.any(stiffness > 0.0, axis=2)
+    if not beyond.any():
+        return step
+    step = step.copy()
+    for row in np.flatnonzero(np.any(beyond, axis=1)):
+        value, slope = stiffness_and_slope(tests, box, latent[row])
+        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
+            continue
+        room = np.maximum(-_MARGIN - value, 0.0)
+        for factor in np.flatnonzero(beyond[row]):
+            step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)
+    return step
+
+
+def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floats) -> Floats:
+    """Points, shape (n_points, n_params), those little above the limit of stiffness moved below it by the shortest way.
+
+    A minimum on some tests, or on parts of them, may lie where others are not simulated.
+    """
+    nearest = theta.copy()
+    excess = log_stiffness(tests, theta).max(axis=1)
+    most = _NOT_FAR_ABOVE if np.isinf(tests[0].stiffest) else np.inf
+    for row in np.flatnonzero((excess > 0.0) & (excess < most)):
+        latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
+        for _ in range(_STEPS_BELOW):
+            value, slope = stiffness_and_slope(tests, box, latent)
+            if not (np.isfinite(value).all() and np.isfinite(slope).all()) or value.max() <= 0.0:
+                break
+            latent = latent + _minimise_within(
+                np.eye(latent.size), np.zeros(latent.size), slope, -_MARGIN - value
+            )
+        nearest[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
+    return nearest
+
+
+def is_at_stiffness_limit(tests: Sequence[ObservedTest], theta: Floats) -> NDArray[np.bool_]:
+    """Whether minimisations that end at `theta`, shape (n_points, n_params), have slid along the limit of stiffness.
+
+    The steps of the tests are no such limit.
+    """
+    limited = [each for each in tests if each.stiffest * each.test.dt < MOST_SUBSTEPS]
+    if not limited:
+        return np.zeros(len(theta), dtype=np.bool_)
+    return np.asarray(log_stiffness(limited, theta).max(axis=1) > -_AT_LIMIT)
+
+
+def stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
+    """Logarithm of the stiffness at a point, shape (n_tests,), and its derivative, shape (n_tests, n_free)."""
+    nearby = np.concatenate([latent[None], latent + _SMALL * np.eye(latent.size)])
+    value, *moved = log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
+    return value, (np.array(moved) - value).T / _SMALL
+
+
+def log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
+    """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stiffness = np.log(np.stack([each.stiffness(theta) for each in tests], axis=1))
+    return np.where(np.isnan(stiffness), np.inf, stiffness)
+
+
+def _minimise_within(matrix: Floats, gradient: Floats, slope: Floats, room: Floats) -> Floats:
+    """Minimum of gradient @ s + s @ matrix @ s / 2 with slope @ s <= room, shape (n_free,), by an active set."""
+    free = -np.linalg.solve(matrix, gradient)
+    towards = np.linalg.solve(matrix, slope.T)
+    met: list[int] = []
+    step = free
+    for _ in range(2 * _MOST_MET):
+        excess = slope @ step - room
+        excess[met] = -np.inf
+        worst = int(np.argmax(excess))
+        if excess[worst] <= 1e-9 or len(met) == _MOST_MET:
+            break
+        met.append(worst)
+        while True:
+            force = np.linalg.lstsq(slope[met] @ towards[:, met], slope[met] @ free - room[met], rcond=1e-10)[
+                0
+            ]
+            if (force >= 0.0).all():
+                break
+            met.pop(int(np.argmin(force)))
+        step = free - towards[:, met] @ force
+    return np.asarray(step)

@@ -1,0 +1,98 @@
+"""Simpler descriptions of tests, and those of single tests, which make a minimum suspicious where they are better."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
+from mrwork.dampers.command import command_level
+from mrwork.records import DamperTest
+
+# A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
+LINEAR_SHARE = 0.98
+
+
+def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False) -> float:
+    """Root mean square NRMSE of a linear spring and dashpot with an offset, one for all tests.
+
+    For a model that follows the command, those at each command have their own.
+    """
+    groups: dict[object, list[DamperTest]] = {}
+    for test in tests:
+        groups.setdefault(command_of(test) if follows_command else None, []).append(test)
+    squares = [square for group in groups.values() for square in _linear_squares(group)]
+    return float(np.sqrt(np.mean(squares)))
+
+
+def command_of(test: DamperTest, varying: str = "") -> object:
+    """Key of a test, equal for those of one constant command; one that varies has its label, or the one given."""
+    if test.has_varying_command:
+        return varying or test.label
+    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
+
+
+def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
+    """Squared NRMSE of each test, for the one spring, dashpot and offset that minimise their sum."""
+    forces, motions = [], []
+    for test in tests:
+        force = test.force[test.counted]
+        motion = np.stack([test.displacement, test.velocity, np.ones_like(test.force)], axis=1)[test.counted]
+        weight = np.std(force) * np.sqrt(force.size)
+        forces.append(force / weight)
+        motions.append(motion / weight)
+    scale = np.maximum(np.abs(np.concatenate(motions)).max(axis=0), np.finfo(np.float64).tiny)
+    solution = np.linalg.lstsq(np.concatenate(motions) / scale, np.concatenate(forces), rcond=None)[0]
+    residuals = [force - (motion / scale) @ solution for force, motion in zip(forces, motions, strict=True)]
+    return [float(residual @ residual) for residual in residuals]
+
+
+def linear_warning(
+    nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
+) -> tuple[str, ...]:
+    """Warning that a fit with this misfit is no better than a linear spring and dashpot; empty if it is better."""
+    linear = linear_misfit(tests, follows_command=follows_command)
+    if nrmse < LINEAR_SHARE * linear:
+        return ()
+    return (
+        f"the fit, {100.0 * (1.0 - nrmse):.2f} %, is no better than that of a linear spring and dashpot, "
+        f"{100.0 * (1.0 - linear):.2f} %: the minimum is false, or this model cannot describe the tests; "
+        "try another seed or another model",
+    )
+
+
+# A test is far worse in a joint fit than alone above this multiple of the NRMSE of its own fit, which is at least
+# `_RESOLVED`. On nine measured tests the best minimum of one set of laws reaches 3.1, a false one 3 to 14.
+_FAR_WORSE = 5.0
+_RESOLVED = 0.02
+
+# Tests that a sentence names.
+_SHOWN = 3
+
+
+def far_worse(joint: Floats, alone: Floats) -> NDArray[np.intp]:
+    """Indices of the tests whose `joint` NRMSE, shape (n_tests,), is far above their own; NaN where there is none."""
+    return np.flatnonzero(joint > _FAR_WORSE * np.maximum(alone, _RESOLVED))
+
+
+def far_worse_sentence(
+    tests: Sequence[DamperTest], worse: NDArray[np.intp], joint: Floats, alone: Floats, *, found_again: bool
+) -> str:
+    """Sentence on the tests whose NRMSE in the joint fit is far above that of their own fits."""
+    both = [
+        f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
+        for index in worse
+    ]
+    shown = list_names(both, _SHOWN)
+    other = "compare other models (--model A,B)"
+    are = "is" if len(worse) == 1 else "are"
+    tests_shown = f"{len(worse)} of {len(tests)} tests {are} described far worse together than alone: {shown}"
+    if found_again:
+        return (
+            f"{tests_shown}; no start found a better minimum, so these laws of this model cannot follow the tests: "
+            f"let more parameters follow the command, give laws of a higher degree (--law auto tries both), or {other}"
+        )
+    return f"false minimum suspected: {tests_shown}; try another seed, other laws (--law auto), or {other}"
