@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -207,8 +206,7 @@ def test_a_coarse_test_that_the_search_leaves_out_is_simulated_by_the_fit(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Every third of a second, these loops are too stiff; the fastest test of each command is alone in the search."""
-    alone = partial(level_search.points_from_levels, per_command=1)
-    monkeypatch.setattr(level_search, "points_from_levels", alone)
+    monkeypatch.setattr(level_search, "_PER_COMMAND", 1)
     fine = [loop_test(motion, command, 1) for command in COMMANDS for motion in MOTIONS]
     coarse = [cut(loop_test((0.0101, 1.0), command, 2), every=20) for command in COMMANDS]
     spec = mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="A")

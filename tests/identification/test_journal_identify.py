@@ -164,16 +164,19 @@ def test_a_line_that_was_changed_is_refused(whole: Path, tmp_path: Path) -> None
     refused(part_with(tmp_path, b"".join(lines)), [*COMMAND], "damaged in line 5")
 
 
-# Ctrl-C comes from the program itself, when it loads the optimiser of the last stage: the run is surely still going.
+# Ctrl-C comes from the program itself, when the last stage begins: the run is surely still going.
 INTERRUPTED = """
 import os, signal, sys
-
-def interrupt(event, arguments):
-    if event == "import" and arguments[0] == "scipy.optimize":
-        os.kill(os.getpid(), signal.SIGINT)
-
-sys.addaudithook(interrupt)
 from mrwork.cli import main
+from mrwork.identification.minimise import polish
+
+find_minima = polish.find_minima
+
+def interrupted(*arguments, **settings):
+    os.kill(os.getpid(), signal.SIGINT)
+    return find_minima(*arguments, **settings)
+
+polish.find_minima = interrupted
 main(sys.argv[1:])
 """
 

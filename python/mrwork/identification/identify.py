@@ -170,14 +170,12 @@ def identify_from(
 ) -> Fit:
     """The final fit of `identify` inside `box` from the first start of the settings; `trace` has led to it."""
     problem = Problem.of(model, as_tests(tests), settings, threads=threads, journal=journal)
-    identification = _Identification.of(problem, on_progress, examines=examines)
     problem = replace(problem, form=replace(problem.form, box=box))
     start = problem.inside([settings.starts[0][name] for name in model.names])
     points = StartingPoints(
         objective=problem.objective, form=problem.form, theta=start[None], trace=trace, minima=True
     )
-    identification.problem = problem
-    return identification.fit(lambda: points)
+    return _Identification.of(problem, on_progress, examines=examines).fit(lambda: points)
 
 
 @dataclass(slots=True, kw_only=True)

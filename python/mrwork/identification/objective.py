@@ -9,7 +9,6 @@ from typing import Annotated, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork import _rust
 from mrwork.base.arguments import AnyNumbers, Shape, Threads, checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
@@ -160,11 +159,6 @@ class Objective(Summarised):
         return self.compared[0].stiffest
 
     @property
-    def histories(self) -> tuple[_rust.LoadingHistory, ...]:
-        """Motions of the tests, with their splines."""
-        return tuple(each.history for each in self.compared)
-
-    @property
     def is_direct(self) -> bool:
         """Whether the simulated force is compared directly, from a sample on.
 
@@ -224,7 +218,6 @@ class Objective(Summarised):
         self.tally.simulations += len(theta)
         squared = np.zeros((n_tests, len(theta)))
         remaining = np.arange(len(theta))
-        substeps = np.ones(len(theta), dtype=np.int64)
         # Amount that the remaining tests may still add to the sum of squares of the NRMSE.
         allowance = n_tests * thresholds**2
         order = sorted(range(n_tests), key=lambda index: -self.tally.added_per_step.get(index, np.inf))
@@ -234,11 +227,7 @@ class Objective(Summarised):
             runs = self._with_limits(some, theta[remaining], allowed)
             finite = np.ones(remaining.size, dtype=np.bool_)
             for index, run in zip(some, runs, strict=True):
-                test = self.compared[index].test
                 self.tally.steps += int(run.steps.sum())
-                substeps[remaining] = run.substeps
-                # Counted over all rows: those that reached their thresholds in earlier tests have no steps here.
-                self.tally.spared += int(test.n_time * substeps.sum() - run.steps.sum())
                 reached = np.where(
                     run.outcome == Outcome.ABANDONED,
                     allowed,

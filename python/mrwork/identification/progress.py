@@ -6,7 +6,7 @@ import math
 import os
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
@@ -82,33 +82,24 @@ Unit = Literal["simulations", "steps"]
 
 @dataclass(slots=True)
 class Tally:
-    """How many candidates have been simulated, in how many time steps, and how many steps were saved.
+    """How many candidates have been simulated, in how many time steps.
 
-    A candidate that was simulated with its derivatives counts once. `spared` are the steps saved after a candidate
-    reached its threshold; those of a test that was not started are estimated from the sub-steps of the last one that
-    was. `added_per_step` is what each test has added to squared misfits per step; its key in a journal is `told`.
+    A candidate that was simulated with its derivatives counts once. `added_per_step` is what each test has added to
+    squared misfits per step.
     """
 
     simulations: int = 0
     steps: int = 0
-    spared: int = 0
     added_per_step: dict[int, float] = field(default_factory=dict)
 
     def as_record(self) -> Mapping[str, object]:
         """The counts, for a journal."""
-        return {
-            "simulations": self.simulations,
-            "steps": self.steps,
-            "spared": self.spared,
-            "told": self.added_per_step,
-        }
+        return asdict(self)
 
     def restore(self, record: Mapping[str, Any]) -> None:
         """Set the counts to those of a journal."""
-        self.simulations, self.steps, self.spared = (
-            int(record[name]) for name in ("simulations", "steps", "spared")
-        )
-        self.added_per_step = {int(index): float(each) for index, each in record["told"].items()}
+        self.simulations, self.steps = int(record["simulations"]), int(record["steps"])
+        self.added_per_step = {int(index): float(each) for index, each in record["added_per_step"].items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

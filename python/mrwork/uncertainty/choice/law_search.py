@@ -64,9 +64,9 @@ _PAIRED = 6
 # Convergence of the fits: relative decrease of the squared misfit in an iteration; largest number of iterations.
 _TOLERANCE = 1e-5
 _ITERATIONS = 30
-# Forces are the same up to this root mean square NRMSE; their misfits then agree at least to this share.
-_SAME_FORCE = 1e-6
-_SAME_MISFIT = 1e-3
+# Forces are the same where their squared NRMSE in every test agree up to this share, or up to what is no error.
+_SAME = 1e-4
+_EXACT = 1e-10
 
 
 @array_dataclass()
@@ -246,17 +246,10 @@ class LawSearch:
         """The candidates except those with the same force as a candidate with fewer parameters."""
         kept = list[FittedLaws]()
         for each in sorted(self.fitted, key=lambda each: each.row.n_params):
-            if not any(self._is_same_force(each, other) for other in kept):
+            squared = each.fit.squared
+            if not any(np.allclose(squared, other.fit.squared, rtol=_SAME, atol=_EXACT) for other in kept):
                 kept.append(each)
         return kept
-
-    def _is_same_force(self, one: FittedLaws, other: FittedLaws) -> bool:
-        if not np.allclose(one.fit.squared, other.fit.squared, rtol=_SAME_MISFIT):
-            return False
-        first, second = (
-            self.excerpts.with_laws(each.spec).residuals(each.fit.theta[:1]) for each in (one, other)
-        )
-        return bool(np.linalg.norm(first - second) <= _SAME_FORCE)
 
     def _proposals(self, current: FittedLaws) -> list[Laws]:
         """Laws near the present ones that are not tried yet, by the errors that a linearised model promises.
