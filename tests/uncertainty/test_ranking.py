@@ -124,6 +124,9 @@ def test_a_family_is_not_chosen_because_a_far_better_one_could_not_predict() -> 
         ("better", "failed"),
     ]
     assert "No family is chosen: Better, which failed" in found.sentence
+    # So is one that could not predict a test, which counts as 0 %.
+    lost = family("lost", 9, np.where(np.arange(6) == 5, 1.0, TESTS + 0.35))
+    assert verdicts(poor, replace(lost, fit_percent=97.4, not_predicted=("fast",)))["poor"] == "provisional"
     # One that fits all tests no better leaves the choice as it is.
     assert ranking(poor, replace(better, fit_percent=57.5)).standings[0].verdict == "chosen"
 

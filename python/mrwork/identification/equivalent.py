@@ -201,8 +201,11 @@ def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, comman
     values: list[float] = []
     *coefficients, rest = by_parameter(earlier, theta)
     for (parameter, old), new, own in zip(earlier.law_pairs, spec.laws, coefficients, strict=True):
-        column = old.values(own, commands, positive=parameter.is_positive)
-        values += list(own) if new == old else new.through(parameter, commands, column)
+        if new == old:
+            values += list(own)
+        else:
+            column = old.values(own, commands, positive=parameter.is_positive)
+            values += new.through(parameter, commands, column)
     box = Box.of(spec)
     return np.asarray(np.clip([*values, *rest], box.lower, box.upper))
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_fr
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 
 Laws = dict[str, CommandLaw]
+_Key: TypeAlias = tuple[tuple[str, CommandLaw], ...]
 
 # Degree of the first laws.
 _FIRST_DEGREE = 2
@@ -117,10 +118,10 @@ class _Neighbourhood:
 
     current: FittedLaws
     tests: LinearisedTests | None = None
-    errors: dict[tuple[tuple[str, CommandLaw], ...], float] = field(default_factory=dict)
+    errors: dict[_Key, float] = field(default_factory=dict)
 
 
-def _key_of(laws: Laws) -> tuple[tuple[str, CommandLaw], ...]:
+def _key_of(laws: Laws) -> _Key:
     return tuple(sorted(laws.items()))
 
 
@@ -149,6 +150,7 @@ class LawSearch:
     report: Callable[[str], None] = lambda task: None
     fitted: list[FittedLaws] = field(default_factory=list)
     neighbourhoods: dict[int, _Neighbourhood] = field(default_factory=dict)
+    models: dict[_Key, tuple[DamperSpec, Box]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -434,8 +436,12 @@ class LawSearch:
 
     def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
-        spec = spec_by_values(self.plain.with_current_laws(self.given | laws, unit=self.unit), self.commands)
-        return spec, joint_box(identifiable_form(spec, self.settings.bounds), self.tests, self.commands)
+        if (key := _key_of(laws)) not in self.models:
+            lawful = self.plain.with_current_laws(self.given | laws, unit=self.unit)
+            spec = spec_by_values(lawful, self.commands)
+            form = identifiable_form(spec, self.settings.bounds)
+            self.models[key] = spec, joint_box(form, self.tests, self.commands)
+        return self.models[key]
 
     def transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Floats:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""

@@ -161,6 +161,7 @@ class Standing:
             "" if self.verdict == "behind" else self.verdict,
             "not converged" if self.status == "not_converged" else "",
             self.reason or self.objection,
+            f"{len(self.not_predicted)} tests not predicted" if self.not_predicted else "",
             "costly" if self.is_costly else "",
         )
         return ", ".join(filter(None, parts))
