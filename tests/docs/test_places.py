@@ -1,4 +1,4 @@
-"""Files that pages for contributors name are there, and have what the pages say they have."""
+"""Files that pages for contributors name are there and have what is named; cited decisions have these titles."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = ("ARCHITECTURE.md", "CONTRIBUTING.md", "DECISIONS.md", "crates/README.md", "docs/extend.md")
 FOLDERS = ("", "python/mrwork", "crates", "crates/mrwork-dynamics/src", "docs")
 NAMED = re.compile(r"(?:`(\w+)!?` of )?`([\w.*/-]*/[\w.*-]+\.(?:py|pyi|rs|toml|md))`")
+
+CITED = re.compile(r'(?:DECISIONS\.md,|decisions\.md\):) "([^"]+)"')
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -26,3 +28,14 @@ def test_named_files_are_there_and_have_what_is_named(page: str) -> None:
         elif not all(name in path.read_text(encoding="utf-8") for path in found[:1]):
             missing.append(f"{name} of {place}")
     assert missing == []
+
+
+def test_cited_decisions_have_these_titles() -> None:
+    titles = re.findall(
+        r"^### \d+\. (.*)$", (ROOT / "DECISIONS.md").read_text(encoding="utf-8"), flags=re.MULTILINE
+    )
+    sources = [*(ROOT / "python").rglob("*.py"), *(ROOT / "docs").glob("*/*.md")]
+    texts = [" ".join(path.read_text(encoding="utf-8").replace("\n# ", "\n").split()) for path in sources]
+    cited = {title for text in texts for title in re.findall(CITED, text)}
+    assert cited
+    assert cited <= set(titles)
