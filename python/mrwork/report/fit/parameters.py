@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from mrwork.base import numbers
 from mrwork.base.table import Table
-from mrwork.identification.fit import FINE, Direction, Fit, FittedParameter, Interval, Verdict, step_in_words
+from mrwork.identification.fit import FINE, Direction, Fit, FittedParameter, Verdict, step_in_words
 from mrwork.plots import style
 from mrwork.plots.canvas import SMALL_WIDTH, grid_of_axes
 from mrwork.plots.of_fits import profiles as draw_profiles
@@ -40,7 +40,7 @@ def parameters_section(run: StoredRun) -> Section:
         groups.append(Group(prose=(digest,), markup=source))
     groups.append(
         Group(
-            table=_parameter_table(fit, run.profiles),
+            table=_parameter_table(fit),
             prose=tuple(filter(None, (advice,))),
             points=tuple(_sentence(each) for each in fit.informative),
         )
@@ -53,18 +53,13 @@ def parameters_section(run: StoredRun) -> Section:
     )
 
 
-def _parameter_table(fit: Fit, profiles: Profiles | None) -> Table:
-    """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict.
-
-    The intervals of `profiles` have a column of their own beside standard errors or posterior intervals.
-    """
+def _parameter_table(fit: Fit) -> Table:
+    """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict."""
     estimates = fit.estimates
-    beside = profiles is not None and (fit.intervals is None or fit.intervals.kind != "profile")
-    profiled = profiles.intervals if profiles is not None and beside else None
     if fit.intervals is None:
         pairs = [numbers.value_and_error(each.value, each.standard_error) for each in estimates]
     else:
-        pairs = [_value_and_interval(each, each.interval) for each in estimates]
+        pairs = [_value_and_interval(each) for each in estimates]
     values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
     verdicts = [each.verdict for each in estimates]
     reasons = [_reason(each) for each in estimates]
@@ -73,11 +68,6 @@ def _parameter_table(fit: Fit, profiles: Profiles | None) -> Table:
         ("Parameter", [_name_cell(each.name) for each in estimates], True),
         ("Value", _align_texts(values), False),
         (fit.uncertainty_heading.capitalize(), errors if fit.intervals else _align_texts(errors), False),
-        (
-            profiled.heading if profiled else "",
-            [_value_and_interval(each, profiled.of(each.name))[1] for each in estimates] if profiled else [],
-            False,
-        ),
         ("Relative (%)", [] if fit.intervals else _align_texts(relative), False),
         ("Unit", [shown_unit(each.unit) for each in estimates], True),
         ("Lower bound", _align_texts([numbers.shortest(each.lower) for each in estimates]), False),
@@ -112,8 +102,9 @@ def _reason(estimate: FittedParameter) -> str:
     return "; ".join(filter(None, (estimate.remark, estimate.reason)))
 
 
-def _value_and_interval(estimate: FittedParameter, interval: Interval | None) -> tuple[str, str]:
+def _value_and_interval(estimate: FittedParameter) -> tuple[str, str]:
     """An estimate and its interval to the second digit of a quarter of its width, about one standard error."""
+    interval = estimate.interval
     if interval is None:
         return numbers.significant(estimate.value, 5), numbers.NOTHING
     ends = [abs(end - estimate.value) for end in (interval.lower, interval.upper) if end is not None]
