@@ -135,7 +135,7 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
         def on_generation(so_far: SearchResult) -> None:
             nonlocal found
             candidate = space.candidate(so_far.best_unit)
-            found = found.after(count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
+            found = _after(found, count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
             advance(found, most)
 
         search = _search(plan, candidates, scores, rng, on_generation)
@@ -153,7 +153,7 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
             last = space.candidate(end.unit)
             scores = bench.recalled_scores("finish", plan.objective, plan.law, [last])
             origin = f"search, then {end.gradients} gradients"
-            found = found.after(found.candidates + 1, float(scores.penalised_scores[0]), last, origin)
+            found = _after(found, found.candidates + 1, float(scores.penalised_scores[0]), last, origin)
     scores = bench.recalled_scores("chosen", plan.objective, plan.law, [found.candidate])
     return replace(
         found,
@@ -162,6 +162,15 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
         seconds=time.perf_counter() - began,
         certificate=bench.certificate(plan.law, found.candidate),
     )
+
+
+def _after(law: TunedLaw, candidates: int, misfit: float, best: LawCandidate, origin: str) -> TunedLaw:
+    """The law after a search went on to so many candidates: with the best of these, if it is better."""
+    found = law
+    if misfit < law.least:
+        found = replace(law, settings=dict(best.settings), origin=origin, least=misfit)
+    point = TracePoint(candidates=candidates, least=found.least)
+    return replace(found, candidates=candidates, trace=(*law.trace, point))
 
 
 def _search(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -74,14 +74,6 @@ class TunedLaw(Summarised):
     def candidate(self) -> LawCandidate:
         """The settings as a candidate."""
         return LawCandidate(self.settings)
-
-    def after(self, candidates: int, misfit: float, best: LawCandidate, origin: str) -> TunedLaw:
-        """The law after a search went on to so many candidates: with the best of these, if it is better."""
-        found = self
-        if misfit < self.least:
-            found = replace(self, settings=dict(best.settings), origin=origin, least=misfit)
-        point = TracePoint(candidates=candidates, least=found.least)
-        return replace(found, candidates=candidates, trace=(*self.trace, point))
 
     @property
     def at_bounds(self) -> list[tuple[str, str]]:
