@@ -253,7 +253,8 @@ def test_every_verb_adds_its_section_and_a_page_written_again_is_the_same(plain:
     assert anchors(whole) == [*added, *OWN_SECTIONS[-3:]]
     page = (whole / "report.html").read_text()
     profiles = mr.load(whole).profiles
-    assert f"{100.0 * profiles.level:g} % intervals of {len(profiles.profiles)} parameters" in page
+    level = f"{100.0 * profiles.level:g}\N{NO-BREAK SPACE}%"
+    assert f"{level} intervals of {len(profiles.profiles)} parameters" in page
     assert_links_lead_somewhere(page, [f"data/{path.name}" for path in (whole / "data").iterdir()])
     assert len(page.encode()) < 2_000_000
     heard: list[PageProgress] = []
