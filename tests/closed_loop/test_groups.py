@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 import pytest
@@ -131,6 +133,70 @@ def test_two_models_in_one_frame_are_those_of_scipy() -> None:
     expected = solved.sol(history.time)[:n].T @ frame.floors.T
     largest = np.abs(history.displacement).max()
     np.testing.assert_allclose(history.displacement, expected, rtol=0.0, atol=2e-6 * largest)
+
+
+def test_bouc_wen_and_maxwell_in_one_frame_are_those_of_opensees() -> None:
+    try:
+        ops: Any = import_module("openseespy.opensees")
+    except (ImportError, RuntimeError):
+        pytest.skip("openseespy is not installed, the extra `opensees`, or lacks a library")
+    masses, stiffnesses, theta = (
+        [50e3] * 3,
+        [60e6, 50e6, 40e6],
+        np.array([1e6, 0, 0, 2.5e8, 1.25e5, 1.25e5, 1, 2]),
+    )
+    frame = mr.buildings.shear_building(name="frame", masses=masses, stiffnesses=stiffnesses)
+    frame = mr.buildings.with_rayleigh_damping(frame, ratios=(0.02, 0.02))
+    # A spring of 30 MN/m in series with a dashpot of 1.5 MN s/m.
+    spring, tau = 3e7, 0.05
+    loop = [
+        Device(name="lower", spec=mr.damper("bouc_wen"), theta=theta, row=frame.storeys[0]),
+        Device(name="upper", spec=mr.damper("maxwell"), theta=[spring, tau, 0.0, 0.0], row=frame.storeys[2]),
+    ]
+    time = np.arange(0.0, 3.0, 0.005)
+    motion = mr.GroundMotion(name="sweep", dt=0.005, acceleration=4.0 * np.sin(8.0 * time + 3.0 * time**2))
+    law = ControlLaw(name="passive", gains={"command": [0.0, 0.0]})
+    found = simulate_loop(frame, loop, law, [motion], histories=True)
+    assert found.energy_error[0] < 1e-7
+    ops.wipe()
+    ops.model("basic", "-ndm", 1, "-ndf", 1)
+    ops.node(0, 0.0)
+    ops.fix(0, 1)
+    for floor, (mass, stiffness) in enumerate(zip(masses, stiffnesses, strict=True), start=1):
+        ops.node(floor, 0.0, "-mass", mass)
+        ops.uniaxialMaterial("Elastic", floor, stiffness)
+        ops.element("zeroLength", floor, floor - 1, floor, "-mat", floor, "-dir", 1, "-doRayleigh", 1)
+    material, dashpot = mr.dampers.opensees_from_bouc_wen(theta)
+    m = material
+    ops.uniaxialMaterial("BoucWen", 10, m.alpha, m.ko, m.n, m.gamma, m.beta, m.Ao, 0.0, 0.0, 0.0, 1e-14, 100)
+    ops.uniaxialMaterial("Elastic", 11, 0.0, dashpot)
+    ops.element("zeroLength", 10, 0, 1, "-mat", 10, 11, "-dir", 1, 1)
+    # Between spring and dashpot stands a node.
+    ops.node(4, 0.0)
+    ops.uniaxialMaterial("Elastic", 12, spring)
+    ops.uniaxialMaterial("Elastic", 13, 0.0, spring * tau)
+    ops.element("zeroLength", 12, 2, 4, "-mat", 12, "-dir", 1)
+    ops.element("zeroLength", 13, 4, 3, "-mat", 13, "-dir", 1)
+    a1 = frame.damping[0, 1] / frame.stiffness[0, 1]
+    ops.rayleigh((frame.damping[0, 0] - a1 * frame.stiffness[0, 0]) / masses[0], 0.0, a1, 0.0)
+    ops.timeSeries("Path", 1, "-dt", motion.dt, "-values", *motion.acceleration.tolist())
+    ops.pattern("UniformExcitation", 1, 1, "-accel", 1)
+    ops.constraints("Plain")
+    ops.numberer("Plain")
+    ops.system("FullGeneral")
+    ops.test("NormDispIncr", 1e-12, 50)
+    ops.algorithm("Newton")
+    ops.integrator("Newmark", 0.5, 0.25)
+    ops.analysis("Transient")
+    theirs = np.zeros((int(motion.duration / 0.01) + 1, 3))
+    for sample in range(1, len(theirs)):
+        assert ops.analyze(500, 2e-5) == 0
+        theirs[sample] = [ops.nodeDisp(floor, 1) for floor in (1, 2, 3)]
+    every = round(0.01 / (found.histories[0].time[1] - found.histories[0].time[0]))
+    ours = found.histories[0].displacement[::every]
+    for floor in range(3):
+        away = np.abs(ours[: len(theirs), floor] - theirs[: len(ours), floor]).max()
+        assert away <= 2e-4 * np.abs(theirs[:, floor]).max()
 
 
 def held_and_constant(command: float = 0.6) -> tuple[Device, Device]:
