@@ -613,28 +613,15 @@ def simulate_loop(
     user = law if isinstance(law, UserLaw) else None
     if isinstance(law, UserLaw):
         law = law.placeholder(commanded(devices))
-    if not devices:
-        raise SettingError(
-            "a closed loop has at least one device; without dampers, simulate a device of zero force"
-        )
-    refuse_order(devices)
+    _check_parts(devices, motions, hardware)
     driven = commanded(devices)
     if user is None:
         law.spec.refuse_units(devices)
-    refuse_rate(devices, hardware.command_rate, "command_rate")
-    if not motions:
-        raise SettingError("no ground motion was given; give at least one")
     numbers = np.arange(len(motions)) if motion_numbers is None else np.array(motion_numbers)
     if numbers.size != len(motions):
         raise SettingError(
             f"`motion_numbers` are {numbers.size} for {counted(len(motions), 'motion')}; give one for each"
         )
-    for motion in motions:
-        if motion.duration / hardware.sample_time > _MOST_SAMPLES:
-            raise SettingError(
-                f"{motion.name} lasts {motion.duration:g} s, which is more than {_MOST_SAMPLES} samples of "
-                f"{hardware.sample_time:g} s; give a longer `sample_time`"
-            )
     if nominal is not None and hardware.feedback == "state":
         raise SettingError(
             "`nominal` is the building of an observer, and the feedback is of the state; leave it out, or set "
@@ -695,98 +682,180 @@ def simulate_loop(
     if not varied and building.site_stiffness is not building.stiffness:
         # The law's own building stays elastic.
         varied = [building]
-    shape = (len(gains), len(motions), n_realisations)
     changes = None if variation is None else variation.changes
     if changes is not None and len(gains) > 1:
         raise SettingError(f"the gains are of {len(gains)} candidates; give changes of the gains of one")
+    late, seeds = np.zeros(n_realisations), np.zeros(n_realisations, dtype=np.int64)
+    if variation is not None:
+        late, seeds = np.round(variation.delay / (hardware.sample_time / hardware.steps)), variation.seed
     floors = measured_floors(nominal or building, hardware)
     observer = None
     if hardware.feedback != "state":
         with core_refusals():
             observer = loop_observer(nominal or building, devices, hardware, floors)
-    loop = LoopOfRuns(
-        building=building,
-        varied=tuple((each.damping, each.site_stiffness) for each in varied),
-        devices=tuple(devices),
-        law=_without_gains(law, len(driven), n_states),
-        hardware=hardware,
-        floors=tuple(floors),
-        observer=observer,
-        motions=tuple(motions),
-        step_factor=step_factor,
+    call = _Call(
+        loop=LoopOfRuns(
+            building=building,
+            varied=tuple((each.damping, each.site_stiffness) for each in varied),
+            devices=tuple(devices),
+            law=_without_gains(law, len(driven), n_states),
+            hardware=hardware,
+            floors=tuple(floors),
+            observer=observer,
+            motions=tuple(motions),
+            step_factor=step_factor,
+        ),
+        user=user,
+        gains=gains,
+        shaping=shaping,
+        factors=None if largest_commands is None else factors,
+        theta=theta,
+        n_draws=n_draws,
+        springs=[each.storey_springs for each in varied],
+        places=np.array(places, dtype=np.uint32),
+        late=late.astype(np.uint32),
+        streams=numbers.astype(np.uint64),
+        seeds=np.uint64(hardware.seed) + seeds.astype(np.uint64),
+        changes=changes,
     )
-    candidate, motion_of_run, realisation = np.indices(shape, dtype=np.uint32).reshape(3, -1)
-    draw = realisation if n_draws > 1 else np.zeros_like(realisation)
-    if len(theta[0]) > n_draws:
-        # Each candidate has draws of its own, with its scale of the command.
-        draw = candidate * np.uint32(n_draws) + draw
-    late, seeds = np.zeros(n_realisations), np.zeros(n_realisations, dtype=np.int64)
-    if variation is not None:
-        late, seeds = np.round(variation.delay / (hardware.sample_time / hardware.steps)), variation.seed
-    runs = np.column_stack(
-        [
-            candidate,
-            motion_of_run,
-            draw,
-            np.array(places, dtype=np.uint32)[realisation],
-            late.astype(np.uint32)[realisation],
-        ]
-    )
-    # The noise of a run depends on its motion and realisation only, so that candidates are compared under equal noise.
-    seed = np.uint64(hardware.seed) + seeds.astype(np.uint64)[realisation]
-    streams = numbers.astype(np.uint64)[motion_of_run] + seed * np.uint64(2**32)
-    own = RunsOfLoop(runs=runs, streams=streams, gains=gains, shaping=shaping, theta=theta)
-    core = loop.core()
-    equipped, workers, order = core.driven(own), present_workers(), np.arange(len(runs))
-    if user is None:
-        # Runs that last equally long share lanes: side by side, so that they are in one call of the core.
-        order = np.argsort(np.array([motion.duration for motion in motions])[motion_of_run], kind="stable")
+    runs, core, workers = call.runs(), call.loop.core(), present_workers()
     if workers is None or histories or user is not None or changes is not None:
+        parts, order = call.respond(core, runs, histories, threads, on_progress)
+    else:
+        parts, order = _respond_elsewhere(workers, call.loop, runs, on_progress), np.arange(len(runs.runs))
+    return call.responses(core.building, parts, order)
+
+
+def _check_parts(devices: Sequence[Device], motions: Sequence[GroundMotion], hardware: Hardware) -> None:
+    """Refuse a call without devices or motions, and what of them the hardware cannot have."""
+    if not devices:
+        raise SettingError(
+            "a closed loop has at least one device; without dampers, simulate a device of zero force"
+        )
+    refuse_order(devices)
+    refuse_rate(devices, hardware.command_rate, "command_rate")
+    if not motions:
+        raise SettingError("no ground motion was given; give at least one")
+    for motion in motions:
+        if motion.duration / hardware.sample_time > _MOST_SAMPLES:
+            raise SettingError(
+                f"{motion.name} lasts {motion.duration:g} s, which is more than {_MOST_SAMPLES} samples of "
+                f"{hardware.sample_time:g} s; give a longer `sample_time`"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Call:
+    """A call of `simulate_loop` that was checked: what its runs share, its candidates and its realisations.
+
+    `gains`, `shaping` and `theta` are those of `RunsOfLoop`, `factors` the largest commands of the candidates over
+    those of the devices, `None` for these. `streams` are numbers of the motions. Each realisation has the building at
+    its place, of which there are `springs` of the storeys, a further delay in integration steps and a seed.
+    """
+
+    loop: LoopOfRuns
+    user: UserLaw | None
+    gains: Floats
+    shaping: Floats | None
+    factors: Floats | None
+    theta: tuple[Floats, ...]
+    n_draws: int
+    springs: Sequence[Floats]
+    places: NDArray[np.uint32]
+    late: NDArray[np.uint32]
+    streams: NDArray[np.uint64]
+    seeds: NDArray[np.uint64]
+    changes: GainChanges | None
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Numbers of candidates, motions and realisations."""
+        return len(self.gains), len(self.streams), len(self.places)
+
+    def runs(self) -> RunsOfLoop:
+        """Every candidate under every motion with every realisation, the last varying fastest."""
+        candidate, motion, realisation = np.indices(self.shape, dtype=np.uint32).reshape(3, -1)
+        draw = realisation if self.n_draws > 1 else np.zeros_like(realisation)
+        if len(self.theta[0]) > self.n_draws:
+            # Each candidate has draws of its own, with its scale of the command.
+            draw = candidate * np.uint32(self.n_draws) + draw
+        places, late = self.places[realisation], self.late[realisation]
+        return RunsOfLoop(
+            runs=np.column_stack([candidate, motion, draw, places, late]),
+            # The noise of a run depends on its motion and realisation only: candidates have equal noise.
+            streams=self.streams[motion] + self.seeds[realisation] * np.uint64(2**32),
+            gains=self.gains,
+            shaping=self.shaping,
+            theta=self.theta,
+        )
+
+    def respond(
+        self,
+        core: _Core,
+        own: RunsOfLoop,
+        histories: bool,
+        threads: int,
+        on_progress: Callable[[int, int], None] | None,
+    ) -> tuple[list[Any], NDArray[np.intp]]:
+        """Runs in this process part by part, and the order in which they were simulated."""
+        loop, equipped, order = self.loop, core.driven(own), np.arange(len(own.runs))
+        if self.user is None:
+            # Runs that last equally long share lanes: side by side, so that they are in one call of the core.
+            seconds = np.array([motion.duration for motion in loop.motions])
+            order = np.argsort(seconds[own.runs[:, 1]], kind="stable")
         parts = []
         done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
-        while done < len(runs):
+        while done < len(order):
             part = order[done : done + count]
-            began = perf_counter()
-            outside = None if user is None else user.asked(runs[part, :3], driven, hardware.sample_time)
+            began, outside = perf_counter(), None
+            if self.user is not None:
+                driven = loop.devices[: loop.n_commanded]
+                outside = self.user.asked(own.runs[part, :3], driven, loop.hardware.sample_time)
             parts.append(
                 _respond(
                     core,
                     equipped,
-                    runs[part],
-                    streams[part],
+                    own.runs[part],
+                    own.streams[part],
                     histories=histories,
                     threads=threads,
                     outside=outside,
-                    changes=changes,
+                    changes=self.changes,
                 )
             )
             done += len(part)
             if on_progress is not None:
-                on_progress(done, len(runs))
+                on_progress(done, len(order))
                 blocks = count / _FEWEST_RUNS * _BLOCK_SECONDS / max(perf_counter() - began, 1e-6)
                 count = _FEWEST_RUNS * int(min(max(blocks, 1.0), _RUNS_AT_A_TIME / _FEWEST_RUNS))
-    else:
-        parts, order = _respond_elsewhere(workers, loop, own, on_progress), np.arange(len(runs))
-    given = () if actuators else tuple(devices)
-    if changes is not None:
-        shape = (1 + 2 * len(changes.rows), *shape[1:])
-        parts, order = [_moved(parts, order, changes.reach)], np.arange(shape[0] * len(runs))
-        realisation = np.tile(realisation, shape[0])
-    responses = _responses(parts, np.argsort(order), core.building, hardware, shape, given, motions)
-    responses = responses.with_numbers(
-        **_shears(building, responses.numbers, [own.storey_springs for own in varied], places, realisation)
-    )
-    if len(driven) < len(devices):
-        # Devices that no law commands count in no criterion of the command.
-        of_law = np.arange(len(devices)) < len(driven)
-        names = {each.quantity for each in criteria() if each.of_command}
-        responses = responses.with_numbers(
-            **{name: np.where(of_law, responses.numbers[name], np.nan) for name in names}
+        return parts, order
+
+    def responses(self, building: _rust.Building, parts: list[Any], order: NDArray[np.intp]) -> Responses:
+        """The responses of runs that were simulated in this order."""
+        loop, shape = self.loop, self.shape
+        if self.changes is not None:
+            parts, shape = (
+                [_moved(parts, order, self.changes.reach)],
+                (1 + 2 * len(self.changes.rows), *shape[1:]),
+            )
+            order = np.arange(math.prod(shape))
+        candidate, _, realisation = np.indices(shape).reshape(3, -1)
+        given = () if loop.law.spec.commands_force else loop.devices
+        found = _responses(parts, np.argsort(order), building, loop.hardware, shape, given, loop.motions)
+        found = found.with_numbers(
+            **_shears(loop.building, found.numbers, self.springs, self.places[realisation])
         )
-    if largest_commands is None:
-        return responses
-    scale = factors[candidate]
-    return responses.with_numbers(**{name: responses.numbers[name] * scale for name in _COMMANDS})
+        if loop.n_commanded < len(loop.devices):
+            # Devices that no law commands count in no criterion of the command.
+            of_law = np.arange(len(loop.devices)) < loop.n_commanded
+            names = {each.quantity for each in criteria() if each.of_command}
+            found = found.with_numbers(
+                **{name: np.where(of_law, found.numbers[name], np.nan) for name in names}
+            )
+        if self.factors is None:
+            return found
+        scale = self.factors[candidate]
+        return found.with_numbers(**{name: found.numbers[name] * scale for name in _COMMANDS})
 
 
 def _moved(parts: list[Any], order: NDArray[np.intp], reach: float) -> tuple[Any, ...]:
@@ -809,13 +878,12 @@ def _shears(
     building: Building,
     numbers: Mapping[str, Floats],
     varied: Sequence[Floats],
-    places: Sequence[int],
-    realisation: NDArray[np.uint32],
+    places: NDArray[np.uint32],
 ) -> dict[str, Floats]:
     """Shears of a run that the core does not know, and NaN for what of them the building does not say."""
     springs, is_chain = building.storey_springs, bool(building.unit_drifts.any())
     is_linear = all(each.is_linear for each in building.elements)
-    own = np.array(varied)[np.array(places)][realisation] if varied else springs
+    own = np.array(varied)[places] if varied else springs
     known = {
         "peak_storey_shear": is_chain,
         "peak_frame_shear": bool(springs.any()) and (is_linear or len(varied) < 2),
