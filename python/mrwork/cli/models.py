@@ -25,7 +25,7 @@ def add_options(parser: CommandParser) -> None:
     """Declare the options."""
     parser.description = "List the damper models or their published sets, or show one model in full."
     parser.epilog = examples(
-        "mrwork models", "mrwork models --presets", "mrwork models normalised_bouc_wen --figure loops.svg"
+        "mrwork models --presets", "mrwork models normalised_bouc_wen --figure loops.svg"
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
     parser.add_argument(
