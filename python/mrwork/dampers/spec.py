@@ -438,12 +438,9 @@ class LawLimit:
     @property
     def in_words(self) -> str:
         """Text such as "the law of k_w turns negative: -120 N at 0 A, taken as 0.001 N from 0 to 0.12 A"."""
+        what = "turns negative" if self.value < 0.0 <= self.used else "leaves the admissible range"
         if self.value == self.used:
             what = "vanishes"
-        elif self.value > self.used:
-            what = "leaves the admissible range"
-        else:
-            what = "turns negative" if self.value < 0.0 <= self.used else "leaves the admissible range"
         unit = "" if self.unit == "1" else self.unit
         value = of_unit(self.value, unit, 3)
         at = of_unit(self.command, self.command_unit, 3)
