@@ -362,7 +362,7 @@ class InstructionSets(Summarised):
         return f"{told}; this machine has {', '.join(self.left_out)}, too: build with MRWORK_BUILD_SETS=all"
 
     def _summary(self) -> Summary:
-        return Summary(title=str(self))
+        return Summary(title="Instruction sets", notes=[str(self)])
 
 
 def instruction_set() -> InstructionSets:
