@@ -347,7 +347,8 @@ def _weak_directions(
     variances, vectors = np.linalg.eigh(cov)
     directions = []
     for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True):
-        if np.sqrt(variance) <= WEAK:
+        # Of a nearly singular covariance the least eigenvalues may be negative by rounding.
+        if variance <= WEAK**2:
             break
         # The parameter with the largest component comes first.
         largest = int(np.argmax(np.abs(vector)))
