@@ -34,7 +34,7 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.responses import History, Responses, columns_by_name, history_signals, run_quantities
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.laws.control_law import ControlLaw
+from mrwork.control.laws.control_law import ControlLaw, refuse_units
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.linear.lqr import Observer, observer_of
 from mrwork.control.linear.plant import Plant, accelerations, deformations, plant_of, stack_outputs
@@ -616,7 +616,7 @@ def simulate_loop(
     _check_parts(devices, motions, hardware)
     driven = commanded(devices)
     if user is None:
-        law.spec.refuse_units(devices)
+        refuse_units(law.spec, devices)
     numbers = np.arange(len(motions)) if motion_numbers is None else np.array(motion_numbers)
     if numbers.size != len(motions):
         raise SettingError(

@@ -21,7 +21,7 @@ from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.laws.control_law import ControlLaw, control_law
+from mrwork.control.laws.control_law import ControlLaw, control_law, refuse_units
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import InvalidSettingError, SettingError
@@ -237,7 +237,7 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
         )
     if user is None and constant is None:
         with keyed(key):
-            control_law(name).refuse_units(problem.devices)
+            refuse_units(control_law(name), problem.devices)
     refuse_rate(problem.devices, controller.command_slope, "command_slope")
     lacking = beyond_twin(problem.building, problem.devices, hardware, name)
     if commands and constant is None and lacking:

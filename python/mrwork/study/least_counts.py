@@ -83,6 +83,7 @@ class DamperCounts(Plotted, Summarised):
     tried: tuple[TriedCounts, ...]
     runs: Whole
 
+    @checked
     def in_words(self, value: float) -> str:
         """A value of the criterion with its unit."""
         return criterion(self.criterion).in_words(value, self.unit)

@@ -94,15 +94,16 @@ class ControlLawSpec:
         each = self.needs_model or (bool(self.gains) and all(gain.is_command for gain in self.gains))
         return self.sends_share or self.commands_force or each
 
-    def refuse_units(self, devices: Sequence[Device]) -> None:
-        """Refuse devices of both units where the law sends a command of one unit."""
-        if sends_shares(devices) and not self.takes_both_units:
-            by_unit = {each.spec.command_unit: each.name for each in devices if each.is_commanded}
-            words = (f"{name} follows one in {unit}" for unit, name in by_unit.items())
-            raise SettingError(
-                f"{self.name} sends one command to all dampers, and {' and '.join(words)}; choose a law whose command "
-                "is a share of the largest, as clipped_optimal, or give dampers of one unit"
-            )
+
+def refuse_units(spec: ControlLawSpec, devices: Sequence[Device]) -> None:
+    """Refuse devices of both units where the law sends a command of one unit."""
+    if sends_shares(devices) and not spec.takes_both_units:
+        by_unit = {each.spec.command_unit: each.name for each in devices if each.is_commanded}
+        words = (f"{name} follows one in {unit}" for unit, name in by_unit.items())
+        raise SettingError(
+            f"{spec.name} sends one command to all dampers, and {' and '.join(words)}; choose a law whose command "
+            "is a share of the largest, as clipped_optimal, or give dampers of one unit"
+        )
 
 
 @checked
