@@ -116,7 +116,8 @@ def uncertainty_calls(folder: Path) -> Calls:
     yield call(mr.predict, fit=fit, test=[_other_test()], calibration=calibration, level=0.9)
     left_out = {"tests": [test, _other_test()], "identify_rest": lambda tests: small_fit()}
     yield call(uncertainty.predict_left_out, fold="test", **left_out)
-    yield call(mr.calibrate, predictions=[_prediction()], held_out="not seen")
+    yield call(uncertainty.predict_beyond, **left_out)
+    yield call(mr.calibrate, predictions=[_prediction()], held_out="not seen", beyond=[_prediction()])
     yield call(uncertainty.Band, kind="prediction", level=0.9, lower=np.zeros(9), upper=np.ones(9), basis="a")
     values = {
         **{

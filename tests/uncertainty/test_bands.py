@@ -9,12 +9,14 @@ from refusals import refusal
 from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import simulate_forces
+from mrwork.errors import RecordError
 from mrwork.identification import Fit
 from mrwork.records import DamperTest, Likeness, Outside
 from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import (
     Band,
+    Calibration,
     Fold,
     Prediction,
     calibrate,
@@ -31,7 +33,12 @@ from mrwork.uncertainty.bands.band import (
     pooled_quantile,
 )
 from mrwork.uncertainty.bands.conformal import measured_coverage
-from mrwork.uncertainty.bands.prediction import alike_remark, has_regular_cycles
+from mrwork.uncertainty.bands.prediction import (
+    alike_remark,
+    extremes_of,
+    has_regular_cycles,
+    predict_beyond,
+)
 from mrwork.uncertainty.noise import NOISES
 
 DAMPING, STIFFNESS = 1000.0, 20000.0
@@ -90,17 +97,87 @@ def test_score_of_a_band_counts_its_width_and_what_lies_outside() -> None:
     assert found.interval_score == pytest.approx((1.0 + 20.0 * 0.5 / 4.0) / 2.0)
 
 
-def test_the_basis_of_a_band_outside_the_tested_range_says_so() -> None:
-    *known, unknown = group(np.random.default_rng(5), 4)
-    tested = range_of_tests([unknown.test])
-    outside = Outside(exceedances=replace(tested, velocity=0.5 * tested.velocity).exceeded_by(tested))
-    calibration = calibrate(known, held_out="")
-    assert (
-        "tested range of the fit in velocity"
-        in calibration.band(replace(unknown, outside=outside), 0.9).basis
+def band_of(calibration: Calibration, prediction: Prediction, level: float) -> Band:
+    band = calibration.band(prediction, level)
+    assert band is not None
+    return band
+
+
+def beyond(prediction: Prediction, velocity: float) -> Prediction:
+    """The prediction by a fit to tests up to this velocity."""
+    demand = range_of_tests([prediction.test])
+    tested = replace(demand, velocity=velocity)
+    return replace(prediction, outside=Outside(exceedances=tested.exceeded_by(demand)))
+
+
+def faster(ratio: float, error: float = 0.3) -> Prediction:
+    """A test with this ratio of the velocities of `group`, and of what the fit was tested to, and a large error."""
+    test = sinusoid(0.01 * ratio, 3.0)
+    velocity = range_of_tests([test]).velocity / ratio
+    noise = np.random.default_rng(1).standard_normal(test.n_time)
+    wrong = Prediction(
+        test=replace(test, force=test.force + error * np.std(test.force) * noise), model_force=test.force
     )
-    assert "outside" not in calibration.band(unknown, 0.9).basis
+    return beyond(wrong, velocity)
+
+
+def test_a_band_beyond_the_tests_is_as_wide_as_errors_there_and_none_farther() -> None:
+    known = group(np.random.default_rng(5), 6)
+    alone = calibrate(known, held_out="")
+    asked = faster(1.3)
+    assert alone.band(asked, 0.9) is None
+    assert "velocity 245 mm/s, tested to 188 mm/s (1.3 times); test 13 mm at 3 Hz" in alone.test_to_run(asked)
+    calibration = calibrate(known, held_out="", beyond=[faster(1.4)])
+    band = band_of(calibration, asked, 0.9)
+    assert score(band, asked.measured).coverage == pytest.approx(0.9, abs=0.03)
+    assert "beyond the tests in velocity" in band.basis
+    assert calibration.test_to_run(asked) == ""
+    assert calibration.band(faster(1.6), 0.9) is None
+    # Small errors beyond do not make it narrower.
+    few = calibrate(known, held_out="", beyond=[faster(1.4, error=1e-3)])
+    inside = replace(asked, outside=Outside())
+    assert band_of(few, asked, 0.9).upper == pytest.approx(band_of(alone, inside, 0.9).upper)
+    assert "beyond" not in band_of(alone, inside, 0.9).basis
     assert "is little evidence for the next" in calibrate(known[:1], held_out="").basis
+
+
+def test_tests_of_the_calibration_are_not_beyond_it_whatever_the_fit_has_seen() -> None:
+    *known, unknown = group(np.random.default_rng(5), 6)
+    calibration = calibrate([*known, unknown], held_out="")
+    asked = beyond(unknown, 0.3 * range_of_tests([unknown.test]).velocity)
+    assert band_of(calibration, asked, 0.9).upper == pytest.approx(band_of(calibration, unknown, 0.9).upper)
+
+
+def test_sets_that_predict_nearly_as_well_widen_a_band_beyond_the_tests_only() -> None:
+    known = group(np.random.default_rng(5), 6)
+    calibration = calibrate(known, held_out="", beyond=[faster(1.4)])
+    asked = faster(1.3)
+    several = replace(asked, other_forces=1.1 * asked.model_force[None])
+    widened = band_of(calibration, several, 0.9).upper - band_of(calibration, asked, 0.9).upper
+    assert widened == pytest.approx(np.maximum(0.1 * asked.force, 0.0))
+    inside = replace(several, outside=Outside())
+    assert band_of(calibration, inside, 0.9).upper == pytest.approx(
+        band_of(calibration, replace(inside, other_forces=asked.other_forces), 0.9).upper
+    )
+
+
+def test_the_fastest_the_slowest_and_the_largest_tests_are_left_out_together() -> None:
+    motions = [(0.005, 1.0), (0.005, 4.0), (0.02, 1.0), (0.005, 0.25), (0.005, 2.0), (0.005, 2.1)]
+    tests = [sinusoid(*each) for each in motions]
+    assert extremes_of(tests) == [[1, 2], [1], [3], [2]]
+    assert extremes_of(tests[:1]) == []
+
+
+def test_extreme_tests_are_predicted_by_fits_to_the_others(some_fit: Fit) -> None:
+    tests = [sinusoid(0.01, f) for f in (1.0, 1.7, 4.0)]
+
+    def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
+        if tests[2] in rest:
+            raise RecordError("these do not determine the model; give others")
+        return some_fit
+
+    found = predict_beyond(tests, identify_rest)
+    assert [each.test.name for each in found] == [tests[2].name]
 
 
 def test_calibrated_bands_cover_tests_they_do_not_know() -> None:
@@ -110,7 +187,7 @@ def test_calibrated_bands_cover_tests_they_do_not_know() -> None:
         *known, unknown = group(rng, 13, biased=True)
         calibration = calibrate(known, held_out="")
         for level, found in coverage.items():
-            found.append(score(calibration.band(unknown, level), unknown.measured).coverage)
+            found.append(score(band_of(calibration, unknown, level), unknown.measured).coverage)
     # Twenty tests whose coverage scatters by some 0.1 to 0.15, so that their mean is known to 0.03.
     for level, found in coverage.items():
         assert np.mean(found) == pytest.approx(level, abs=0.08)
@@ -131,7 +208,7 @@ def test_few_tests_make_the_band_wider_than_their_own_errors_ask_for() -> None:
         *known, unknown = group(rng, 5)
         calibration = calibrate(known, held_out="the fit has not seen")
         wider.append(next_test_quantile(calibration.scores, 0.9) / pooled_quantile(calibration.scores, 0.9))
-        coverage.append(score(calibration.band(unknown, 0.9), unknown.measured).coverage)
+        coverage.append(score(band_of(calibration, unknown, 0.9), unknown.measured).coverage)
     assert np.mean(wider) > 1.01
     # The sizes of the errors differ by a factor of three from test to test, so each coverage scatters by 0.1.
     assert np.mean(coverage) == pytest.approx(0.9, abs=0.05)
@@ -210,7 +287,7 @@ def test_versions_of_one_test_count_as_one() -> None:
     assert len(doubled.scores) == len(alone.scores)
     assert "10 tests count as 5" in repr(doubled)
     test = predictions[0]
-    assert doubled.band(test, 0.9).upper == pytest.approx(alone.band(test, 0.9).upper, rel=1e-9)
+    assert band_of(doubled, test, 0.9).upper == pytest.approx(band_of(alone, test, 0.9).upper, rel=1e-9)
     covered = {row.test: row for row in measured_coverage(predictions, [0.9])}
     for row in measured_coverage([*predictions, *versions], [0.9]):
         same = covered[row.test.removesuffix(" again")]
@@ -227,7 +304,9 @@ def test_the_coverage_of_each_test_is_that_of_a_calibration_without_it() -> None
         for level in (0.5, 0.9):
             (row,) = [each for each in rows if (each.test, each.level) == (prediction.test.label, level)]
             expected = score(
-                others.band(prediction, level), prediction.measured, per=float(np.std(prediction.measured))
+                band_of(others, prediction, level),
+                prediction.measured,
+                per=float(np.std(prediction.measured)),
             )
             assert row.samples.width == pytest.approx(expected.width, rel=1e-9)
             assert row.samples.coverage == pytest.approx(expected.coverage, abs=1e-3)

@@ -25,7 +25,8 @@ def add_options(parser: CommandParser) -> None:
         "Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
         "and write them into the run folder, where mrwork predict RUN --level uses them. A test with the motion and "
         "command of a fitted one, such as its raw record or a repeated run, has been seen and is not used. Without "
-        "files, the tests of the run are left out in turn, and each is predicted by a fit to the others."
+        "files, the tests of the run are left out in turn, and each is predicted by a fit to the others; so are the "
+        "fastest, the slowest and the largest together, which says how far beyond the tests bands are known."
     )
     parser.epilog = examples("mrwork calibrate out/rig rig", "mrwork calibrate out/rig --leave-out motion")
     add_run(parser)
@@ -44,11 +45,10 @@ def run(options: argparse.Namespace) -> int:
             with on_workers(options, needless="the fit is there, and only predicts the files"):
                 pass
             predictions, findings = _predict_unseen(options)
-            held_out = UNSEEN
+            bands = StoredBands.of(predictions, held_out=UNSEEN)
         else:
-            predictions, findings = _predict_held_out(options)
-            held_out = IN_WORDS[options.leave_out]
-        bands = StoredBands.of(predictions, held_out=held_out)
+            (predictions, beyond), findings = _predict_held_out(options)
+            bands = StoredBands.of(predictions, held_out=IN_WORDS[options.leave_out], beyond=beyond)
         write_bands(options.run_folder, bands)
         below = [f"Written: {options.run_folder / CALIBRATION}"]
         return end_addition(options, bands, {"findings": findings}, below)
@@ -69,8 +69,10 @@ def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], 
     return predict_tests(fit, tests, nuisances=nuisances_of(options, fit.nuisances)), findings
 
 
-def _predict_held_out(options: argparse.Namespace) -> tuple[Sequence[Prediction], Sequence[object]]:
-    """Cross-validated predictions of the tests of the run, each by a fit to the other tests; what checks found."""
+def _predict_held_out(
+    options: argparse.Namespace,
+) -> tuple[tuple[Sequence[Prediction], Sequence[Prediction]], Sequence[object]]:
+    """Cross-validated predictions of the tests of the run, and those beyond the others; what checks found."""
     from mrwork.identification.progress import IdentificationInWords
 
     opened = opened_run(options)

@@ -456,7 +456,7 @@ def _predict_with_band(
                 "a prediction has no band by itself; give `calibration`, made by `mr.calibrate(predictions, "
                 "held_out=...)`"
             )
-        return result, calibration.band(result, level)
+        return result, _known_band(calibration, result, level)
     if result.bands is None:
         raise _absent(result, "calibrated band", "calibrate", "draw a prediction with its `calibration`")
     predictions = result.bands.predictions
@@ -465,7 +465,14 @@ def _predict_with_band(
     used = calibration or result.bands.calibration
     if others:
         used = calibrate(others, held_out=used.held_out)
-    return prediction, used.band(prediction, level)
+    return prediction, _known_band(used, prediction, level)
+
+
+def _known_band(calibration: Calibration, prediction: Prediction, level: float) -> Band:
+    band = calibration.band(prediction, level)
+    if band is None:
+        raise SettingError(f"{prediction.test.label}: {calibration.test_to_run(prediction)}")
+    return band
 
 
 def _draw_band(

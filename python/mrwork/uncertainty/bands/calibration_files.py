@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -17,8 +18,8 @@ from mrwork.base.numbers import format_fixed, percent
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.units import CommandUnit
-from mrwork.base.values import freeze_samples
-from mrwork.errors import RecordError, SettingError
+from mrwork.base.values import Floats, freeze_samples
+from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
 from mrwork.identification.settings import Fold
@@ -34,7 +35,14 @@ from mrwork.uncertainty.bands.conformal import (
     calibrate,
     measured_coverage,
 )
-from mrwork.uncertainty.bands.prediction import Prediction, folds_of, predict_left_out, rests_of
+from mrwork.uncertainty.bands.prediction import (
+    Prediction,
+    extremes_of,
+    folds_of,
+    predict_beyond,
+    predict_left_out,
+    rests_of,
+)
 
 if TYPE_CHECKING:
     from mrwork.identification.progress import Progress
@@ -63,9 +71,11 @@ class StoredBands(Summarised):
     predictions: tuple[Prediction, ...]
 
     @classmethod
-    def of(cls, predictions: Sequence[Prediction], *, held_out: str) -> StoredBands:
+    def of(
+        cls, predictions: Sequence[Prediction], *, held_out: str, beyond: Sequence[Prediction] = ()
+    ) -> StoredBands:
         """Calibrate on predictions of held-out tests, and measure the coverage of each by the others."""
-        calibration = calibrate(predictions, held_out=held_out)
+        calibration = calibrate(predictions, held_out=held_out, beyond=beyond)
         return cls(
             calibration=calibration,
             coverage=measured_coverage(predictions) if len(calibration.tests) > 1 else (),
@@ -187,10 +197,10 @@ def read_bands(run: RunFolder) -> StoredBands | None:
 
 def write_bands(place: Path, bands: StoredBands) -> None:
     """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`."""
-    document = asdict(bands.calibration) | {
-        "scores": [
-            [float(f"{value:.{_DIGITS}g}") for value in scores] for scores in bands.calibration.scores
-        ],
+    calibration = bands.calibration
+    document = asdict(calibration) | {
+        "scores": _rounded(calibration.scores),
+        "reach": [asdict(each) | {"scores": _rounded(each.scores)} for each in calibration.reach],
         "coverage": [asdict(row) for row in bands.coverage],
     }
     contents = {
@@ -198,6 +208,10 @@ def write_bands(place: Path, bands: StoredBands) -> None:
         PREDICTIONS: predictions_content(bands.predictions),
     }
     add_to_run(place, contents)
+
+
+def _rounded(scores: Sequence[Floats]) -> list[list[float]]:
+    return [[float(f"{value:.{_DIGITS}g}") for value in own] for own in scores]
 
 
 def stored_calibration(run: RunFolder) -> Calibration | None:
@@ -271,8 +285,10 @@ class FoldProgress:
 
 def cross_validated(
     opened: OpenedRun, leave_out: Fold = "test", *, threads: int, on_progress: Callable[[FoldProgress], None]
-) -> tuple[Prediction, ...]:
+) -> tuple[tuple[Prediction, ...], tuple[Prediction, ...]]:
     """Predictions of the tests of a run, each by a fit to the others, which is kept in the run for another call.
+
+    And those of its extreme tests, beyond the others, see `predict_beyond`.
 
     Parameters
     ----------
@@ -287,11 +303,12 @@ def cross_validated(
     # What identifies is slow to load, and reading a run does not need it.
     from mrwork.identification.batch import FitBatch, FitTask
 
-    rests = rests_of(opened.tests, folds_of(opened.tests, leave_out))
+    folds = folds_of(opened.tests, leave_out)
+    rests = rests_of(opened.tests, [*folds, *extremes_of(opened.tests)])
     names = [_name_of_fold(opened.fit, rest) for rest in rests]
     stored = {name: opened.run.read(Fit, name, verb=_VERB) for name in names}
     fits = {name: fit for name, fit in stored.items() if fit is not None}
-    missing = [number for number, name in enumerate(names) if name not in fits]
+    missing = [number for number, name in enumerate(names) if name not in (*fits, *names[:number])]
     settings = opened.fit.settings.again
     batch = FitBatch(
         tasks=[FitTask(spec=opened.fit.spec, tests=rests[number], settings=settings) for number in missing],
@@ -301,15 +318,24 @@ def cross_validated(
         ),
         on_fit=lambda number, fit: add_to_run(opened.run.path, {names[missing[number]]: fit_content(fit)}),
     )
-    fits |= {names[number]: batch.fit(place) for place, number in enumerate(missing)}
-    every = iter([fits[name] for name in names])
-    left_out = predict_left_out(opened.tests, leave_out, lambda _: next(every))
+    for place, number in enumerate(missing):
+        # The others may not determine what the extreme tests do.
+        with nullcontext() if number < len(folds) else suppress(MrworkError):
+            fits[names[number]] = batch.fit(place)
+
+    def fit_to(rest: tuple[DamperTest, ...]) -> Fit:
+        fit = fits.get(_name_of_fold(opened.fit, rest))
+        if fit is None:
+            raise SettingError("the other tests do not determine the model; give more tests")
+        return fit
+
+    left_out = predict_left_out(opened.tests, leave_out, fit_to)
     if left_out.failures:
         raise SettingError(
             f"{len(left_out.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
             f"{left_out.failures[0]}; leave out less at a time"
         )
-    return left_out.predictions
+    return left_out.predictions, predict_beyond(opened.tests, fit_to)
 
 
 def _name_of_fold(fit: Fit, tests: tuple[DamperTest, ...]) -> str:

@@ -10,6 +10,7 @@ group of tests, of which sums over groups are taken.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
@@ -18,12 +19,14 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import Level, NotNegative, checked
+from mrwork.base.arguments import Level, NotNegative, Positive, checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.tested_range import Exceedance, OperatingQuantity
 from mrwork.errors import RecordError, SettingError
-from mrwork.records import DamperTest, Likeness
+from mrwork.records import DamperTest, Likeness, OperatingRange, Outside
+from mrwork.records.damper_test import range_of_test, range_of_tests
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.uncertainty.bands.band import (
     Band,
@@ -121,7 +124,7 @@ class ErrorTable:
         columns: list[tuple[NDArray[Any], ...]] = []
         for number, members in enumerate(groups):
             for each in members:
-                every = slice(None, None, max(1, each.force.size // _SAMPLES))
+                every = _even(each)
                 error = each.residual[every]
                 constant = (each.deviation, np.std(each.measured), number)
                 same = (np.full(error.size, value) for value in constant)
@@ -267,8 +270,61 @@ def _non_negative(normal: Floats, right: Floats) -> Floats:
 
 LEVELS = (0.5, 0.9, 0.95)
 
-BEYOND_TESTED = "the level holds only where the calibration had such tests"
-"""Remark on a band outside the tested range of the fit."""
+# Demands that drive a model; its force and power follow from them.
+_DRIVEN = ("stroke", "velocity", "frequency", "command")
+# Share by which a prediction may be farther beyond the tests than the tests that were left out for that.
+_FARTHER = 0.05
+
+
+@array_dataclass(repr=False)
+class Reach:
+    """How far beyond its tests the model was tried: up to `severity` times their range of a quantity, or below it.
+
+    `scores` are the errors there, by fits without such tests, of each of these tests in the scale of the calibration.
+    """
+
+    quantity: OperatingQuantity
+    below: bool
+    severity: Positive
+    scores: tuple[Floats, ...]
+
+    @classmethod
+    def of(cls, predictions: Sequence[Prediction], shape: ErrorShape) -> tuple[Reach, ...]:
+        """Reach in each quantity in which predictions are beyond the tests of their fits."""
+        scores, severity = defaultdict[_Side, list[Floats]](list), dict[_Side, float]()
+        for each in predictions:
+            for one in driven(each.outside):
+                if not one.between:
+                    scores[side_of(one)].append(_scores_of(each, shape))
+                    severity[side_of(one)] = max(severity.get(side_of(one), 0.0), one.severity)
+        return tuple(
+            cls(quantity=side[0], below=side[1], severity=severity[side], scores=tuple(own))
+            for side, own in scores.items()
+            if np.isfinite(severity[side])
+        )
+
+
+_Side = tuple[OperatingQuantity, bool]
+
+
+def side_of(exceedance: Exceedance) -> _Side:
+    """Quantity of an exceedance, and whether it is below the tests; a command is only known where it was tested."""
+    return exceedance.quantity, exceedance.below and exceedance.quantity != "command"
+
+
+def driven(outside: Outside) -> tuple[Exceedance, ...]:
+    """Exceedances of motion and command, without those of the force that follows from them."""
+    return tuple(each for each in outside.exceedances if each.quantity in _DRIVEN)
+
+
+def _scores_of(prediction: Prediction, shape: ErrorShape) -> Floats:
+    """Errors of a prediction in the scale of a calibration, at evenly spaced samples."""
+    centre, scale = shape.of(prediction)
+    return np.abs(prediction.measured - centre)[_even(prediction)] / scale[_even(prediction)]
+
+
+def _even(prediction: Prediction) -> slice:
+    return slice(None, None, max(1, prediction.force.size // _SAMPLES))
 
 
 @array_dataclass(repr=False)
@@ -278,7 +334,8 @@ class Calibration(Summarised):
     `scores` are the errors of each test in its scale; `tests` are their names; `held_out` describes how the tests were
     kept from the fit. Tests that are alike, such as the raw and the smoothed version of one record, count as one:
     otherwise each would be predicted by its like. `motions` recognise all tests of the calibration; `seen` are tests
-    that were given but not used, because the fit has seen their motion at their command.
+    that were given but not used, because the fit has seen their motion at their command. `tested` are the ranges of
+    the tests of the calibration, and `reach` is how far beyond its tests the model was tried.
     """
 
     _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
@@ -289,6 +346,8 @@ class Calibration(Summarised):
     held_out: str
     motions: tuple[RecordedMotion, ...] = ()
     seen: tuple[Likeness, ...] = ()
+    tested: OperatingRange | None = None
+    reach: tuple[Reach, ...] = ()
 
     @checked
     def knows(self, test: DamperTest) -> Likeness | None:
@@ -296,13 +355,67 @@ class Calibration(Summarised):
         return likest(RecordedMotion.of(test), self.motions)
 
     @checked
-    def band(self, prediction: Prediction, level: Level) -> Band:
-        """Prediction band of the force, shape (n_counted,); its basis names what lies outside the tested ranges."""
+    def beyond(self, prediction: Prediction) -> tuple[Exceedance, ...]:
+        """What of the motion and the command is outside the tests of the fit, and outside those of the calibration."""
+        outside = driven(prediction.outside)
+        if not outside or self.tested is None:
+            return outside
+        own = self.tested.exceeded_by(range_of_test(prediction.test, self.tested.command_unit))
+        farther = {side_of(each): each for each in own}
+        pairs = [(each, farther[side_of(each)]) for each in outside if side_of(each) in farther]
+        return tuple(min(pair, key=lambda each: each.severity) for pair in pairs)
+
+    @checked
+    def untested(self, prediction: Prediction) -> tuple[Exceedance, ...]:
+        """What is farther beyond the tests than the model was tried, where no band is known."""
+        most = {(each.quantity, each.below): (1.0 + _FARTHER) * each.severity for each in self.reach}
+        return tuple(
+            each
+            for each in self.beyond(prediction)
+            if each.between or each.severity > most.get(side_of(each), 0.0)
+        )
+
+    @checked
+    def test_to_run(self, prediction: Prediction) -> str:
+        """Why a prediction has no band, and the test that it takes; empty where it has one."""
+        untested = self.untested(prediction)
+        if not untested:
+            return ""
+        test = prediction.test
+        demand = range_of_test(test, None if self.tested is None else self.tested.command_unit)
+        at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
+        command = f" and {test.command_in_words}" if test.commands else ""
+        why = "; ".join(each.in_words for each in untested)
+        return (
+            f"no band: {why}; test {1e3 * demand.stroke:.3g} mm{at}{command}, and fit it or calibrate on it"
+        )
+
+    @checked
+    def band(self, prediction: Prediction, level: Level) -> Band | None:
+        """Prediction band of the force, shape (n_counted,); `None` where the prediction is `untested`.
+
+        A band beyond the tests is as wide as the errors that fits without such tests have made, if these are larger,
+        and contains the bands about other sets of laws that predict nearly as well.
+        """
+        if self.untested(prediction):
+            return None
         centre, scale = self.shape.of(prediction)
-        half = next_test_quantile(self.scores, level) * scale
-        outside = ", ".join(prediction.outside.names)
-        beyond = f"; outside the tested range of the fit in {outside}: {BEYOND_TESTED}" if outside else ""
-        return Band.about(centre, half, level=level, basis=self.basis + beyond)
+        beyond = self.beyond(prediction)
+        sides = {side_of(each) for each in beyond}
+        farther = [each.scores for each in self.reach if (each.quantity, each.below) in sides]
+        multiple = max(next_test_quantile(scores, level) for scores in (self.scores, *farther))
+        band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
+        if not beyond:
+            return band
+        names = ", ".join(one.quantity for one in beyond)
+        force, counted = prediction.force, prediction.test.counted
+        apart = [np.zeros_like(force), *(other[counted] - force for other in prediction.other_forces)]
+        return replace(
+            band,
+            lower=band.lower + np.min(apart, axis=0),
+            upper=band.upper + np.max(apart, axis=0),
+            basis=f"{self.basis}; beyond the tests in {names}, widened by the errors of fits without such tests",
+        )
 
     @property
     def basis(self) -> str:
@@ -350,7 +463,9 @@ class Calibration(Summarised):
 
 
 @checked
-def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibration:
+def calibrate(
+    predictions: Sequence[Prediction], *, held_out: str, beyond: Sequence[Prediction] = ()
+) -> Calibration:
     """Calibrate bands on tests that the fit has not seen.
 
     The scale of the error is proportional to the force of the test, with or without a constant and a term that grows
@@ -364,6 +479,9 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
         Predictions of the tests, at least one.
     held_out
         How the tests were kept from the fit, such as "the fit has not seen".
+    beyond
+        Predictions of the fastest, slowest and largest tests by fits to the others, see `predict_beyond`: bands are
+        known as far beyond the tests as these. Without them there is no band beyond.
 
     Raises
     ------
@@ -389,6 +507,8 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
         held_out=held_out,
         motions=motions,
         seen=seen,
+        tested=range_of_tests([each.test for members in groups for each in members]),
+        reach=Reach.of(beyond, shape),
     )
 
 

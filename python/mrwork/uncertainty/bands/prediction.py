@@ -17,14 +17,14 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.tested_range import Outside
-from mrwork.errors import MrworkWarning, SettingError, SimulationError
+from mrwork.errors import MrworkError, MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
 from mrwork.identification.result import explain_failures, fit_quality, free_run, rms
 from mrwork.identification.settings import Fold as Fold
 from mrwork.records import DamperTest, Likeness
-from mrwork.records.damper_test import same_commands
+from mrwork.records.damper_test import range_of_test, same_commands
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
 
@@ -48,6 +48,10 @@ IdentifyRest = Callable[[tuple[DamperTest, ...]], Fit]
 _SAME_MOTION = 0.15
 # Share of a cycle to either side over which the change of the force counts: errors in time matter where it is steep.
 _REACH = 0.02
+# Factor from an extreme within which tests are left out together, and share of the tests that must remain.
+_OF_EXTREME = ((1.4, 0.5), (1.1, 0.0))
+# Frequency of a test without a whole cycle [Hz].
+_LOWEST = 1e-3
 
 
 @array_dataclass(repr=False)
@@ -283,6 +287,40 @@ def predict_left_out(tests: Sequence[DamperTest], fold: Fold, identify_rest: Ide
         fits=tuple(fits),
         failures=tuple(failures),
     )
+
+
+def extremes_of(tests: Sequence[DamperTest]) -> list[list[int]]:
+    """Indices of the fastest tests, those of highest and of lowest frequency, and the largest; each a group.
+
+    A group is within a factor of 1.4 of the extreme, or within 10 % where less than half of the tests would remain.
+    Without others there is no group.
+    """
+    ranges = [range_of_test(test, None) for test in tests]
+    stroke, velocity = (np.array([getattr(each, name) for each in ranges]) for name in ("stroke", "velocity"))
+    frequency = np.array([np.mean(each.frequency or 0.0) for each in ranges])
+    groups = list[list[int]]()
+    for extent in (velocity, frequency, 1.0 / np.maximum(frequency, _LOWEST), stroke):
+        for factor, remaining in _OF_EXTREME:
+            rest = extent < extent.max() / factor
+            if rest.any() and np.mean(rest) >= remaining:
+                groups.append(np.flatnonzero(~rest).tolist())
+                break
+    return [group for number, group in enumerate(groups) if group not in groups[:number]]
+
+
+@checked
+def predict_beyond(tests: Sequence[DamperTest], identify_rest: IdentifyRest) -> tuple[Prediction, ...]:
+    """Predictions of each group of extreme tests by a fit to the others, for `calibrate`.
+
+    Tests are skipped that the others cannot predict. `identify_rest` is as for `predict_left_out`.
+    """
+    groups = extremes_of(tests)
+    predictions = []
+    for members, rest in zip(groups, rests_of(tests, groups), strict=True):
+        with suppress(MrworkError):
+            fit = identify_rest(rest)
+            predictions += [predict_test(fit, tests[index]) for index in members]
+    return tuple(predictions)
 
 
 def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:

@@ -19,7 +19,7 @@ from mrwork.identification.residual import NuisanceName, estimated_in_words, mis
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.likeness import likenesses_in_words
 from mrwork.uncertainty.bands.band import Band, BandScore, score
-from mrwork.uncertainty.bands.conformal import BEYOND_TESTED, Calibration
+from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, predict_test, with_others
 
 
@@ -28,7 +28,8 @@ class Predictions(Summarised):
     """Predictions of tests by a fit, each with its band where a `calibration` and a `level` are given.
 
     `used` are the tests of the calibration that the predicted ones are alike to, `None` for others; `bands` have
-    their scores against the measured force beside them.
+    their scores against the measured force beside them, and are `None` farther beyond the tests than the model was
+    tried: `tests_to_run` says which test each of these takes.
     """
 
     _made_by: ClassVar[str] = "mr.predict(fit, tests)"
@@ -37,8 +38,10 @@ class Predictions(Summarised):
     predictions: tuple[Prediction, ...]
     nuisances: Sequence[NuisanceName]
     used: tuple[Likeness | None, ...]
-    bands: tuple[tuple[Band, BandScore], ...] = ()
+    bands: tuple[tuple[Band, BandScore] | None, ...] = ()
+    level: float | None = None
     basis: str = ""
+    tests_to_run: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -80,19 +83,24 @@ class Predictions(Summarised):
         level: float | None,
     ) -> Predictions:
         """Predictions that were made already, with the bands of a calibration."""
-        bands: tuple[tuple[Band, BandScore], ...] = ()
+        bands: tuple[tuple[Band, BandScore] | None, ...] = ()
+        tests_to_run: tuple[str, ...] = ()
         if calibration is not None and level is not None:
             made = [calibration.band(each, level) for each in predictions]
             bands = tuple(
-                (band, score(band, each.measured)) for band, each in zip(made, predictions, strict=True)
+                None if band is None else (band, score(band, each.measured))
+                for band, each in zip(made, predictions, strict=True)
             )
+            tests_to_run = tuple(calibration.test_to_run(each) for each in predictions)
         return cls(
             fit=fit,
             predictions=tuple(predictions),
             nuisances=nuisances,
             used=tuple(None if calibration is None else calibration.knows(each.test) for each in predictions),
             bands=bands,
+            level=level,
             basis=calibration.basis if calibration is not None and bands else "",
+            tests_to_run=tests_to_run,
         )
 
     @property
@@ -176,7 +184,11 @@ class Predictions(Summarised):
         }
         if not self.bands:
             return entry
-        band, scored = self.bands[number]
+        known = self.bands[number]
+        if known is None:
+            nothing = dict.fromkeys(("coverage_percent", "mean_width_n", "interval_score", "band"))
+            return entry | nothing | {"test_to_run": self.tests_to_run[number]}
+        band, scored = known
         return entry | {
             "coverage_percent": 100.0 * scored.coverage,
             "mean_width_n": scored.width,
@@ -197,8 +209,10 @@ class Predictions(Summarised):
             quality = each.quality
             band = ("", "")
             if self.bands:
-                _, scored = self.bands[number]
-                band = (f"{0.5 * scored.width:.4g}", f"{100.0 * scored.coverage:.1f}")
+                known = self.bands[number]
+                band = ("none", "")
+                if known is not None:
+                    band = (f"{0.5 * known[1].width:.4g}", f"{100.0 * known[1].coverage:.1f}")
             rows.append(
                 (
                     *(each.test.label, f"{quality.fit_percent:.2f}", f"{quality.nrmse:.4f}"),
@@ -212,12 +226,12 @@ class Predictions(Summarised):
             )
         notes += [f"{self.sets_apart}."] if self.sets_apart else []
         if self.bands:
-            notes.append(f"Bands of {100.0 * self.bands[0][0].level:g} %, {self.basis}.")
-            beyond = sum(bool(each.outside.names) for each in self.predictions)
-            if beyond:
-                notes.append(
-                    f"{beyond} of {len(rows)} files are outside the tested range of the fit: {BEYOND_TESTED}."
-                )
+            notes.append(f"Bands of {100.0 * (self.level or 0.0):g} %, {self.basis}.")
+            notes += [
+                f"{each.test.label}: {sentence}."
+                for each, sentence in zip(self.predictions, self.tests_to_run, strict=True)
+                if sentence
+            ]
         if seen := [each.seen for each in self.predictions if each.seen is not None]:
             notes.append(f"Seen by the fit: {likenesses_in_words(seen)}.")
         notes += [] if self.spread_unseen is None else [f"Not seen by the fit: {self.spread_unseen.in_words}"]
