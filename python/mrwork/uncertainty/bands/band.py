@@ -1,4 +1,4 @@
-"""Bands about a model's force and about the energy, stiffness and damping of its cycles, and their scores.
+"""Bands about a model's force and about the energy of its cycles, and their scores.
 
 Parameter bands are quantiles of posterior draws, prediction bands those of errors.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from mrwork.base.arguments import (
 )
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import SettingError
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.bands.prediction import Prediction
@@ -196,52 +196,36 @@ def noise_band(
     return _central_band("prediction", forces + deviation * added, level, basis)
 
 
-CycleQuantity = Literal["energy", "stiffness", "damping"]
-QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
-
-
-def cycles_of(test: DamperTest, force: Floats) -> dict[CycleQuantity, Floats]:
-    """Dissipated energy [J], fitted stiffness [N/m] and damping [N s/m] of the counted cycles, shape (n_cycles,).
-
-    They are those of a test with this force [N], shape (n_time,).
-    """
-    rows = [
-        _cycle(test.displacement[samples], test.velocity[samples], force[samples], test.dt)
-        for samples in whole_cycles(test.displacement)
-        if samples.start >= test.n_settle
-        and not any(begin < samples.stop and samples.start < end for begin, end in test.uncompared)
-    ]
-    if not rows:
-        raise RecordError(f"{test.label}: there is no whole cycle; give a longer test for energy per cycle")
-    return dict(zip(QUANTITIES, np.array(rows).T, strict=True))
-
-
-def _scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
-    """Scale of the error of each quantity, from the standard deviations of force and motion."""
-    counted = prediction.test.counted
-    x = float(np.std(prediction.test.displacement[counted]))
-    v = float(np.std(prediction.test.velocity[counted]))
-    force = prediction.deviation
-    return {"energy": 2.0 * np.pi * force * x, "stiffness": force / x, "damping": force / v}
-
-
-def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> Floats:
-    """Absolute error of each cycle of a test in its scale, shape (n_cycles,)."""
-    measured = cycles_of(prediction.test, prediction.test.force)[name]
-    model = cycles_of(prediction.test, prediction.model_force)[name]
-    return np.asarray(np.abs(measured - model) / _scales_of(prediction)[name])
-
-
-def cycle_band(prediction: Prediction, name: CycleQuantity, scores: Sequence[Floats], level: float) -> Band:
-    """Prediction band of a quantity, (n_cycles,), from the `errors_over_cycles` of tests that the fit has not seen."""
-    model = cycles_of(prediction.test, prediction.model_force)[name]
-    half = next_test_quantile(scores, level) * _scales_of(prediction)[name]
-    basis = f"calibrated on the cycles of {len(scores)} tests"
-    return Band.about(model, half, level=level, basis=basis)
-
-
-def _cycle(x: Floats, v: Floats, force: Floats, dt: float) -> tuple[float, float, float]:
-    design = np.stack([x - x.mean(), v, np.ones_like(x)], axis=1)
-    stiffness, damping, _ = np.linalg.lstsq(design, force, rcond=None)[0]
+def energy_of_cycles(test: DamperTest, force: Floats) -> Floats:
+    """Dissipated energy [J] of the counted cycles of a test with this force [N], (n_time,), shape (n_cycles,)."""
     # Over a whole cycle the rectangle rule is as accurate as the trapezoidal rule.
-    return float(force @ v) * dt, float(stiffness), float(damping)
+    energy = [
+        float(force[cycle] @ test.velocity[cycle]) * test.dt
+        for cycle in whole_cycles(test.displacement)
+        if cycle.start >= test.n_settle
+        and not any(begin < cycle.stop and cycle.start < end for begin, end in test.uncompared)
+    ]
+    return np.array(energy)
+
+
+def _scale_of_energy(prediction: Prediction) -> float:
+    """Scale of the error of the energy [J]: that of a cycle with the standard deviations of force and displacement."""
+    stroke = float(np.std(prediction.test.displacement[prediction.test.counted]))
+    return 2.0 * np.pi * prediction.deviation * stroke
+
+
+def energy_errors(prediction: Prediction) -> Floats:
+    """Absolute error of the energy of each cycle in its scale, shape (n_cycles,)."""
+    measured, model = (
+        energy_of_cycles(prediction.test, force) for force in (prediction.test.force, prediction.model_force)
+    )
+    return np.asarray(np.abs(measured - model) / _scale_of_energy(prediction))
+
+
+def energy_band(prediction: Prediction, scores: Sequence[Floats], level: float) -> Band:
+    """Prediction band of the energy, (n_cycles,), from the `energy_errors` of tests that the fit has not seen."""
+    half = next_test_quantile(scores, level) * _scale_of_energy(prediction)
+    basis = f"calibrated on the cycles of {len(scores)} tests"
+    return Band.about(
+        energy_of_cycles(prediction.test, prediction.model_force), half, level=level, basis=basis
+    )

@@ -148,11 +148,6 @@ class StoredBands(Summarised):
         alike = next(members for members in groups if number in members)
         return [each for index, each in enumerate(self.predictions) if index not in alike]
 
-    def row(self, prediction: Prediction, level: float) -> LeftOutCoverage | None:
-        """Coverage of one test at one level."""
-        name = prediction.test.label
-        return next((each for each in self.coverage if each.test == name and each.level == level), None)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Coverage:

@@ -24,16 +24,16 @@ from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.tested_range import Exceedance, OperatingQuantity
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import SettingError
 from mrwork.records import DamperTest, Likeness, OperatingRange, Outside
 from mrwork.records.damper_test import range_of_test, range_of_tests
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.uncertainty.bands.band import (
     Band,
     BandScore,
-    cycle_band,
-    cycles_of,
-    errors_over_cycles,
+    energy_band,
+    energy_errors,
+    energy_of_cycles,
     next_test_quantile,
     score,
     weighted_quantile,
@@ -544,7 +544,7 @@ def measured_coverage(
         raise SettingError(
             f"coverage is measured on tests that the calibration does not know, {count}; give at least two"
         )
-    energy = [[_energy_errors(each) for each in members] for members in groups]
+    energy = [[energy_errors(each) for each in members] for members in groups]
     table = ErrorTable.of(groups)
     rows = []
     for index, (members, variant) in enumerate(zip(groups, table.best_variants_without_each(), strict=True)):
@@ -558,8 +558,8 @@ def measured_coverage(
             for level, multiple in zip(levels, multiples, strict=True):
                 inside = float("nan")
                 if own.size and others:
-                    band = cycle_band(prediction, "energy", others, level)
-                    inside = score(band, cycles_of(prediction.test, prediction.test.force)["energy"]).coverage
+                    band = energy_band(prediction, others, level)
+                    inside = score(band, energy_of_cycles(prediction.test, prediction.test.force)).coverage
                 band = Band.about(centre, multiple * scale, level=level)
                 rows.append(
                     LeftOutCoverage(
@@ -570,10 +570,3 @@ def measured_coverage(
                     )
                 )
     return tuple(rows)
-
-
-def _energy_errors(prediction: Prediction) -> Floats:
-    try:
-        return errors_over_cycles(prediction, "energy")
-    except RecordError:
-        return np.empty(0)
