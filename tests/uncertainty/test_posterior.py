@@ -133,6 +133,7 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
     same = ("names", "noise_names", "status", "verdict", "n_steps", "thinning")
     assert [getattr(read, name) for name in same] == [getattr(draws, name) for name in same]
     assert read.intervals == draws.intervals
+    assert read.summaries == draws.summaries
     assert {each.verdict for each in read.summaries} >= {"identifiable"}
     assert "95 % posterior interval" in repr(small_fit().with_intervals(read.intervals))
     for name in ("theta", "noise", "log_posterior"):

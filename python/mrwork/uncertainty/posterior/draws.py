@@ -6,7 +6,7 @@ The file is netCDF for ArviZ, with checksums of its numbers; it is read back by 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from math import ceil
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
@@ -302,12 +302,9 @@ class Draws(Plotted, WithAxes, Summarised):
         for name in self.measured:
             tree["observed_data"][name].attrs["units"] = "N"
         for summary in self.summaries:
-            attributes = tree["posterior"][summary.name].attrs
-            attributes["units"] = summary.unit
-            # The draws kept are thinned, so their quantiles differ a little.
-            attributes |= {"median": summary.median, "lower": summary.lower, "upper": summary.upper}
-            if summary.verdict is not None:
-                attributes |= {"verdict": summary.verdict, "reason": summary.reason}
+            # The draws kept are thinned, so what follows from them differs a little.
+            known = {name: value for name, value in asdict(summary).items() if value not in (None, "")}
+            tree["posterior"][summary.name].attrs |= {"units": summary.unit} | known
         return tree
 
     def _named_arrays(self) -> NamedArrays:
@@ -417,17 +414,6 @@ class _Stated:
     status: DrawsStatus
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _OfVariable:
-    """Facts of a parameter, as stored in the file."""
-
-    median: float
-    lower: float
-    upper: float
-    verdict: Verdict | None = None
-    reason: str = ""
-
-
 def draws_content(draws: Draws) -> bytes:
     """The file `posterior.nc` in the run folder of a fit."""
     # In memory first: the library ends the process where a disk is full.
@@ -441,7 +427,7 @@ def draws_content(draws: Draws) -> bytes:
 
 
 def read_draws(run: RunFolder, fit: Fit) -> Draws | None:
-    """The draws in a run folder, without autocorrelation times; `None` where there are none."""
+    """The draws in a run folder; `None` where there are none."""
     content = run.content(DRAWS, verb=_VERB)
     if content is None:
         return None
@@ -457,9 +443,6 @@ def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
     noise = noise_model(stated.noise)
     names = fit.spec.names
     noise_names = tuple(NOISE + parameter.name for parameter in noise.parameters)
-    bounds = {estimate.name: (estimate.lower, estimate.upper) for estimate in fit.estimates} | {
-        NOISE + parameter.name: (parameter.lower, parameter.upper) for parameter in noise.parameters
-    }
     return Draws(
         model=fit.model,
         names=names,
@@ -468,10 +451,7 @@ def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
         chains=np.stack([columns[name] for name in names], axis=-1),
         noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
         densities=_numbers(members["sample_stats/lp"]),
-        summaries=tuple(
-            _restore_summary(name, columns[name], posterior[name].attributes, bounds[name])
-            for name in names + noise_names
-        ),
+        summaries=tuple(built(DrawSummary, posterior[name].attributes) for name in names + noise_names),
         status=stated.status,
         verdict=stated.verdict,
         temper=stated.temper,
@@ -496,12 +476,3 @@ def _numbers(member: Member) -> Floats:
     if member.array is None:
         raise ValueError("one of its variables has no numbers")
     return member.array.astype(np.float64)
-
-
-def _restore_summary(
-    name: str, chain: Floats, attributes: Mapping[str, Any], bounds: tuple[float, float]
-) -> DrawSummary:
-    """The summary of a variable with the stored verdict and quantiles, those of all draws before thinning."""
-    summary = summary_of(chain, name=name, unit=str(attributes["units"]), bounds=bounds, tau=np.nan)
-    stated: _OfVariable = built(_OfVariable, attributes)
-    return replace(summary, **{entry.name: getattr(stated, entry.name) for entry in fields(_OfVariable)})
