@@ -318,16 +318,13 @@ _HIGHEST_FREQUENCY: Final = 500.0
 _LARGEST_COMMANDS: Final[Mapping[CommandUnit, float]] = {"A": 20.0, "V": 240.0}
 
 
-_LONG: Final = FindingKind(
+_STROKE: Final = FindingKind(
     "displacement_unusual",
-    "the displacement spans {value:.3g} m, more than any damper of {force}",
-    "check its channel and its unit: are mm taken for m?",
+    "the displacement spans {span:.3g} {0}, {1} damper of {force}{2}",
+    "check its channel and its unit: are {3}?",
 )
-_SHORT: Final = FindingKind(
-    "displacement_unusual",
-    "the displacement spans {um:.3g} um, no more than rod and mounts of a damper of {force} stretch",
-    "check its channel and its unit: are millimetres taken for micrometres?",
-)
+_LONG: Final = ("m", "more than any", "", "mm taken for m")
+_SHORT: Final = ("um", "no more than rod and mounts of a", " stretch", "millimetres taken for micrometres")
 
 
 def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
@@ -336,31 +333,24 @@ def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     scale = (force / _OF_FORCE) ** _GROWS
     measured = Measured(stroke, "m")
     if stroke > min(_LONGEST_STROKE, _LONG_STROKE * scale):
-        yield _LONG.found(measured=measured, force=_in_newtons(force))
+        yield _STROKE.found(*_LONG, measured=measured, span=stroke, force=_in_newtons(force))
     elif stroke < _SHORTEST_STROKE * scale:
-        yield _SHORT.found(measured=measured, um=1e6 * stroke, force=_in_newtons(force))
+        yield _STROKE.found(*_SHORT, measured=measured, span=1e6 * stroke, force=_in_newtons(force))
 
 
-_LARGE: Final = FindingKind(
-    "force_unusual",
-    "the force reaches {force}, more than the {most} of the largest dampers",
-    "check its channel and its unit: are N taken for kN?",
+_FORCE: Final = FindingKind(
+    "force_unusual", "the force reaches {force}, {0}", "check its channel and its unit: are {1}?"
 )
-_SMALL: Final = FindingKind(
-    "force_unusual",
-    "the force reaches {force}, less than the seal of a damper takes",
-    "check its channel and its unit: are kN taken for N?",
-)
+_LARGE: Final = (f"more than the {1e-3 * _LARGEST_FORCE:.0f} kN of the largest dampers", "N taken for kN")
+_SMALL: Final = ("less than the seal of a damper takes", "kN taken for N")
 
 
 def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     """Warn of a force that is larger than that of any damper, or smaller than that of a seal."""
     force = float(np.abs(test.force).max())
-    measured = Measured(force, "N")
-    if force > _LARGEST_FORCE:
-        yield _LARGE.found(measured=measured, force=_in_newtons(force), most=_in_newtons(_LARGEST_FORCE))
-    elif force < _SMALLEST_FORCE:
-        yield _SMALL.found(measured=measured, force=_in_newtons(force))
+    if not _SMALLEST_FORCE <= force <= _LARGEST_FORCE:
+        words = _LARGE if force > _LARGEST_FORCE else _SMALL
+        yield _FORCE.found(*words, measured=Measured(force, "N"), force=_in_newtons(force))
 
 
 _PACE: Final = FindingKind(
@@ -517,10 +507,9 @@ def _transformed_length(n_time: int) -> int:
     """Samples of a signal whose cepstrum is looked at: of a long one, so many that the Fourier transform is fast."""
     if n_time < _LONG_SIGNAL:
         return n_time
-    # An even length without prime factors above 5, of the differences.
-    n_odd: list[int] = [3**three * 5**five for three in range(20) for five in range(14)]
-    left = n_time - _DIFFERENCES
-    return _DIFFERENCES + max(odd << ((left // odd).bit_length() - 1) for odd in n_odd if 2 * odd <= left)
+    # A small number times a power of two, of the differences.
+    power = (n_time - _DIFFERENCES).bit_length() - 4
+    return _DIFFERENCES + ((n_time - _DIFFERENCES) >> power << power)
 
 
 def _cepstrum(samples: Floats) -> Floats:
