@@ -133,17 +133,20 @@ class RecordedMotion:
 
     def _align_with(self, seen: RecordedMotion) -> _Alignment | None:
         """Motion and force aligned with the part of another test that contains most of the motion; `None` if none."""
-        if seen.period is not None and (
-            self.period is None or abs(self.period / seen.period - 1.0) > _PERIOD
-        ):
-            return None
         step = max(self.step, seen.step)
         mine, other = (
             np.array([each.displacement, each.force, *each.commands])[:, :: round(step / each.step)]
             for each in (self, seen)
         )
         limit, least = _LEAST[self.period is not None]
-        if len(seen.displacement) == _MOST:
+        if seen.period is not None:
+            if self.period is None:
+                # A record without two cycles of its own may be a part of a periodic one.
+                limit, whole = _LEAST[True]
+                least = max(least, whole * other.shape[1] / mine.shape[1])
+            elif abs(self.period / seen.period - 1.0) > _PERIOD:
+                return None
+        elif len(seen.displacement) == _MOST:
             # Of a longer motion only the first part is kept.
             least *= min(1.0, other.shape[1] / mine.shape[1])
         return _find_pattern(mine, other, least=least, limit=limit)
