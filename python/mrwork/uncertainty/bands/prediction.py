@@ -301,7 +301,7 @@ def extremes_of(tests: Sequence[DamperTest]) -> list[list[int]]:
     groups = list[list[int]]()
     for extent in (velocity, frequency, 1.0 / np.maximum(frequency, _LOWEST), stroke):
         for factor, remaining in _OF_EXTREME:
-            rest = extent < extent.max() / factor
+            rest = extent < extent.max(initial=0.0) / factor
             if rest.any() and np.mean(rest) >= remaining:
                 groups.append(np.flatnonzero(~rest).tolist())
                 break
