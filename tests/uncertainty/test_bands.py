@@ -132,6 +132,8 @@ def test_a_band_beyond_the_tests_is_as_wide_as_errors_there_and_none_farther() -
     assert score(band, asked.measured).coverage == pytest.approx(0.9, abs=0.03)
     assert "beyond the tests in velocity" in band.basis
     assert calibration.test_to_run(asked) == ""
+    assert "velocity up to a factor of 1.4" in repr(calibration)
+    assert "nowhere" in repr(alone)
     assert calibration.band(faster(1.6), 0.9) is None
     # Small errors beyond do not make it narrower.
     few = calibrate(known, held_out="", beyond=[faster(1.4, error=1e-3)])

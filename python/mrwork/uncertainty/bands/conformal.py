@@ -2,24 +2,18 @@
 
 On another excitation the error is mostly model error, which no noise model predicts. The bands rest on the errors on
 other tests that the fit has not seen: the scaled error of the next test is assumed exchangeable with them.
-
-Cross-validation of a calibration leaves out every test, and within that every other one: with n tests n(n - 1)/2
-calibrations of each variant of the shape. What these share is computed once: normal equations and mean errors of each
-group of tests, of which sums over groups are taken.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from itertools import combinations, product
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mrwork.base.arguments import Level, NotNegative, Positive, checked
+from mrwork.base.arguments import Level, Positive, checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
@@ -36,237 +30,9 @@ from mrwork.uncertainty.bands.band import (
     energy_of_cycles,
     next_test_quantile,
     score,
-    weighted_quantile,
 )
-from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
-
-# Bins of the phase for the mean error; level at which variants of the shape are compared, and groups that takes.
-_BINS = 24
-_COMPARED_AT = 0.9
-_LEAST_TO_CHOOSE = 4
-# Largest number of evenly spaced samples of each test.
-_SAMPLES = 1000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ErrorShape:
-    """Scale of the errors of a test, `deviation (level + slope steepness) + floor` [N], of the model's force.
-
-    `bias` [deviations], shape (n_bins,) or empty, is the mean error over the phase of periodic tests.
-    """
-
-    level: NotNegative = 1.0
-    slope: NotNegative = 0.0
-    floor: NotNegative = 0.0
-    bias: tuple[float, ...] = ()
-
-    def scale(self, deviation: Floats | float, steepness: Floats) -> Floats:
-        """Scale of the error [N], shape of `steepness`."""
-        return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
-
-    def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
-        """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
-        deviation = prediction.deviation
-        centre = prediction.force
-        if self.bias and has_regular_cycles(prediction.test):
-            mean = np.interp(prediction.phase, _CENTRES, self.bias, period=2.0 * np.pi)
-            centre = centre + deviation * mean
-        return centre, self.scale(deviation, prediction.steepness)
-
-
-_CENTRES = -np.pi + (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Variant:
-    """Terms of a shape in addition to its level."""
-
-    steep: bool = False
-    floored: bool = False
-    biased: bool = False
-
-
-PLAIN = Variant()
-
-
-def _variants(*, biased: bool) -> list[Variant]:
-    return [
-        Variant(steep=steep, floored=floored, biased=with_bias)
-        for with_bias, floored, steep in product((False, True) if biased else (False,), *[(False, True)] * 2)
-    ]
-
-
-@dataclass(slots=True, kw_only=True)
-class ErrorTable:
-    """Errors of all groups of tests, at evenly spaced samples; a group is one test, or tests that are alike.
-
-    Arrays have shape (n_samples,): `error` [N], `deviation` and `measured`, the standard deviations of the model's and
-    the measured force [N], and the group of each sample, all samples of a group in a row.
-    """
-
-    error: Floats
-    steepness: Floats
-    phase: Floats
-    deviation: Floats
-    measured: Floats
-    group: NDArray[np.intp]
-    periodic: NDArray[np.bool_]
-    _slices: list[slice] = field(init=False)
-    _share: Floats = field(init=False)
-    _normal: Floats = field(init=False)
-    _right: Floats = field(init=False)
-    _curves: Floats = field(init=False)
-    _place: tuple[NDArray[np.intp], NDArray[np.intp], Floats] = field(init=False)
-
-    @classmethod
-    def of(cls, groups: Sequence[Sequence[Prediction]]) -> ErrorTable:
-        """Sample the errors of the predictions of each group."""
-        columns: list[tuple[NDArray[Any], ...]] = []
-        for number, members in enumerate(groups):
-            for each in members:
-                every = _even(each)
-                error = each.residual[every]
-                constant = (each.deviation, np.std(each.measured), number)
-                same = (np.full(error.size, value) for value in constant)
-                columns.append((error, each.steepness[every], each.phase[every], *same))
-        error, steepness, phase, deviation, measured, group = map(np.concatenate, zip(*columns, strict=True))
-        return cls(
-            error=error,
-            steepness=steepness,
-            phase=phase,
-            deviation=deviation,
-            measured=measured,
-            group=group,
-            periodic=np.array([all(has_regular_cycles(each.test) for each in members) for members in groups]),
-        )
-
-    def __post_init__(self) -> None:
-        sizes = np.bincount(self.group)
-        ends = np.cumsum(sizes)
-        self._slices = [slice(int(end - size), int(end)) for size, end in zip(sizes, ends, strict=True)]
-        self._share = 1.0 / sizes[self.group]
-        columns = np.stack([self.deviation, self.deviation * self.steepness, np.ones_like(self.error)])
-        weight = self._share / self.measured**2
-        size = np.abs(self.error)
-        self._normal = np.array([columns[:, own] * weight[own] @ columns[:, own].T for own in self._slices])
-        self._right = np.array([columns[:, own] @ (weight[own] * size[own]) for own in self._slices])
-        index = np.minimum(((self.phase + np.pi) / (2.0 * np.pi) * _BINS).astype(int), _BINS - 1)
-        shape = (len(sizes), _BINS)
-        cell = self.group * _BINS + index
-        count = np.bincount(cell, minlength=shape[0] * shape[1])
-        total = np.bincount(cell, weights=self.error / self.deviation, minlength=count.size)
-        self._curves = (total / np.maximum(count, 1)).reshape(shape)
-        # Linear interpolation between the centres of two bins, over the end of the cycle too.
-        place = (self.phase + np.pi) / (2.0 * np.pi) * _BINS - 0.5
-        before = np.floor(place).astype(np.intp)
-        self._place = before % _BINS, (before + 1) % _BINS, place - before
-
-    @property
-    def n_groups(self) -> int:
-        """Number of groups."""
-        return len(self._slices)
-
-    def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Floats]]:
-        """Shape fitted without some groups, and the absolute errors of each other group in its scale."""
-        shape, scores, _ = self._fit_shape(variant, without)
-        return shape, [scores[own] for index, own in enumerate(self._slices) if index not in without]
-
-    def best_variant(self) -> Variant:
-        """The variant with the least interval score of each group by the calibration without it."""
-        if self.n_groups < _LEAST_TO_CHOOSE:
-            return PLAIN
-        variants = _variants(biased=bool(self.periodic.all()))
-        alone = [(index,) for index in range(self.n_groups)]
-        return min(
-            variants, key=lambda variant: sum(self._scores_left_out(variant, without)[0] for without in alone)
-        )
-
-    def best_variants_without_each(self) -> list[Variant]:
-        """For each group, the variant that `best_variant` would choose without it."""
-        n = self.n_groups
-        if n - 1 < _LEAST_TO_CHOOSE:
-            return [PLAIN] * n
-        irregular = set(np.flatnonzero(~self.periodic).tolist())
-        variants = _variants(biased=len(irregular) <= 1)
-        totals = np.zeros((len(variants), n))
-        for number, variant in enumerate(variants):
-            for pair in combinations(range(n), 2):
-                if variant.biased and not irregular <= set(pair):
-                    continue
-                # The score of either is part of the choice without the other.
-                totals[number, pair] += self._scores_left_out(variant, pair)[::-1]
-            if variant.biased:
-                totals[number, [not irregular <= {index} for index in range(n)]] = np.inf
-        return [variants[int(best)] for best in np.argmin(totals, axis=0)]
-
-    def _scores_left_out(self, variant: Variant, without: tuple[int, ...]) -> list[float]:
-        """Interval score of each group left out, per deviation of the force, by the calibration on the others."""
-        _, scores, scale = self._fit_shape(variant, without)
-        half = weighted_quantile(scores, self._weights(without), _COMPARED_AT)
-        result = []
-        for index in without:
-            own = self._slices[index]
-            outside = np.maximum(scores[own] - half, 0.0)
-            width = (2.0 * half + 2.0 / (1.0 - _COMPARED_AT) * outside) * scale[own]
-            result.append(float(np.mean(width / self.measured[own])))
-        return result
-
-    def _weights(self, without: Sequence[int]) -> Floats:
-        weights = self._share / (self.n_groups - len(without))
-        for index in without:
-            weights[self._slices[index]] = 0.0
-        return weights
-
-    def _fit_shape(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Floats, Floats]:
-        """Shape fitted without some groups; absolute errors in its scale, and the scale [N], of all samples."""
-        inside = np.ones(self.n_groups, dtype=bool)
-        inside[list(without)] = False
-        n_inside = int(np.count_nonzero(inside))
-        shape = self._scale(variant, inside)
-        scale = shape.scale(self.deviation, self.steepness)
-        about = self.error
-        if variant.biased:
-            total = self._curves[inside].sum(axis=0)
-            shape = replace(shape, bias=tuple(total / n_inside))
-            others = np.where(
-                inside[:, np.newaxis], (total - self._curves) / max(n_inside - 1, 1), total / n_inside
-            )
-            before, after, share = self._place
-            bias = (1.0 - share) * others[self.group, before] + share * others[self.group, after]
-            about = about - self.deviation * bias
-        return shape, np.abs(about) / scale, scale
-
-    def _scale(self, variant: Variant, inside: NDArray[np.bool_]) -> ErrorShape:
-        """Shape by non-negative least squares on the absolute errors, relative to each test's force."""
-        if not (variant.steep or variant.floored):
-            return ErrorShape()
-        chosen = np.flatnonzero([True, variant.steep, variant.floored])
-        normal = self._normal[inside].sum(axis=0)[np.ix_(chosen, chosen)]
-        right = self._right[inside].sum(axis=0)[chosen]
-        values = np.zeros(3)
-        values[chosen] = _non_negative(normal, right)
-        shape = ErrorShape(level=float(values[0]), slope=float(values[1]), floor=float(values[2]))
-        # With steepness alone the band would have no width where the force is constant.
-        return shape if shape.level + shape.floor > 0.0 else ErrorShape()
-
-
-def _non_negative(normal: Floats, right: Floats) -> Floats:
-    """Minimum of x' N x / 2 - r' x over x >= 0, by trying every set of positive unknowns, of which there are few."""
-    # The floor is in newtons, the others are ratios: unknowns of equal size for the solver.
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled, target = normal / np.outer(size, size), right / size
-    best, least = np.zeros(right.size), 0.0
-    for support in product((False, True), repeat=right.size):
-        free = np.flatnonzero(support)
-        if free.size == 0:
-            continue
-        solved = np.linalg.lstsq(scaled[np.ix_(free, free)], target[free], rcond=1e-12)[0]
-        value = -0.5 * float(target[free] @ solved)
-        if np.all(solved >= 0.0) and value < least:
-            best, least = np.zeros(right.size), value
-            best[free] = solved
-    return np.asarray(best / size)
-
+from mrwork.uncertainty.bands.error_shape import ErrorShape, ErrorTable, even_samples
+from mrwork.uncertainty.bands.prediction import Prediction
 
 LEVELS = (0.5, 0.9, 0.95)
 
@@ -288,26 +54,36 @@ class Reach:
     severity: Positive
     scores: tuple[Floats, ...]
 
+    @property
+    def side(self) -> tuple[OperatingQuantity, bool]:
+        """Quantity and direction, as `side_of` an exceedance."""
+        return self.quantity, self.below
+
+    @property
+    def in_words(self) -> str:
+        """Text such as "velocity up to a factor of 1.5"."""
+        return f"{self.quantity} {'down' if self.below else 'up'} to a factor of {self.severity:.2g}"
+
     @classmethod
     def of(cls, predictions: Sequence[Prediction], shape: ErrorShape) -> tuple[Reach, ...]:
         """Reach in each quantity in which predictions are beyond the tests of their fits."""
-        scores, severity = defaultdict[_Side, list[Floats]](list), dict[_Side, float]()
+        reached = defaultdict[tuple[OperatingQuantity, bool], list[tuple[float, Floats]]](list)
         for each in predictions:
             for one in driven(each.outside):
-                if not one.between:
-                    scores[side_of(one)].append(_scores_of(each, shape))
-                    severity[side_of(one)] = max(severity.get(side_of(one), 0.0), one.severity)
+                if not one.between and np.isfinite(one.severity):
+                    reached[side_of(one)].append((one.severity, _scores_of(each, shape)))
         return tuple(
-            cls(quantity=side[0], below=side[1], severity=severity[side], scores=tuple(own))
-            for side, own in scores.items()
-            if np.isfinite(severity[side])
+            cls(
+                quantity=quantity,
+                below=below,
+                severity=max(severity for severity, _ in own),
+                scores=tuple(scores for _, scores in own),
+            )
+            for (quantity, below), own in reached.items()
         )
 
 
-_Side = tuple[OperatingQuantity, bool]
-
-
-def side_of(exceedance: Exceedance) -> _Side:
+def side_of(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
     """Quantity of an exceedance, and whether it is below the tests; a command is only known where it was tested."""
     return exceedance.quantity, exceedance.below and exceedance.quantity != "command"
 
@@ -320,11 +96,7 @@ def driven(outside: Outside) -> tuple[Exceedance, ...]:
 def _scores_of(prediction: Prediction, shape: ErrorShape) -> Floats:
     """Errors of a prediction in the scale of a calibration, at evenly spaced samples."""
     centre, scale = shape.of(prediction)
-    return np.abs(prediction.measured - centre)[_even(prediction)] / scale[_even(prediction)]
-
-
-def _even(prediction: Prediction) -> slice:
-    return slice(None, None, max(1, prediction.force.size // _SAMPLES))
+    return np.abs(prediction.measured - centre)[even_samples(prediction)] / scale[even_samples(prediction)]
 
 
 @array_dataclass(repr=False)
@@ -368,7 +140,7 @@ class Calibration(Summarised):
     @checked
     def untested(self, prediction: Prediction) -> tuple[Exceedance, ...]:
         """What is farther beyond the tests than the model was tried, where no band is known."""
-        most = {(each.quantity, each.below): (1.0 + _FARTHER) * each.severity for each in self.reach}
+        most = {each.side: (1.0 + _FARTHER) * each.severity for each in self.reach}
         return tuple(
             each
             for each in self.beyond(prediction)
@@ -402,7 +174,7 @@ class Calibration(Summarised):
         centre, scale = self.shape.of(prediction)
         beyond = self.beyond(prediction)
         sides = {side_of(each) for each in beyond}
-        farther = [each.scores for each in self.reach if (each.quantity, each.below) in sides]
+        farther = [each.scores for each in self.reach if each.side in sides]
         multiple = max(next_test_quantile(scores, level) for scores in (self.scores, *farther))
         band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
         if not beyond:
@@ -449,6 +221,7 @@ class Calibration(Summarised):
                     f"deviation x ({shape.level:.3g} + {shape.slope:.3g} steepness) + {shape.floor:.3g} N",
                 ),
                 ("mean error over the cycle", "removed" if self.shape.bias else "not removed"),
+                ("known beyond the tests", ", ".join(each.in_words for each in self.reach) or "nowhere"),
             ),
             notes=list(self.remarks),
             columns=("test", "median score", "90 % score"),
