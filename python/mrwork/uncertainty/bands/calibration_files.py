@@ -8,24 +8,22 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import Positive, Whole
 from mrwork.base.numbers import format_fixed, percent
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
-from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.errors import MrworkError, RecordError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, fit_content
 from mrwork.identification.settings import Fold
-from mrwork.records import DamperTest, Observation
+from mrwork.records import DamperTest
 from mrwork.records.likeness import RecordedMotion, alike_groups
-from mrwork.store.codec import built, digest_of, json_document
+from mrwork.store.codec import built, digest_of, json_document, plain
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.conformal import (
@@ -57,9 +55,6 @@ _VERB = "calibrate"
 _LEVEL = 0.9
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5
-_CHANNELS = ("displacement", "velocity", "force")
-# A constant command is a fact, one that varies a channel.
-_COMMANDS = ("current", "voltage", "command")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -154,34 +149,6 @@ class _Coverage:
     coverage: tuple[LeftOutCoverage, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Facts:
-    """Entry of a test in the file of predictions; its channels are separate arrays."""
-
-    name: str
-    path: str
-    sha256: str
-    dt: Positive
-    start_time: float
-    n_settle: Whole
-    velocity_source: Literal["measured", "derived"]
-    amplitude: float | None
-    frequency: float | None
-    synthetic: bool
-    current: float | None
-    voltage: float | None
-    observation: Observation
-    uncompared: tuple[tuple[Whole, Whole], ...] = ()
-    command: float | None = None
-    command_unit: CommandUnit | None = None
-    substeps: Whole = 1
-
-
-_FACTS = tuple(
-    each.name for each in fields(_Facts) if each.name not in (*_COMMANDS, "observation", "substeps")
-)
-
-
 def read_bands(run: RunFolder) -> StoredBands | None:
     """The bands of the run folder of a fit, `None` where there are none."""
     calibration, covered = stored_calibration(run), run.read(_Coverage, CALIBRATION, verb=_VERB)
@@ -224,27 +191,22 @@ def read_calibration(run: RunFolder) -> Calibration:
     return calibration
 
 
+# What checks found, and the record before repairs, is not kept.
+_DROPPED = {"findings": (), "original": None}
+
+
 def predictions_content(predictions: Sequence[Prediction]) -> bytes:
-    """The file `predictions.npz` of a run folder, in single precision, which is enough for figures."""
-    facts = [
-        {fact: getattr(each.test, fact) for fact in _FACTS}
-        | {name: None if name in _channels(each.test) else getattr(each.test, name) for name in _COMMANDS}
-        | {"observation": asdict(each.test.observation), "substeps": each.substeps}
-        for each in predictions
-    ]
-    arrays = {
-        f"{channel}_{number}": getattr(each.test, channel).astype(np.float32)
-        for number, each in enumerate(predictions)
-        for channel in _channels(each.test)
-    } | {f"model_{number}": each.model_force.astype(np.float32) for number, each in enumerate(predictions)}
+    """The file `predictions.npz` of a run folder: facts of each test, and its arrays in single precision."""
+    facts, arrays = [], dict[str, NDArray[np.float32]]()
+    for number, each in enumerate(predictions):
+        values = {own.name: getattr(each.test, own.name) for own in fields(each.test)} | _DROPPED
+        values |= {"model": each.model_force, "substeps": each.substeps}
+        channels = {name for name, value in values.items() if isinstance(value, np.ndarray)}
+        arrays |= {f"{name}_{number}": values[name].astype(np.float32) for name in channels}
+        facts.append({name: value for name, value in values.items() if name not in channels})
     content = io.BytesIO()
-    np.savez_compressed(content, facts=np.array(json.dumps(facts)), **arrays)
+    np.savez_compressed(content, facts=np.array(json.dumps(plain(facts))), **arrays)
     return content.getvalue()
-
-
-def _channels(test: DamperTest) -> tuple[str, ...]:
-    varying = (name for name in _COMMANDS if isinstance(getattr(test, name), np.ndarray))
-    return (*_CHANNELS, *varying)
 
 
 def read_predictions(run: RunFolder, name: str = PREDICTIONS, *, verb: str = _VERB) -> tuple[Prediction, ...]:
@@ -253,20 +215,18 @@ def read_predictions(run: RunFolder, name: str = PREDICTIONS, *, verb: str = _VE
     if arrays is None:
         return ()
     with run.explained(name):
-        stated = built(tuple[_Facts, ...], json.loads(str(arrays["facts"])))
+        stated = json.loads(str(arrays["facts"]))
         return tuple(_prediction(facts, number, arrays) for number, facts in enumerate(stated))
 
 
-def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) -> Prediction:
-    channels = {
-        channel: freeze_samples(arrays[f"{channel}_{number}"].astype(np.float64))
-        for channel in (*_CHANNELS, *_COMMANDS, "model")
-        if channel not in _COMMANDS or f"{channel}_{number}" in arrays
-    }
-    model_force = channels.pop("model")
-    stated = {each.name: getattr(facts, each.name) for each in fields(facts)}
-    substeps = stated.pop("substeps")
-    return Prediction(test=DamperTest(**stated | channels), model_force=model_force, substeps=substeps)
+def _prediction(facts: dict[str, Any], number: int, arrays: Mapping[str, NDArray[Any]]) -> Prediction:
+    names = (*(own.name for own in fields(DamperTest)), "model")
+    channels = {name: arrays[key].tolist() for name in names if (key := f"{name}_{number}") in arrays}
+    return Prediction(
+        test=built(DamperTest, facts | channels),
+        model_force=freeze_samples(np.array(channels["model"])),
+        substeps=facts["substeps"],
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
