@@ -197,7 +197,7 @@ _DROPPED = {"findings": (), "original": None}
 
 def predictions_content(predictions: Sequence[Prediction]) -> bytes:
     """The file `predictions.npz` of a run folder: facts of each test, and its arrays in single precision."""
-    facts, arrays = [], dict[str, NDArray[np.float32]]()
+    facts, arrays = [], dict[str, Any]()
     for number, each in enumerate(predictions):
         values = {own.name: getattr(each.test, own.name) for own in fields(each.test)} | _DROPPED
         values |= {"model": each.model_force, "substeps": each.substeps}
