@@ -45,7 +45,7 @@ def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | Non
     prose = (
         "The prediction band (light blue) should contain the stated share of a measurement. It is "
         f"{bands.calibration.basis}: {'; '.join(names or bands.calibration.tests)}. It is valid for excitations and "
-        "commands like these, not beyond them.",
+        f"commands like these; known beyond them: {bands.calibration.reach_in_words}.",
         _verdict([*covered.values()]),
     )
     return Section(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import format_fixed, percent
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.errors import MrworkError, RecordError, SettingError
@@ -88,6 +88,7 @@ class StoredBands(Summarised):
             "held_out": calibration.held_out,
             "seen": [asdict(each) for each in calibration.seen],
             "shape": asdict(calibration.shape),
+            "reach": [named(each, "quantity", "below", "severity") for each in calibration.reach],
             "coverage": [asdict(row) for row in self.coverage],
         }
 

@@ -198,6 +198,11 @@ class Calibration(Summarised):
         return f"calibrated on {n_tests} tests {self.held_out}"
 
     @property
+    def reach_in_words(self) -> str:
+        """How far beyond the tests bands are known, in words."""
+        return ", ".join(each.in_words for each in self.reach) or "nowhere"
+
+    @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on tests that were given but not used, and on tests that count as one."""
         remarks = []
@@ -221,7 +226,7 @@ class Calibration(Summarised):
                     f"deviation x ({shape.level:.3g} + {shape.slope:.3g} steepness) + {shape.floor:.3g} N",
                 ),
                 ("mean error over the cycle", "removed" if self.shape.bias else "not removed"),
-                ("known beyond the tests", ", ".join(each.in_words for each in self.reach) or "nowhere"),
+                ("known beyond the tests", self.reach_in_words),
             ),
             notes=list(self.remarks),
             columns=("test", "median score", "90 % score"),
