@@ -300,11 +300,8 @@ class _Trials:
         problem = self.problem.whole
         self._course.begin("dampers at i = 0 and at the largest command", "core", self._cost(2), 0)
         off, on = (self._run(problem, constant_share(problem.devices, share)) for share in (0.0, 1.0))
-        return (
-            off,
-            on,
-            magnitudes_of_runs(problem.building, problem.motions, off, on, devices=problem.devices),
-        )
+        magnitudes = magnitudes_of_runs(problem.building, problem.motions, off, on, devices=problem.devices)
+        return off, on, magnitudes
 
     def _run(self, problem: DesignProblem, law: ControlLaw) -> Runs:
         return simulate_criteria(
