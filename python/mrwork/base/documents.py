@@ -17,7 +17,7 @@ from typing import Any, TypeVar, cast
 from mrwork.base import hints as nodes
 from mrwork.base.arguments import Refusal, accept, in_words
 from mrwork.base.docstrings import before_sections
-from mrwork.base.hints import InUnit, Node, Within, fields_of
+from mrwork.base.hints import InUnit, Node, Within
 from mrwork.base.keys import (
     Arguments,
     Key,
@@ -42,10 +42,9 @@ T = TypeVar("T")
 
 
 def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
-    """Read a table into the dataclass `kind`; its field `place`, if it has one, is the place.
+    """Read a table into the dataclass `kind`, or into the `Arguments` of a tuple of functions.
 
-    A tuple of functions in the place of the dataclass makes their `Arguments`. All mistakes of the table, and of the
-    tables in it, are raised together.
+    All mistakes of the table, and of the tables in it, are raised together.
     """
     values: dict[str, Any] = {}
     with all_mistakes() as part:
@@ -61,7 +60,6 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
         if isinstance(kind, tuple):
             made = cast(T, Arguments(functions=kind, given=values, place=place.kept))
         else:
-            values |= {"place": place.kept} if "place" in fields_of(cast(Any, kind)) else {}
             made = kind(**values)
     place.look_up(made)
     return made

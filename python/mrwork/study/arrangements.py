@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from mrwork.base.documents import given_values
 from mrwork.base.keys import as_document, is_required, keys_of, refuse_missing, suggestion
@@ -17,7 +17,6 @@ from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command, products_of, refuse_rate, sends_shares
-from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.user_law import UserLaw
@@ -295,46 +294,22 @@ def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
         raise InvalidSettingError("gain", "the gain stands here and among the settings; keep one")
 
 
-def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:
-    """Raise a SettingError with the place in the study file, where the table has one."""
-    if table.place is None:
-        raise SettingError(sentence)
-    table.place.within(*keys).refuse(sentence)
-
-
-def check_law(table: TuneTable, law: str) -> None:
-    """Refuse a name that is no control law."""
-    if law not in SETTINGS:
-        refuse_within(table, f"no control law is called {law!r}{suggestion(law, [*SETTINGS])}", "laws")
-
-
-def check_criterion(table: TuneTable, key: str, name: str) -> None:
-    """Refuse a name that is no criterion."""
-    known = [entry.name for entry in criteria()]
-    if name not in known:
-        refuse_within(table, f"no criterion is called {name!r}{suggestion(name, known)}", key)
-
-
 def resolve_settings(table: TuneTable, place: Place, folder: Path) -> TuneTable:
     """A table whose settings, if any, are in SI, with the matrices of the files that they name.
 
-    Names of laws and criteria must exist; settings that a law does not have are left to the tuning, which refuses them.
-    What the tuning refuses is told at the place.
+    Settings that a law does not have are left to the tuning, which refuses them.
     """
-    table, settings = replace(table, place=place), dict(table.settings or {})
+    if table.settings is None:
+        return table
+    settings, where = dict(table.settings), place.within("settings")
     with all_mistakes() as part:
-        for law in table.laws:
+        for kind in map(SETTINGS.__getitem__, table.laws):
             with part():
-                check_law(table, law)
-                names, where = {entry.name for entry in keys_of(SETTINGS[law])}, place.within("settings")
-                own = {name: value for name, value in (table.settings or {}).items() if name in names}
-                own = _with_matrices(SETTINGS[law], own, where, folder)
-                settings |= as_document(given_values(SETTINGS[law], own, where))
-        for key in ("criteria", "objectives", "constraints"):
-            for name in getattr(table, key) or ():
-                with part():
-                    check_criterion(table, key, name)
-    return table if table.settings is None else replace(table, settings=settings)
+                names = {entry.name for entry in keys_of(kind)}
+                own = {name: value for name, value in table.settings.items() if name in names}
+                own = _with_matrices(kind, own, where, folder)
+                settings |= as_document(given_values(kind, own, where))
+    return replace(table, settings=settings)
 
 
 def _with_matrices(

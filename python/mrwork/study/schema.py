@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import checked
@@ -20,13 +20,15 @@ from mrwork.base.keys import (
     optional,
     positive,
     refuse_repeated,
+    suggestion,
     tables,
     toml_value,
 )
-from mrwork.base.places import KeyPath, Place
+from mrwork.base.places import KeyPath, all_mistakes
 from mrwork.base.summary import list_names
 from mrwork.base.units import RATIOS, DriverUnit
 from mrwork.buildings.from_file import BuildingTable
+from mrwork.closed_loop.evaluation import criteria, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.laws import LawName
@@ -62,8 +64,11 @@ class Stated:
     __slots__ = ()
 
     def __post_init__(self) -> None:
-        for keys, sentence in self._mistakes():
-            raise InvalidSettingError(keys, sentence)
+        refuse_repeated(self)
+        with all_mistakes() as part:
+            for keys, sentence in self._mistakes():
+                with part():
+                    raise InvalidSettingError(keys, sentence)
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         raise NotImplementedError
@@ -129,7 +134,7 @@ class UncertaintyTable:
 
 
 @checked
-class TuneTable:
+class TuneTable(Stated):
     """Laws whose settings `mrwork tune` searches, each for itself, on the training motions of the study.
 
     A candidate is scored by the mean of its criteria over those at i = 0, under each motion and realisation; the risk
@@ -189,10 +194,40 @@ class TuneTable:
     seed: int = key(
         "seed of the search, added to that of the command line", default=0, least=0, most=LARGEST_SEED
     )
-    place: Place | None = field(default=None, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        refuse_repeated(self)
+    def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
+        # Laws and searches take long to load, and most studies tune none.
+        from mrwork.control.laws.law_settings import SETTINGS
+        from mrwork.search.registry import ALL_OPTIMISERS
+
+        if not self.laws:
+            yield "laws", "laws is empty; name the laws to be tuned"
+        for law in self.laws:
+            if law not in SETTINGS:
+                yield "laws", f"no control law is called {law!r}{suggestion(law, [*SETTINGS])}"
+        if self.search not in ALL_OPTIMISERS:
+            yield "search", f"no search is called {self.search!r}{suggestion(self.search, [*ALL_OPTIMISERS])}"
+        if self.budget < self.population:
+            needed = f"one generation takes {self.population} candidates"
+            yield "budget", f"budget is {self.budget}, and {needed}; allow more"
+        if self.tail is not None and self.risk != "cvar":
+            sentence = f"tail has no effect on the risk {self.risk!r}"
+            yield "tail", f'{sentence}; leave it out, or give risk = "cvar"'
+        if len(self.objectives) == 1:
+            yield "objectives", "objectives takes two criteria or more, each once; leave it out for a score"
+        known = [entry.name for entry in criteria()]
+        for each in ("criteria", "objectives", "constraints"):
+            for name in getattr(self, each) or ():
+                if name not in known:
+                    yield each, f"no criterion is called {name!r}{suggestion(name, known)}"
+                elif each != "constraints" and criterion(name).of_command:
+                    yield (
+                        each,
+                        f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints",
+                    )
+        for name, weight in self.criteria.items() if isinstance(self.criteria, Mapping) else ():
+            if not (weight > 0.0 and math.isfinite(weight)):
+                yield "criteria", f"the weight of {name} is {weight:g}; give a positive number"
 
 
 Use = Literal["test", "training"]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mrwork.base.numbers import duration_in_words
+from mrwork.base.places import keyed
 from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.laws.law_settings import design_law, settings_of
@@ -92,11 +93,10 @@ def check_settings(plan: LawPlan) -> None:
     """Refuse settings that make every candidate invalid, such as weights of floors that the building does not have."""
     candidate = plan.space.candidate(plan.space.start)
     try:
-        design_law(plan.law, plan.bench.problem, settings_of(plan.law, candidate.of_law))
-    except InvalidSettingError as error:
-        if plan.table.place is None:
-            raise
-        raise plan.table.place.within("settings").about(error, SettingError) from error
+        with keyed("settings"):
+            design_law(plan.law, plan.bench.problem, settings_of(plan.law, candidate.of_law))
+    except InvalidSettingError:
+        raise
     except SettingError:
         # The middle of the ranges may have no gain where other places of them do.
         return

@@ -10,15 +10,15 @@ from functools import partial
 from typing import Any, Literal
 
 from mrwork.base.arguments import Seed, Threads, checked
-from mrwork.base.keys import given_in, suggestion
+from mrwork.base.keys import given_in
+from mrwork.base.places import Place, keyed, read_each
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.control_law import control_law
-from mrwork.errors import SettingError
-from mrwork.search.registry import ALL_OPTIMISERS, library
+from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.search.registry import library
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.arrangements import check_law, refuse_within
 from mrwork.study.named_laws import designed
 from mrwork.study.reading import placed_study
 from mrwork.study.schema import Risk, TuneTable
@@ -29,7 +29,7 @@ from mrwork.tuning.placing import compare_places
 from mrwork.tuning.problem import Bench, LawPlan, check_controllable, magnitudes_of
 from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
 from mrwork.tuning.score_slopes import without_gradient
-from mrwork.tuning.space import TuningObjective, check_scored_criterion, objective_of, space_of
+from mrwork.tuning.space import TuningObjective, objective_of, space_of
 from mrwork.workers.engine import Workers, by_whom, on_executor
 
 
@@ -96,7 +96,14 @@ def tune(
     check_controllable(study)
     study = designed(study, journal=journal)
     tables = _tables(study, tables, laws, risk, budget)
-    objectives = [_check_table(table, study) for table in tables]
+    place = study.place if tables == study.tunes else Place()
+
+    def objective_of_table(number: int) -> TuningObjective:
+        with keyed("tune", number):
+            return _check_table(tables[number], study)
+
+    with place.prefix_errors():
+        objectives = read_each(objective_of_table, range(len(tables)))
     if journal is not None:
         journal.agree("tuning", _fingerprint(study, tables, rng))
     tuned: list[TunedLaw] = []
@@ -142,7 +149,7 @@ def tune(
             compare = partial(report, "placements", 1)
             places.extend(compare_places(study, call=call, threads=threads, on_compared=compare))
             study = placed_study(study, places[0].storeys)
-        plans, basis, constants = _plan(study, tables, objectives, call, threads)
+        plans, basis, constants = _plan(study, tables, objectives, call, threads, place)
         references.extend(constants)
         if plans:
             references.extend(weights_of_regulators(basis, objectives[0]))
@@ -165,7 +172,7 @@ def tune(
 def plan_of(study: Study, table: TuneTable, threads: int) -> LawPlan:
     """The one law of a table as `tune` plans it."""
     check_controllable(study)
-    plans, _, _ = _plan(study, [table], [_check_table(table, study)], LongCall(), threads)
+    plans, _, _ = _plan(study, [table], [_check_table(table, study)], LongCall(), threads, Place())
     return plans[0]
 
 
@@ -175,8 +182,12 @@ def _plan(
     objectives: Sequence[TuningObjective],
     call: LongCall[Any, Any],
     threads: int,
+    place: Place,
 ) -> tuple[list[LawPlan], Basis, list[TunedLaw]]:
-    """The laws of tables, the basis of their first candidates, and the references at a constant command."""
+    """The laws of tables, the basis of their first candidates, and the references at a constant command.
+
+    What is refused of a table begins with its place in the study.
+    """
     bench = Bench.of(study, None, call, threads)
     basis = basis_of(bench, magnitudes_of(bench, [law for table in tables for law in table.laws]))
     constants = [*constant_commands(bench)]
@@ -186,20 +197,25 @@ def _plan(
     if any(each.relative_to == "best_passive" for each in objectives):
         (best,) = (each.candidate for each in constants if each.kind == "best_passive")
         benches = [each.with_constant(best) for each in benches]
-    plans = [
-        LawPlan(
-            table=table,
-            label=f"{control_law(law).title}, {table.label or 'tuned'}",
-            space=space_of(table, law, basis.magnitudes),
-            objective=objective,
-            bench=benches[table.robust],
-        )
-        for table, objective in zip(tables, objectives, strict=True)
-        for law in table.laws
-    ]
-    _check_labels(plans, [each.row.label for each in study.arrangements])
-    for plan in plans:
-        check_settings(plan)
+    plans, labels = list[LawPlan](), {each.row.label for each in study.arrangements}
+    for number, (table, objective) in enumerate(zip(tables, objectives, strict=True)):
+        with place.prefix_errors(), keyed("tune", number):
+            for law in table.laws:
+                label = f"{control_law(law).title}, {table.label or 'tuned'}"
+                # The study file with the chosen settings has all of them as rows.
+                if label in labels:
+                    sentence = f"two results would be called {label!r}; give a table another label"
+                    raise InvalidSettingError("label", sentence)
+                labels.add(label)
+                plan = LawPlan(
+                    table=table,
+                    label=label,
+                    space=space_of(table, law, basis.magnitudes),
+                    objective=objective,
+                    bench=benches[table.robust],
+                )
+                check_settings(plan)
+                plans.append(plan)
     return plans, basis, constants
 
 
@@ -221,74 +237,37 @@ def _tables(
 
 
 def _check_table(table: TuneTable, study: Study) -> TuningObjective:
-    """The objective of a table whose names exist."""
-    if not table.laws:
-        refuse_within(table, "laws is empty; name the laws to be tuned", "laws")
-    for law in table.laws:
-        check_law(table, law)
-    if table.search not in ALL_OPTIMISERS:
-        sentence = f"no search is called {table.search!r}{suggestion(table.search, list(ALL_OPTIMISERS))}"
-        refuse_within(table, sentence, "search")
-    if table.budget < table.population:
-        sentence = (
-            f"budget is {table.budget}, and one generation takes {table.population} candidates; allow more"
-        )
-        refuse_within(table, sentence, "budget")
+    """The objective of a table, which the study must be fit for."""
     if table.robust and study.realisations is None:
-        refuse_within(
-            table, "robust needs an [uncertainty] in the study; give one, or leave robust out", "robust"
+        raise InvalidSettingError(
+            "robust", "robust needs an [uncertainty] in the study; give one, or leave robust out"
         )
-    _check_objectives(table)
+    if table.objectives:
+        try:
+            library("pymoo.algorithms.moo.nsga2")
+        except SettingError as reason:
+            sentence = f"a front over several objectives takes NSGA-II: {reason}"
+            raise InvalidSettingError("objectives", sentence) from None
     base = study.at_zero
     for law in table.laws:
         if lacking := beyond_twin(base.building, base.devices, study.hardware, law):
-            refuse_within(table, lacking, "laws")
+            raise InvalidSettingError("laws", lacking)
     if table.gradient_steps and (lacking := without_gradient(study, table)):
-        refuse_within(table, f"{lacking}, or leave gradient_steps out", "gradient_steps")
+        raise InvalidSettingError("gradient_steps", f"{lacking}, or leave gradient_steps out")
     objective = objective_of(table, study.command_unit)
     scales = Scales.of(study.building)
     for key in ("criteria", "objectives", "constraints"):
         for name in getattr(table, key) or ():
             if lacking := scales.lacking(criterion(name).scale):
-                refuse_within(table, f"{name} is known only with {lacking} in [building]; give it", key)
+                raise InvalidSettingError(key, f"{name} is known only with {lacking} in [building]; give it")
     return objective
-
-
-def _check_objectives(table: TuneTable) -> None:
-    """Refuse a front of one objective, of one twice, or without the library for it, before anything is simulated."""
-    if not table.objectives:
-        return
-    for name in table.objectives:
-        check_scored_criterion(table, "objectives", name)
-    if len(set(table.objectives)) < max(2, len(table.objectives)):
-        refuse_within(
-            table, "objectives takes two criteria or more, each once; leave it out for a score", "objectives"
-        )
-    try:
-        library("pymoo.algorithms.moo.nsga2")
-    except SettingError as reason:
-        refuse_within(table, f"a front over several objectives takes NSGA-II: {reason}", "objectives")
-
-
-def _check_labels(plans: Sequence[LawPlan], others: Sequence[str]) -> None:
-    """Refuse a label that another result or an arrangement of the study has, since `chosen.toml` has both."""
-    seen = set(others)
-    for plan in plans:
-        if plan.label in seen:
-            refuse_within(
-                plan.table, f"two results would be called {plan.label!r}; give a table another label", "label"
-            )
-        seen.add(plan.label)
 
 
 def _fingerprint(study: Study, tables: Sequence[TuneTable], rng: int) -> dict[str, object]:
     places = study.table.places
     return {
         **fingerprint_of(study),
-        "tune": [
-            {each.name: getattr(table, each.name) for each in fields(table) if each.name != "place"}
-            for table in tables
-        ],
+        "tune": [{each.name: getattr(table, each.name) for each in fields(table)} for table in tables],
         **({} if places is None else {"places": given_in(places)}),
         "rng": rng,
     }

@@ -20,7 +20,7 @@ from mrwork.closed_loop.responses import COMMAND_UNIT, in_command_unit
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
 from mrwork.control.laws.law_settings import SETTINGS
-from mrwork.study.arrangements import check_criterion, check_law, refuse_within
+from mrwork.errors import InvalidSettingError
 from mrwork.study.runs import Runs
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 
@@ -111,16 +111,7 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     """The objective of a table."""
     given = table.criteria or SCORE
     weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
-    for name, weight in weights.items():
-        check_scored_criterion(table, "criteria", name)
-        if not (weight > 0.0 and math.isfinite(weight)):
-            refuse_within(table, f"the weight of {name} is {weight:g}; give a positive number", "criteria")
-    if table.tail is not None and table.risk != "cvar":
-        sentence = f'tail has no effect on the risk {table.risk!r}; leave it out, or give risk = "cvar"'
-        refuse_within(table, sentence, "tail")
-    limits = {
-        name: _limit(table, name, value, command_unit) for name, value in (table.constraints or {}).items()
-    }
+    limits = {name: _limit(name, value, command_unit) for name, value in (table.constraints or {}).items()}
     return TuningObjective(
         weights=weights,
         risk=table.risk,
@@ -131,27 +122,17 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     )
 
 
-def check_scored_criterion(table: TuneTable, key: str, name: str) -> None:
-    """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
-    check_criterion(table, key, name)
-    if criterion(name).of_command:
-        refuse_within(
-            table, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints", key
-        )
-
-
-def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -> float:
-    check_criterion(table, "constraints", name)
+def _limit(name: str, value: float | str, command_unit: str) -> float:
     if reason := criterion(name).unknown_in(command_unit):
-        refuse_within(table, reason, "constraints")
+        raise InvalidSettingError("constraints", reason)
     unit = criterion(name).unit
     if isinstance(value, str):
         number = number_in(value, in_command_unit(unit, command_unit))
         if isinstance(number, str):
-            refuse_within(table, f"{name} {number}", "constraints")
+            raise InvalidSettingError("constraints", f"{name} {number}")
         value = number
     if not (value > 0.0 and math.isfinite(value)):
-        refuse_within(table, f"{name} is {value:g}; give a positive limit [{unit}]", "constraints")
+        raise InvalidSettingError("constraints", f"{name} is {value:g}; give a positive limit [{unit}]")
     return value
 
 
@@ -322,7 +303,6 @@ class SettingSpace(Summarised):
 
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
     """The free settings of a law with their ranges, from a table and from what the law declares."""
-    check_law(table, law)
     kind = SETTINGS[law]
     held = _held_settings(table, law, kind)
     spans: dict[str, Span] = {
@@ -338,7 +318,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     free = []
     for name in _free_names(table, law, kind, spans, held):
         given = (table.free or {}).get(name, ())
-        free += _free(table, name, given, spans.get(name), magnitudes)
+        free += _free(name, given, spans.get(name), magnitudes)
         held.pop(name, None)
     chosen = {each.name for each in free}
     if is_semi_active(held) and "control_weight" in spans and "control_weight" not in chosen:
@@ -355,9 +335,9 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     ]
     if missing:
         sentence = f"{law} has no {missing[0]}; give it among the settings, or as free with its range"
-        refuse_within(table, sentence, "settings")
+        raise InvalidSettingError("settings", sentence)
     if not free:
-        refuse_within(table, f"no setting of {law} is free; leave some out of its settings", "free")
+        raise InvalidSettingError("free", f"no setting of {law} is free; leave some out of its settings")
     return SettingSpace(law=law, held=held, free=tuple(free), largest_command=magnitudes.command)
 
 
@@ -373,7 +353,7 @@ def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[
     for name in held:
         if name not in known:
             sentence = f"{law} has no setting {name!r}{suggestion(name, known, otherwise='it has')}"
-            refuse_within(table, sentence, "settings", name)
+            raise InvalidSettingError(("settings", name), sentence)
     if not kind.weight_names() & {*held, *(table.free or {})}:
         held |= kind.weighed_by_default
     return held
@@ -389,13 +369,17 @@ def _free_names(
         for name in table.free:
             if name not in known:
                 near = suggestion(name, known, otherwise="it has")
-                refuse_within(
-                    table, f"{law} has no setting {name!r} that can be searched{near}", "free", name
+                raise InvalidSettingError(
+                    ("free", name), f"{law} has no setting {name!r} that can be searched{near}"
                 )
             if name in spans and spans[name].held:
-                refuse_within(table, f"{name} of {law} is not searched: {spans[name].held}", "free", name)
+                raise InvalidSettingError(
+                    ("free", name), f"{name} of {law} is not searched: {spans[name].held}"
+                )
             if name in (table.settings or {}):
-                refuse_within(table, f"{name} is held among the settings and free; keep one", "free", name)
+                raise InvalidSettingError(
+                    ("free", name), f"{name} is held among the settings and free; keep one"
+                )
         return list(table.free)
     if is_semi_active(held):
         spans = {
@@ -412,26 +396,24 @@ def _free_names(
     return [*names, *([LARGEST] if commands else [])]
 
 
-def _free(
-    table: TuneTable, name: str, given: Sequence[float], span: Span | None, magnitudes: Magnitudes
-) -> list[FreeSetting]:
+def _free(name: str, given: Sequence[float], span: Span | None, magnitudes: Magnitudes) -> list[FreeSetting]:
     scale = "linear" if span is None else span.scale
     if given:
         if len(given) != 2 or not given[0] < given[1] or (scale == "log" and given[0] <= 0.0):
             positive = " of positive numbers" if scale == "log" else ""
             sentence = f"the range of {name} takes its lower and its upper end{positive}, as [1e-14, 1e-9]"
-            refuse_within(table, sentence, "free", name)
+            raise InvalidSettingError(("free", name), sentence)
         lower, upper = given
         if scale == "log" and upper > _WIDEST * lower:
             sentence = f"the range of {name} is from {lower:g} to {upper:g}; its ends may differ by {_WIDEST:g} times"
-            refuse_within(table, sentence, "free", name)
+            raise InvalidSettingError(("free", name), sentence)
     elif span is None:
         lower, upper = magnitudes.command / _SHARES, magnitudes.command
     else:
         lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
     if name == LARGEST and not 0.0 < lower <= upper <= magnitudes.command * (1.0 + 1e-9):
         sentence = f"{LARGEST} may be from above 0 to {of_unit(magnitudes.command, '', 4)}, the largest of the dampers"
-        refuse_within(table, sentence, "free", name)
+        raise InvalidSettingError(("free", name), sentence)
     levels = _SHARES if name == LARGEST else 0
     whole = FreeSetting(name=name, lower=float(lower), upper=float(upper), scale=scale, levels=levels)
     if span is None or not span.entries:
