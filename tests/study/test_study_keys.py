@@ -355,7 +355,7 @@ def test_the_command_lists_them_below_each_other(tmp_path: Path) -> None:
         ("drifts = 1.0", "drifts = nan", 1),
         ("storey = 1", 'storey = "roof"', 1),
         ("peak_drift = 1", "peak_drft = 1", 1),
-        ('laws = ["lyapunov"]', 'laws = ["liapunov", "mpc"]\nobjectives = ["peak"]', 3),
+        ('laws = ["lyapunov"]', 'laws = ["liapunov", "mpc"]\nobjectives = ["peak", "rms_drift"]', 3),
         # Two in one table.
         ("storey = 1", "storey = 1\nsurplus = 2\nlag = -1", 2),
     ],

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain, islice
 from math import cos, inf
 from pathlib import Path
-from typing import TypeVar, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -28,8 +27,6 @@ from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.dampers.tested_range import FittedDamper, OperatingRange
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.study.schema import DamperTable
-
-ReadT = TypeVar("ReadT")
 
 Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""
@@ -227,14 +224,6 @@ def _refuse_unknown(plain: DamperSpec, name: str, key: str) -> None:
 _JOINT_SHARE = 1e-3
 
 
-def _each(tables: Sequence[DamperTable], read: Callable[[DamperTable], ReadT]) -> list[ReadT]:
-    def one(number: int) -> ReadT:
-        with keyed("damper", number):
-            return read(tables[number])
-
-    return read_each(one, range(len(tables)))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherSet:
     """Another set of laws that predicts nearly as well: fitted dampers by run, and the dampers of the tables."""
@@ -265,7 +254,12 @@ def equip_building(
     bare: Building, tables: Sequence[DamperTable], chosen: Sequence[ChosenDamper]
 ) -> tuple[Building, tuple[Device, ...]]:
     """The building with braces, and its devices."""
-    building, rows = bare, _each(tables, partial(_row_of, bare))
+
+    def row_of(number: int) -> Floats:
+        with keyed("damper", number):
+            return _row_of(bare, tables[number])
+
+    building, rows = bare, read_each(row_of, range(len(tables)))
     for number, table in enumerate(tables):
         if table.brace is not None:
             mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.base.documents import read_table
-from mrwork.base.keys import Arguments, keys_of, suggestion
+from mrwork.base.keys import Arguments, given_in, suggestion
 from mrwork.base.numbers import of_unit
 from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.summary import list_names
@@ -187,10 +187,7 @@ def counted_study(study: Study, counts: Sequence[int]) -> Study:
 
 
 def _with_dampers(study: Study, dampers: Sequence[DamperTable]) -> Study:
-    table = replace(study.table, damper=tuple(dampers), places=None, folder="")
-    values = {entry.name: getattr(table, entry.name) for entry in keys_of(StudyTable)}
-    given = {name: list(each) if isinstance(each, tuple) else each for name, each in values.items()}
-    stated = {name: each for name, each in given.items() if each is not None and each != []}
+    stated = given_in(replace(study.table, damper=tuple(dampers), places=None, folder=""))
     place = replace(study.place, questions=[])
     return study_of_tables(
         stated, place, study.folder, study.identified, study.hardware.seed, file=study.file
