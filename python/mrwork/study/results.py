@@ -674,16 +674,14 @@ def largest_step_changes(results: StudyResults) -> tuple[StepChange, ...]:
 
 
 def _largest(results: StudyResults, row: int, motions: list[int]) -> StepChange:
-    largest: list[tuple[float, str, int]] = []
-    unfinished = []
-    for motion in motions:
-        changes = results.step_changes(row, motion)
-        if changes is None:
-            unfinished.append(motion)
-            continue
-        # A criterion that the file does not have is not compared, nor a count, which jumps by more than the step does.
-        compared = [each for each in changes if not criterion(each).counted]
-        name = max(compared, key=lambda each: -1.0 if math.isnan(changes[each]) else changes[each])
-        largest.append((changes[name], name, motion))
-    change, name, motion = max(largest, key=lambda each: each[0], default=(0.0, "", 0))
-    return StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=tuple(unfinished))
+    changes = {motion: results.step_changes(row, motion) for motion in motions}
+    # A count jumps by more than the step does.
+    compared = [
+        (change, name, motion)
+        for motion, of_run in changes.items()
+        for name, change in (of_run or {}).items()
+        if not (criterion(name).counted or math.isnan(change))
+    ]
+    change, name, motion = max(compared, key=lambda each: each[0], default=(0.0, "", 0))
+    unfinished = tuple(motion for motion, of_run in changes.items() if of_run is None)
+    return StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=unfinished)
