@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal, get_args
 
 import numpy as np
 
 from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, labels_of, tree_of
-from mrwork.base.numbers import counted
+from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
-from mrwork.base.summary import Summarised, Summary
+from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
@@ -579,10 +580,33 @@ class StudyResults(Plotted, Summarised):
         return outcome_in_words(outcome)
 
     def _summary(self) -> Summary:
-        # It compares these results.
-        from mrwork.study.summary import study_summary
+        shown = range(min(len(self.motions), _MOTIONS_SHOWN))
+        drifts = self.labelled.numbers["peak_drift"][:, list(shown), 0]
+        return Summary(
+            title=f"{self.title}: {self.done} of {counted(self.total, 'run')}",
+            facts=(
+                ("dampers", list_names(self.device_names)),
+                *((f"{use} motions", list_names(self.names_of(use))) for use in get_args(Use)),
+            ),
+            cautions=self.warnings(),
+            tables=[
+                Table(
+                    columns=("peak drift [m]", *(self.motions[motion].name for motion in shown)),
+                    rows=[
+                        (row.label, *map(format_rounded, of_row))
+                        for row, of_row in zip(self.rows, drifts.tolist(), strict=True)
+                    ],
+                )
+            ],
+        )
 
-        return study_summary(self)
+    def names_of(self, use: Use) -> list[str]:
+        """Names of the motions of a use."""
+        return [motion.name for motion in self.motions if motion.use == use]
+
+
+# Most motions of which a summary has the drifts.
+_MOTIONS_SHOWN: Final = 5
 
 
 def _relative_change(value: float, other: float) -> float:

@@ -43,10 +43,7 @@ def study_summary(results: StudyResults) -> Summary:
         title=f"{results.title}{begun}",
         facts=(
             ("dampers", list_names(results.device_names)),
-            *(
-                (f"{use} motions", list_names([each.name for each in results.motions if each.use == use]))
-                for use in get_args(Use)
-            ),
+            *((f"{use} motions", list_names(results.names_of(use))) for use in get_args(Use)),
         ),
         cautions=results.warnings(),
         tables=[*_tables(comparison)],
