@@ -110,7 +110,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
         )
 
     def text(results: TunedStudy, drawn: bool, written: bool) -> str:
-        found = results.tuned._summary().text(whole=True)
+        found = results.tuned._found().text(whole=True)
         judged = study_text(results, place if drawn or not written else None)
         settings = f"Settings for mrwork respond: {place / CHOSEN}"
         return "\n".join([found, "", *design_lines(wider), judged, settings])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -252,6 +252,12 @@ class TuningResults(Plotted, WithAxes, Summarised):
         )
 
     def _summary(self) -> Summary:
+        found = self._found()
+        hint = "What the settings are worth on other motions: mr.tuning.judge(study, tuned)."
+        return replace(found, cautions=self.warnings, notes=(*found.notes, hint))
+
+    def _found(self) -> Summary:
+        """The summary without what the judging study says, too: warnings, and what the settings are worth."""
         places = places_table(self)
         columns = ("law", "objective", "settings")
         rows = tuple(
@@ -264,11 +270,9 @@ class TuningResults(Plotted, WithAxes, Summarised):
                 ("training motions", list_names(self.training)),
                 ("searches", self.effort_in_words),
                 *(("best placement", each.in_words) for each in self.places[:1]),
-                *((f"certificate of {law.label}", law.certificate) for law in self.laws),
             ),
             tables=(*([] if places is None else [places]), Table(columns=columns, rows=rows, words=(2,))),
-            cautions=self.warnings,
-            notes=["What the settings are worth on other motions: mr.tuning.judge(study, tuned)."],
+            notes=[f"{law.label}: {law.certificate}" for law in self.laws if law.certificate],
         )
 
     @property
@@ -307,29 +311,31 @@ def places_table(results: TuningResults) -> Table | None:
     )
 
 
-def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
-    """Settings in one line, those of the command last."""
+def settings_in_words(
+    settings: Mapping[str, Any], command_unit: str, number: Callable[[float], str] = format_rounded
+) -> str:
+    """Settings in one line, those of the command last, with a `number` as a page or a terminal has it."""
     candidate = LawCandidate(settings)
     words = {
         LARGEST: ("at most", "of the largest" if command_unit == BOTH_UNITS else command_unit),
         DEAD_ZONE: ("dead zone", "m/s"),
         COMMAND_SLOPE: ("slope at most", f"{command_unit}/s"),
     }
-    parts = [f"{name} {setting_in_words(value)}" for name, value in candidate.of_law.items()]
+    parts = [f"{name} {setting_in_words(value, number)}" for name, value in candidate.of_law.items()]
     for name, value in candidate.of_command.items():
         word, unit = words[name]
-        parts.append(f"{word} {format_rounded(value)} {unit}")
+        parts.append(f"{word} {number(value)} {unit}")
     return ", ".join(parts)
 
 
-def setting_in_words(value: Any) -> str:
+def setting_in_words(value: Any, number: Callable[[float], str]) -> str:
     """The value of a setting in a line; of a long array the number of its entries."""
     if value is None or isinstance(value, str):
         return value or "-"
     if isinstance(value, int | float):
-        return format_rounded(float(value))
+        return number(float(value))
     if isinstance(value, Mapping):
-        return f"({', '.join(f'{name} {setting_in_words(item)}' for name, item in value.items())})"
+        return f"({', '.join(f'{name} {setting_in_words(item, number)}' for name, item in value.items())})"
     if len(value) > _MOST_IN_WORDS:
         return f"{len(value)} numbers"
-    return f"[{', '.join(setting_in_words(item) for item in value)}]"
+    return f"[{', '.join(setting_in_words(item, number) for item in value)}]"

@@ -114,7 +114,8 @@ def _settings_section(results: TunedStudy) -> Section | None:
             label=f"Settings of {each.label}",
             columns=("Setting", "Value", "Searched"),
             rows=tuple(
-                (name, setting_in_words(own), ranges.get(name, "held")) for name, own in each.settings.items()
+                (name, setting_in_words(own, shortest), ranges.get(name, "held"))
+                for name, own in each.settings.items()
             ),
             words=(2,),
         )
@@ -135,7 +136,12 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
         label=title,
         columns=("Point", *heads, "Settings", "Certificate"),
         rows=tuple(
-            (str(place), *numbers(each), settings_in_words(each.settings, command_unit), each.certificate)
+            (
+                str(place),
+                *numbers(each),
+                settings_in_words(each.settings, command_unit, shortest),
+                each.certificate,
+            )
             for place, each in enumerate(front.points, start=1)
         ),
         over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
