@@ -11,7 +11,7 @@ from math import inf, isfinite
 from pathlib import Path
 from typing import Any
 
-from mrwork.base.arguments import Count, Level, NotNegative, Threads
+from mrwork.base.arguments import Count, Level, Threads
 from mrwork.base.hints import InUnit, Node, Within, instead_of, node_of
 from mrwork.base.keys import LARGEST_SEED
 
@@ -114,7 +114,8 @@ THREADS = Range.of(node_of(Threads))
 # Instants of a record may count from a far epoch, in seconds.
 INSTANT = Range(within=Within(least=-1e10, most=1e10), unit="s")
 SETTLE = Range(within=Within(least=0.0, most=1e6), unit="s")
-EVERY, LEVEL, DISPERSION = (Range.of(node_of(each)) for each in (Count, Level, NotNegative))
+EVERY, LEVEL = (Range.of(node_of(each)) for each in (Count, Level))
+DISPERSION = Range(within=Within(least=0.0, most=10.0))
 
 
 def add_number(
