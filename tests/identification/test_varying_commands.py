@@ -28,7 +28,7 @@ from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
-from mrwork.identification.minimise.polish import FinalFit, polish_with_wanted_lag
+from mrwork.identification.minimise.driver_lag import FinalFit, polish_with_wanted_lag
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.minimise.varying_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of

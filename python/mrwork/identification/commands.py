@@ -62,6 +62,13 @@ def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
     )
 
 
+def command_of(test: DamperTest, varying: str = "") -> object:
+    """Key of a test, equal for those of one constant command; one that varies has its label, or the one given."""
+    if test.has_varying_command:
+        return varying or test.label
+    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
+
+
 def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
     """The form with each polynomial law written by its values at tested commands; other bounds stay."""
     spec = with_changed_laws(form.spec, _laws_at(form.spec, commands, logarithms=False))

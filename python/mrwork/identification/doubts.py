@@ -24,8 +24,9 @@ from mrwork.identification.commands import excerpts_of_laws
 from mrwork.identification.covariance import Slopes, autocorrelation_time
 from mrwork.identification.fit import Fit
 from mrwork.identification.force_lag import force_lag_warnings
+from mrwork.identification.minimise.driver_lag import missing_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.polish import Polished, missing_lag
+from mrwork.identification.minimise.polish import Polished
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import Objective, observe_tests_by, up_to
 from mrwork.identification.problem import Problem

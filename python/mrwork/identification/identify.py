@@ -20,9 +20,9 @@ from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
 from mrwork.identification.minimise.by_optimiser import points_from_optimiser
+from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.minimise.plain_search import points_from_multistart
-from mrwork.identification.minimise.polish import polish_with_wanted_lag
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of

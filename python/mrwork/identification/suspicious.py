@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.dampers.command import command_level
+from mrwork.identification.commands import command_of
 from mrwork.records import DamperTest
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
@@ -26,13 +26,6 @@ def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False)
         groups.setdefault(command_of(test) if follows_command else None, []).append(test)
     squares = [square for group in groups.values() for square in _linear_squares(group)]
     return float(np.sqrt(np.mean(squares)))
-
-
-def command_of(test: DamperTest, varying: str = "") -> object:
-    """Key of a test, equal for those of one constant command; one that varies has its label, or the one given."""
-    if test.has_varying_command:
-        return varying or test.label
-    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
 
 
 def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:

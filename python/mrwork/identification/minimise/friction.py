@@ -12,7 +12,7 @@ from mrwork.base.values import Floats
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
-from mrwork.identification.minimise.multistart import _on_bound, minima_from
+from mrwork.identification.minimise.multistart import minima_from, on_bound
 from mrwork.identification.minimise.nested import NestedFit
 from mrwork.identification.minimise.stiffness import is_at_stiffness_limit, stiffness_and_slope
 from mrwork.identification.objective import Objective, up_to
@@ -45,7 +45,7 @@ def examine_limit(
         within, least = float(objective(theta).min()), float(beyond.misfit.min())
         if within - least <= min(points / 100.0, _MEASURABLE * within):
             unit = np.asarray(box.unit_from_theta(theta))
-            inner = np.clip(unit, _OFF_BOUNDS, 1.0 - _OFF_BOUNDS)[np.any(_on_bound(unit), axis=1)]
+            inner = np.clip(unit, _OFF_BOUNDS, 1.0 - _OFF_BOUNDS)[np.any(on_bound(unit), axis=1)]
             return objective, np.concatenate([theta, np.asarray(box.theta_from_unit(inner))])
         theta = minima_from(higher, box, beyond.theta, mirrored=form.mirrored, on_iteration=on_iteration)
         objective = higher

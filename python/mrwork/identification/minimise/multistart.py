@@ -124,7 +124,7 @@ def search_starts(
         least_rounds = settings.least_rounds
         if least_rounds > 1:
             best = np.asarray(box.unit_from_theta(rounds.best_minimum))
-            least_rounds += bool(np.any(_on_bound(best)))
+            least_rounds += bool(np.any(on_bound(best)))
         at_best = np.count_nonzero(np.array(rounds.misfits) <= (1.0 + settings.closeness) * rounds.least)
         # Of the rounds that ran together, the last one too must not have lowered the least misfit.
         before = min(rounds.misfits[: -settings.starts], default=math.inf)
@@ -334,7 +334,8 @@ EXCERPTS = "excerpts"
 """What the searches fit that compare parts of the tests."""
 
 
-def _on_bound(unit: Floats) -> NDArray[np.bool_]:
+def on_bound(unit: Floats) -> NDArray[np.bool_]:
+    """Whether unit coordinates are on a bound."""
     return np.asarray((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND))
 
 

@@ -17,9 +17,9 @@ import numpy as np
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
+from mrwork.identification.commands import command_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.settings import Fold
-from mrwork.identification.suspicious import command_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.bands.prediction import (
     IN_WORDS,

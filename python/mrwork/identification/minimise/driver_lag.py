@@ -1,0 +1,195 @@
+"""The driver's lag of a fit: one that the tests do not want is left out, and one that is missing is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.spec import DamperSpec, with_changed_laws
+from mrwork.identification.equivalent import bounds_of, identifiable_form
+from mrwork.identification.minimise.multistart import minima_from
+from mrwork.identification.minimise.polish import OnStart, OnStep, Polished, polish
+from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem, rate_is_shown
+
+# Rates of the lag [1/s] that are tried where it was left out: from a slow coil and driver to that of a fast one.
+_TRIED_RATES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
+# A lag is missing if one of these rates brings the misfit below this share of that without it, with no other change.
+_SHARE = 0.98
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissingLag:
+    """Rate of the driver's lag [1/s] that lowers the misfit of a fit without a lag, other parameters unchanged."""
+
+    rate: float
+    misfit_without: float
+    misfit_with: float
+
+    @property
+    def in_words(self) -> str:
+        """A sentence that says what to do."""
+        return (
+            f"a driver's lag of about {self.rate:g} 1/s would lower the misfit from {100.0 * self.misfit_without:.2f} "
+            f"to {100.0 * self.misfit_with:.2f} % with no other change: the command that was recorded reaches the coil "
+            "later; fit the lag with --driver-lag, in Python lagged=True"
+        )
+
+
+def missing_lag(spec: DamperSpec, objective: Objective, theta: Floats) -> MissingLag | None:
+    """The lag with which the fit `theta` without one describes the tests better; `None` where there is none."""
+    if (
+        not spec.follows_command
+        or spec.lagged
+        or not any(test.has_varying_command for test in objective.tests)
+    ):
+        return None
+    lagged = objective.on(with_changed_laws(spec, lagged=True), objective.tests)
+    tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
+    before = float(objective(theta[None])[0])
+    best = int(np.argmin(tried))
+    if not tried[best] < _SHARE * before:
+        return None
+    return MissingLag(rate=_TRIED_RATES[best], misfit_without=before, misfit_with=float(tried[best]))
+
+
+T = TypeVar("T")
+
+# The fit with the lag is better than by chance where n_effective ln(squared misfit without it / with it), chi-squared
+# of one degree of freedom if there is no lag, exceeds this: its quantile of 99 %.
+_CHANCE = 6.63
+# From here on the parts of the tests that starts are compared on are sufficient to tell.
+_CLEAR = 10.0 * _CHANCE
+# A coil that comes this close to its command within a sample follows it at once, as far as the samples show.
+_WITHIN_A_SAMPLE = 0.01
+
+
+@array_dataclass()
+class FinalFit:
+    """The minimum at which a fit ends, of the problem that it solves, and sentences on the driver's lag."""
+
+    problem: Problem
+    polished: Polished
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the NRMSE of all tests."""
+        return float(self.problem.objective(self.polished.theta[None])[0])
+
+
+def polish_with_wanted_lag(
+    problem: Problem, points: StartingPoints, *, on_start: OnStart, on_step: OnStep
+) -> FinalFit:
+    """Fit to convergence from the starting points, without the driver's lag where that is as good.
+
+    A lag whose rate is to be estimated must describe tests of varying commands better, by more than chance. Else, also
+    where the fit with it ended in a false minimum, the fit without it is returned with a sentence on both misfits.
+    """
+    lagged = FinalFit(problem=problem, polished=polish(problem, points, on_start=on_start, on_step=on_step))
+    if not rate_is_shown(problem.form.spec, problem.form, problem.objective.tests):
+        return lagged
+    plain = _without_lag(problem)
+    if not plain.form.box.free:
+        return lagged
+    objective = points.objective.on(plain.form.spec, points.objective.tests)
+    given = np.array([lagged.polished.theta, *points.theta])[:, :-1]
+    starts = replace(
+        points,
+        objective=objective,
+        form=plain.form,
+        theta=minima_from(objective, plain.form.box, given, mirrored=plain.form.mirrored),
+        minima=True,
+    )
+    if _is_clear(lagged, points, starts):
+        return lagged
+    polished = polish(plain, starts, on_step=on_step)
+    without = FinalFit(problem=plain, polished=polished)
+    missing = missing_lag(plain.form.spec, plain.objective, polished.theta)
+    minimised = float(lagged.problem.objective(lagged.polished.theta[None])[0])
+    if missing is not None and missing.misfit_with < minimised:
+        # The search with the lag has ended in a false minimum.
+        start = replace(points, theta=problem.inside([*polished.theta, missing.rate])[None], minima=True)
+        again = polish(problem, start, on_step=on_step)
+        lagged = FinalFit(problem=problem, polished=again)
+    return _choose_fit(lagged, without)
+
+
+def _without_lag(problem: Problem) -> Problem:
+    spec = with_changed_laws(problem.spec, lagged=False)
+    rate = problem.spec.names[-1]
+
+    def drop_rate(values: Mapping[str, T]) -> dict[str, T]:
+        return {name: value for name, value in values.items() if name != rate}
+
+    settings = replace(
+        problem.settings,
+        bounds=drop_rate(problem.settings.bounds),
+        starts=tuple(drop_rate(start) for start in problem.settings.starts),
+    )
+    form = identifiable_form(spec, drop_rate(bounds_of(problem.form.box, problem.form.box.names)))
+    return replace(
+        problem,
+        spec=spec,
+        settings=settings,
+        form=form,
+        objective=problem.objective.on(form.spec, problem.objective.tests),
+    )
+
+
+def _is_clear(lagged: FinalFit, points: StartingPoints, without: StartingPoints) -> bool:
+    """Whether the parts of the tests that starts are compared on leave no doubt that the lag is wanted."""
+    with_it = float(points.objective(lagged.polished.theta[None])[0])
+    without_it = float(without.objective(without.theta[:1])[0])
+    missing = missing_lag(without.form.spec, without.objective, without.theta[0])
+    return (
+        _gain(lagged, with_it, without_it) > _CLEAR
+        and (missing is None or missing.misfit_with >= with_it)
+        and not _is_within_a_sample(lagged)
+    )
+
+
+def _gain(lagged: FinalFit, with_it: float, without_it: float) -> float:
+    """n_effective ln(squared misfit without the lag / with it)."""
+    tiny = np.finfo(np.float64).tiny
+    return float(
+        2.0 * lagged.polished.covariance.n_effective * np.log(max(without_it, tiny) / max(with_it, tiny))
+    )
+
+
+def _shortest_step(lagged: FinalFit) -> float:
+    return min(test.dt for test in lagged.problem.objective.tests if test.has_varying_command)
+
+
+def _is_within_a_sample(lagged: FinalFit) -> bool:
+    return bool(np.exp(-lagged.polished.theta[-1] * _shortest_step(lagged)) <= _WITHIN_A_SAMPLE)
+
+
+def _choose_fit(lagged: FinalFit, without: FinalFit) -> FinalFit:
+    """The fit with the lag where it is better by more than chance, else that without it."""
+    with_it, without_it, rate = lagged.misfit, without.misfit, float(lagged.polished.theta[-1])
+    if not _gain(lagged, with_it, without_it) > _CHANCE:
+        return replace(
+            without,
+            warnings=(
+                f"the driver's lag is left out: with it (eta {rate:.4g} 1/s) the misfit is {100.0 * with_it:.4g} %, "
+                f"without it {100.0 * without_it:.4g} %, so these tests show no lag of the coil behind their command; "
+                "fix the rate with --fix eta=VALUE where it is known",
+            ),
+        )
+    if not _is_within_a_sample(lagged):
+        return lagged
+    dt = _shortest_step(lagged)
+    return replace(
+        lagged,
+        warnings=(
+            f"the driver's lag (eta {rate:.4g} 1/s) ends within a sample of {1e3 * dt:.4g} ms: with it a command acts "
+            f"from the next sample on (misfit {100.0 * with_it:.4g} %), without it from its own "
+            f"({100.0 * without_it:.4g} %); tests of a shorter step tell the rate",
+        ),
+    )
