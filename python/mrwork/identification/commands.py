@@ -12,13 +12,7 @@ from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.laws import CommandLaw, LawName
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
-from mrwork.identification.equivalent import (
-    Form,
-    bounds_of,
-    identifiable_form,
-    joint_box,
-    levels_needed,
-)
+from mrwork.identification.equivalent import Form, bounds_of, identifiable_form, joint_box, levels_needed
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of

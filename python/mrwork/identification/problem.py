@@ -26,13 +26,7 @@ from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.residual import bounds_without_offsets, offset_warning
-from mrwork.identification.settings import (
-    FitSettings,
-    Multistart,
-    Search,
-    Start,
-    refuse_unregistered,
-)
+from mrwork.identification.settings import FitSettings, Multistart, Search, Start, refuse_unregistered
 from mrwork.records import DamperTest, observed
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal

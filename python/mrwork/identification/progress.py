@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from mrwork.identification.fit import SearchTrace
 
 T = TypeVar("T")
-
 # Interval at which Ctrl-C is noticed while compiled code runs [s].
 _POLL_SECONDS = 0.05
 

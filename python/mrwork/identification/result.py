@@ -17,14 +17,7 @@ from mrwork.dampers.spec import DamperSpec, hidden_extrema, law_limits
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance
-from mrwork.identification.fit import (
-    ErrorNorms,
-    Fit,
-    FitQuality,
-    FitStatus,
-    SearchTrace,
-    step_in_words,
-)
+from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace, step_in_words
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest

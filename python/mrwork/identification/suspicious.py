@@ -61,7 +61,6 @@ def linear_warning(
 # `_RESOLVED`. On nine measured tests the best minimum of one set of laws reaches 3.1, a false one 3 to 14.
 _FAR_WORSE = 5.0
 _RESOLVED = 0.02
-
 # Tests that a sentence names.
 _SHOWN = 3
 

@@ -59,7 +59,6 @@ def missing_lag(spec: DamperSpec, objective: Objective, theta: Floats) -> Missin
 
 
 T = TypeVar("T")
-
 # The fit with the lag is better than by chance where n_effective ln(squared misfit without it / with it), chi-squared
 # of one degree of freedom if there is no lag, exceeds this: its quantile of 99 %.
 _CHANCE = 6.63

@@ -62,26 +62,21 @@ if TYPE_CHECKING:
 
 # Tests at a command on which starting points are searched: others refine what these have found.
 _PER_COMMAND = 4
-
 # Minima of the plain model that are kept at each command, rounds of their search, and iterations of the others.
 _MINIMA = 4
 _LEVEL_ROUNDS = 3
 _ITERATIONS = 60
-
 # The fit of a test alone: starts, from the minima at its command; iterations; decrease of the squared misfit that ends
 # it. Joint fits that are several times as bad are looked for, so that it need not be exact.
 _OWN_STARTS = 2
 _OWN_ITERATIONS = 30
 _OWN_TOLERANCE = 1e-4
-
 # Commands whose minimum gives further starts of the joint fit; starts with a minimum at random at each command.
 _MOST_SHAPES = 4
 _RANDOM_STARTS = 4
-
 # Local minimisations at one command may leave the searched range by this factor only: laws are fitted to the minima,
 # and an insensitive parameter at the end of its admissible range would distort them.
 _RANGE_FACTOR = 10.0
-
 # Standard deviation of the logarithm of the random factor on the values to which random starts are fitted.
 _SPREAD = 0.25
 

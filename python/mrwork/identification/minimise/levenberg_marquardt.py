@@ -27,17 +27,13 @@ from mrwork.identification.objective import NormalEquations, Objective
 # Convergence: relative decrease of the squared misfit in a step, also at the limit of stiffness.
 TOLERANCE = 1e-7
 _TOLERANCE_AT_LIMIT = 3e-5
-
 # Floor for insensitive parameters; keeps the normal matrix non-singular.
 _LEAST_SENSITIVITY = 1e-150
-
 # Factors on the present damping that are tried together.
 _DAMPING_FACTORS = (0.1, 1.0, 10.0)
 _FIRST_DAMPING = 0.1
-
 # Above this damping steps are too short to lower the misfit: the minimisation has converged.
 _MOST_DAMPING = 1e8
-
 # Iterations over which the pace of a start is taken.
 _PACED = 5
 

@@ -32,14 +32,11 @@ from mrwork.search.unit_cube import Streams, latin_hypercube
 _CLOSE = 0.01
 _DISTANT = 0.05
 _MOST_DISTINCT = 3
-
 # Relative decrease of the squared misfit at which a local minimisation of the search ends; the final fit continues.
 _TOLERANCE = 1e-5
-
 # Local minimisations are given up after this number of iterations above this multiple of the least misfit.
 _HOPELESS_AFTER = 12
 _HOPELESS = 4.0
-
 # In later rounds, starts from the best minimum, and the share of its parameters that are replaced.
 _CROSSED = 3
 _REPLACED = 0.3

@@ -24,11 +24,9 @@ from mrwork.identification.settings import Multistart
 
 # Nested starts are moved off the faces of the box, by this share of its ranges: on a face a parameter has no slope.
 _OFF_FACES = 5e-3
-
 # Rounds of the search of a simpler model, and iterations of its local minimisations: its fit is only a start.
 _NESTED_ROUNDS = 3
 _NESTED_ITERATIONS = 30
-
 # A point near the simpler model has its misfit plus this at most; where bounds exclude such points, it is further away.
 _NEAR = 0.1
 

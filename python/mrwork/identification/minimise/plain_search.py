@@ -7,12 +7,7 @@ from functools import partial
 
 from mrwork.identification.equivalent import search_box
 from mrwork.identification.minimise.friction import examine_limit, friction_warning
-from mrwork.identification.minimise.multistart import (
-    EXCERPTS,
-    distinct_minima,
-    search_starts,
-    trace_of,
-)
+from mrwork.identification.minimise.multistart import EXCERPTS, distinct_minima, search_starts, trace_of
 from mrwork.identification.minimise.nested import doubts_about, nested_fit, part_of
 from mrwork.identification.minimise.starting_points import StartingPoints, no_simulation
 from mrwork.identification.objective import Objective, friction_limit, up_to

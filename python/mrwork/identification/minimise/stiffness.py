@@ -18,16 +18,12 @@ from mrwork.identification.residual import ObservedTest
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
 _MARGIN = 0.02
-
 # Distance within which a minimum is at the limit.
 _AT_LIMIT = 0.1
-
 # Step in latent coordinates of the differences.
 _SMALL = 1e-4
-
 # Most tests whose limits a step may meet at once.
 _MOST_MET = 8
-
 # Most steps of a point to below the limit; points further above it, in the logarithm of the stiffness, stay.
 _STEPS_BELOW = 10
 _NOT_FAR_ABOVE = 0.7

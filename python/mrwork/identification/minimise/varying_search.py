@@ -16,11 +16,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.commands import excerpts_of_laws, refuse_few_levels, tested_commands
-from mrwork.identification.equivalent import (
-    joint_box,
-    plain_of,
-    search_box,
-)
+from mrwork.identification.equivalent import joint_box, plain_of, search_box
 from mrwork.identification.minimise.by_optimiser import optimise, trace_of_generations
 from mrwork.identification.minimise.friction import examine_limit, friction_warning
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima
@@ -36,18 +32,14 @@ from mrwork.search import EfficientGA, Optimiser, StopRules
 
 # Points of the elite from which laws are fitted where every command varies.
 _SCALED_STARTS = 8
-
 # Generations of the default search. Local minimisations from its elite reached the same minimum after 10 to 80 in all
 # runs of normalised_bouc_wen, 6 seeds on 3 records, and in 23 of 24 of normalised_modified_bouc_wen.
 _GENERATIONS = 60
-
 # The starts have the nominal rate of the driver's lag times these factors, in turn.
 _RATES = (1.0, 0.2, 5.0)
-
 # Most sub-steps of a candidate in a shortest step of the parts, and the factor by which this limit is raised.
 _FIRST_SUBSTEPS = 8
 _RAISED = 4.0
-
 # Force at the command of the least force, relative to that of the largest.
 _LEAST_FORCE = 0.1
 
