@@ -56,7 +56,7 @@ KINDS = pytest.mark.parametrize("kind", RUN_KINDS, ids=lambda kind: kind.verb)
 
 
 WRITTEN = {
-    FIT_RUN: {FIT_FILE, RANKING, "laws.json", "near_sets.json", MODELS},
+    FIT_RUN: {FIT_FILE, RANKING, "near_sets.json", MODELS},
     STUDY_RUN: {RESULTS, "study.toml", "criteria.csv", HISTORIES, "runs.nc"},
     TUNING_RUN: {RESULTS, "study.toml", "runs.nc", "chosen.toml", "tuned.json"},
 }
