@@ -10,6 +10,7 @@
 
 use astro_float::{BigFloat, Consts, RoundingMode};
 use mrwork_dynamics::dispatch::{InstructionSet, LaneJob};
+use mrwork_dynamics::dual::Dual;
 use mrwork_dynamics::elementary::{Exponent, exp, ln, powf, tanh};
 use mrwork_dynamics::lanes::{Lanes, Pack};
 
@@ -302,6 +303,23 @@ fn every_instruction_set_gives_the_bits_of_the_scalar() {
             let lanes = set.run(candidates, AllFunctions { pairs: &pairs });
             for ((pair, expected), found) in pairs.iter().zip(&scalar).zip(&lanes) {
                 assert_eq!(expected, found, "{} with {candidates} candidates at {pair:?}", set.name());
+            }
+        }
+    }
+}
+
+/// At rest a power has the slope of its right side: 1 for n = 1, 0 above; elsewhere that of calculus.
+#[test]
+fn slopes_of_a_power_are_those_of_calculus() {
+    let along_base = |value: f64| Dual { value, tangents: [1.0, 0.0] };
+    let along_exponent = |value: f64| Dual { value, tangents: [0.0, 1.0] };
+    for (n, at_rest) in [(1.0, 1.0), (1.5, 0.0), (2.0, 0.0), (7.25, 0.0)] {
+        assert_eq!(powf(along_base(0.0), &Exponent::of(along_exponent(n))).tangents, [at_rest, 0.0]);
+        for x in [1e-3, 0.3, 1.0, 2.5] {
+            let power = powf(along_base(x), &Exponent::of(along_exponent(n)));
+            let expected = [n * x.powf(n - 1.0), x.powf(n) * x.ln()];
+            for (found, expected) in power.tangents.iter().zip(expected) {
+                assert!((found - expected).abs() <= 1e-13 * (1.0 + expected.abs()), "{x}^{n}: {found}");
             }
         }
     }
