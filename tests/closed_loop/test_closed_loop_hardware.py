@@ -188,9 +188,15 @@ def test_noise_of_the_force_has_the_stated_deviation() -> None:
     assert abs(np.mean(seen**2) / 300.0**2 - 1.0) < 4.0 * np.sqrt(2.0 / on.sum())
 
 
-def test_noise_of_accelerations_goes_through_the_observer() -> None:
+@pytest.mark.parametrize("storeys", [(), (2, 0)])
+def test_noise_of_accelerations_and_drifts_goes_through_the_observer(storeys: tuple[int, ...]) -> None:
     loop, scale = onlookers(1), 0.05
-    hardware = Hardware(acceleration_noise=0.2, feedback="observer")
+    hardware = Hardware(
+        acceleration_noise=0.2,
+        measured_storeys=storeys,
+        drift_noise=2e-3 if storeys else 0.0,
+        feedback="observer",
+    )
     law = ControlLaw(
         name="fuzzy",
         gains={"deformation_scale": [1e9], "rate_scale": [scale]},
@@ -198,7 +204,7 @@ def test_noise_of_accelerations_goes_through_the_observer() -> None:
     )
     seen = read(run_of(loop, law, hardware, still(N_NOISE * 1e-3)).command[:, 0], scale)
     observer = loop_observer(five_storeys(), loop, hardware, range(5))
-    noise = np.diag([0.2**2] * 5 + [0.0])
+    noise = np.diag([0.2**2] * 5 + [0.0] + [2e-3**2] * len(storeys))
     covariance = scipy.linalg.solve_discrete_lyapunov(
         observer.Ad - observer.gain @ observer.C, observer.gain @ noise @ observer.gain.T
     )
@@ -285,6 +291,41 @@ def test_a_law_in_python_reads_the_absolute_accelerations_of_all_floors(
     broken, _ = readings(Hardware(feedback=feedback, measured_floors=floors, faults=(stuck,)))
     np.testing.assert_array_equal(broken[BROKEN, 4], 1.0)
     np.testing.assert_array_equal(broken[:, :4], seen[:, :4])
+
+
+def drift_readings(hardware: Hardware, motion: GroundMotion | None = None) -> tuple[Floats, History]:
+    """Drifts of the measured storeys that a law in Python has read, shape (n_samples, n_measured), and the run."""
+    seen: list[Floats] = []
+
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        seen.append(sample.drift[0])
+        return np.zeros_like(sample.rate)
+
+    run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware, motion)
+    return np.array(seen), run
+
+
+def test_a_law_in_python_reads_the_drifts_of_the_measured_storeys() -> None:
+    seen, run = drift_readings(Hardware(measured_storeys=(3, 0)))
+    np.testing.assert_array_equal(seen, run.drift[:, [3, 0]])
+    none, _ = drift_readings(Hardware())
+    assert none.shape == (len(seen), 0)
+    stuck = Fault(channel="drift", index=0, start=0.2, end=0.4, value=1e-3)
+    stepped, _ = drift_readings(Hardware(measured_storeys=(3, 0), drift_resolution=1e-4, faults=(stuck,)))
+    expected = 1e-4 * np.round(seen / 1e-4)
+    expected[BROKEN, 1] = 1e-3
+    np.testing.assert_allclose(stepped, expected, atol=1e-12)
+
+
+def test_noise_of_the_drifts_is_of_the_stated_deviation_and_its_own() -> None:
+    seen, _ = drift_readings(Hardware(measured_storeys=(0, 1), drift_noise=1e-3), still(N_NOISE * 1e-3))
+    seen = seen / 1e-3
+    root = np.sqrt(len(seen))
+    assert np.all(np.abs(seen.mean(axis=0)) < 4.0 / root)
+    assert np.all(np.abs(seen.var(axis=0) - 1.0) < 4.0 * np.sqrt(2.0) / root)
+    assert abs(np.mean(seen[:, 0] * seen[:, 1])) < 4.0 / root
+    other = noisy(Hardware(deformation_noise=1e-3))[: len(seen), 0] / 1e-3
+    assert abs(np.mean(seen[: len(other), 0] * other)) < 4.0 / root
 
 
 def test_the_sensor_of_the_ground_has_noise_resolution_and_faults() -> None:
@@ -391,6 +432,9 @@ def test_fewer_accelerometers_see_less() -> None:
         ({"step": 1e-12}, "at most 10000 steps"),
         ({"measured_floors": (0, 1, 0)}, "give each once"),
         ({"measured_floors": (0,)}, "no effect with feedback of the state"),
+        ({"measured_storeys": (1, 1)}, "give each once"),
+        ({"drift_noise": 1e-3}, "give `measured_storeys`"),
+        ({"measured_storeys": (1,), "faults": (Fault(channel="drift", index=0),)}, "no sensor measures"),
         ({"seed": 2**32}, r"2\^32 - 1"),
     ],
 )
@@ -403,6 +447,9 @@ def test_sensors_and_forecasts_that_nothing_reads_are_refused() -> None:
         hardware = Hardware(**settings)
         refusal(refuse_unread, hardware, accelerations=False, forecasts=True, match="has no effect")
         refuse_unread(replace(hardware, feedback="observer"), accelerations=False, forecasts=False)
+    sensed = Hardware(measured_storeys=(0,))
+    refusal(refuse_unread, sensed, accelerations=True, forecasts=True, match="read no drifts")
+    refuse_unread(sensed, accelerations=False, forecasts=False, drifts=True)
     preview = Hardware(ground_preview=0.05)
     refusal(refuse_unread, preview, accelerations=True, forecasts=False, match="add a predictive_rollout")
     refuse_unread(preview, accelerations=False, forecasts=True)
@@ -411,6 +458,8 @@ def test_sensors_and_forecasts_that_nothing_reads_are_refused() -> None:
 def test_floors_and_channels_that_are_none_are_refused() -> None:
     floor = Hardware(feedback="observer", measured_floors=(5,))
     refusal(run_of, onlookers(), gauge(0.02), floor, match=r"5 floors, counted from 0; \[5\]")
+    storey = Hardware(feedback="observer", measured_storeys=(5,))
+    refusal(run_of, onlookers(), gauge(0.02), storey, match=r"5 storeys, counted from 0; \[5\]")
     for channel, count in (("force", 2), ("acceleration", 5)):
         fault = Fault(channel=channel, index=9)
         observing = Hardware(feedback="observer", faults=(fault,))

@@ -271,7 +271,7 @@ proptest! {
             .map(|(channel, start, end, value)| Fault { channel, start, end, value })
             .collect();
         let steps = if right > 0 { 1 } else { u32::try_from(steps).unwrap_or(u32::MAX) };
-        let hardware = Hardware { sample_time, steps, delay_steps, command_rate: rate, ground_preview: if fit { 0.02 } else { sensors[0][0] }, acceleration, deformation, force, ground_acceleration, faults };
+        let hardware = Hardware { sample_time, steps, delay_steps, command_rate: rate, ground_preview: if fit { 0.02 } else { sensors[0][0] }, acceleration, deformation, measured_storeys: vec![0], drift: force, force, ground_acceleration, faults };
         let runs: Vec<Run> = runs
             .into_iter()
             .map(|(candidate, motion, draw)| Run {

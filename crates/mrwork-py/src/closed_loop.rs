@@ -42,7 +42,8 @@ pub fn history_signals() -> Layout {
     layout_of(HISTORY_SIGNALS)
 }
 
-/// An observer, with the numbers of the floors and devices whose acceleration and elongation are measured.
+/// An observer, with the numbers of the floors and devices whose acceleration and elongation are measured; the drifts of the
+/// hardware follow them.
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Observer {
     dynamics: DiscreteObserver,
@@ -71,7 +72,7 @@ impl Observer {
         };
         let states = ("states", Some(transition.shape()[0]));
         let devices = ("devices", Some(input.shape()[1]));
-        let measurements = ("measurements", Some(accelerations.len() + deformations.len()));
+        let measurements = ("measurements", Some(gain.shape()[1]));
         let flat = |name: &str, matrix: &PyReadonlyArray2<'_, f64>, axes: [Axis; 2]| {
             Ok::<_, PyErr>(shaped(name, matrix, &axes)?.to_vec())
         };
@@ -103,6 +104,9 @@ pub struct LoopHardware {
     acceleration_resolution: f64,
     deformation_noise: f64,
     deformation_resolution: f64,
+    measured_storeys: Vec<usize>,
+    drift_noise: f64,
+    drift_resolution: f64,
     force_noise: f64,
     force_resolution: f64,
     ground_acceleration_noise: f64,
@@ -130,6 +134,8 @@ impl LoopHardware {
             ground_preview: self.ground_preview,
             acceleration: Sensor { noise: self.acceleration_noise, resolution: self.acceleration_resolution },
             deformation: Sensor { noise: self.deformation_noise, resolution: self.deformation_resolution },
+            measured_storeys: self.measured_storeys,
+            drift: Sensor { noise: self.drift_noise, resolution: self.drift_resolution },
             force: Sensor { noise: self.force_noise, resolution: self.force_resolution },
             ground_acceleration: Sensor {
                 noise: self.ground_acceleration_noise,
@@ -149,10 +155,11 @@ impl SampledFault {
             "force" => Channel::Force(index),
             "command" => Channel::Command(index),
             "ground_acceleration" if index == 0 => Channel::GroundAcceleration,
+            "drift" => Channel::Drift(index),
             other => {
                 return Err(PyValueError::new_err(format!(
-                    "a fault is in acceleration, deformation, force, command or the one ground_acceleration, not in \
-                     `{other}` {index}"
+                    "a fault is in acceleration, deformation, force, command, drift or the one ground_acceleration, not \
+                     in `{other}` {index}"
                 )));
             }
         };

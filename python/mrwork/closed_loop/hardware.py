@@ -14,7 +14,7 @@ from mrwork.base.keys import key, optional, positive
 from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import InvalidSettingError, SettingError
 
-LoopSignal = Literal["acceleration", "deformation", "force", "command", "ground_acceleration"]
+LoopSignal = Literal["acceleration", "deformation", "force", "command", "ground_acceleration", "drift"]
 Feedback = Literal["state", "observer"]
 
 # The seed is the upper half of the number of a random stream, the motion the lower.
@@ -28,6 +28,7 @@ _DELAYS = (1e-6, 0.1)
 # Settings of the sensors that only the observer reads.
 _OF_OBSERVER = ("measured_floors", "known_ground")
 _ACCELEROMETERS = ("acceleration_noise", "acceleration_resolution")
+_OF_DRIFTS = ("drift_noise", "drift_resolution")
 _UNREAD = (
     "has no effect with feedback of the state and laws that read no accelerations; leave it out, or set `feedback` to "
     "'observer'"
@@ -36,10 +37,11 @@ _UNREAD = (
 
 @checked
 class Fault:
-    """A temporary fault of a signal: a sensor of a floor, damper or the ground, or the command of a damper.
+    """A temporary fault of a signal: a sensor of a floor, storey, damper or the ground, or the command of a damper.
 
-    `index` counts floors for an acceleration and devices otherwise; the ground has one sensor. During the fault the
-    signal has `value`: "hold" for the last value before it, or a number; `math.nan` is a sensor without signal.
+    `index` counts floors for an acceleration, storeys for a drift and devices otherwise; the ground has one sensor.
+    During the fault the signal has `value`: "hold" for the last value before it, or a number; `math.nan` is a sensor
+    without signal.
 
     Raises
     ------
@@ -51,7 +53,7 @@ class Fault:
 
     channel: LoopSignal = key("signal that fails", named="signal")
     index: int = key(
-        "number of the floor or damper, from 1, lowest first",
+        "number of the floor, storey or damper, from 1, lowest first",
         default=0,
         least=0,
         from_one=True,
@@ -95,7 +97,8 @@ class Hardware(Summarised):
     The result of an on/off law depends on the sample time. Stiff dampers take more integration steps than `step` asks
     for. With feedback of the state, laws receive the true displacements and velocities, and deformations, forces and
     the acceleration of the ground from their sensors; with that of the observer, a Kalman filter estimates the state
-    from the accelerations of the measured floors and the deformations and forces of the devices. Noise is white; its
+    from the accelerations of the measured floors, the deformations and forces of the devices, and the drifts of the
+    measured storeys. Noise is white; its
     seed is the same for all laws and candidates under the same motion.
 
     Of a ground record whose interval is shorter than an integration step, by more than a thousandth, the step takes the
@@ -125,6 +128,12 @@ class Hardware(Summarised):
     measured_floors: tuple[int, ...] | None = optional(
         "floors with an accelerometer for the observer, from 1; all by default", least=0, from_one=True
     )
+    measured_storeys: tuple[int, ...] = key(
+        "storeys with a sensor of their drift, from 1, for the observer and laws in Python; none by default",
+        default=(),
+        least=0,
+        from_one=True,
+    )
     known_ground: bool = key(
         "whether the observer takes the acceleration of the ground from its sensor, which it otherwise estimates",
         default=False,
@@ -139,9 +148,13 @@ class Hardware(Summarised):
         least=0.0,
     )
     deformation_noise: float = key("standard deviation of the noise", unit="m", default=0.0, least=0.0)
+    drift_noise: float = key(
+        "standard deviation of the noise, of the measured storeys", unit="m", default=0.0, least=0.0
+    )
     force_noise: float = key("standard deviation of the noise", unit="N", default=0.0, least=0.0)
     acceleration_resolution: float = key("quantisation, for the same", unit="m/s2", default=0.0, least=0.0)
     deformation_resolution: float = key("quantisation", unit="m", default=0.0, least=0.0)
+    drift_resolution: float = key("quantisation, of the same", unit="m", default=0.0, least=0.0)
     force_resolution: float = key("quantisation", unit="N", default=0.0, least=0.0)
     ground_acceleration_noise: float = key(
         "standard deviation of the noise, for laws that read it", unit="m/s2", default=0.0, least=0.0
@@ -172,11 +185,23 @@ class Hardware(Summarised):
                 f"`delay` is {self.delay} s, which is not a whole number of integration steps of {self._step:g} s; "
                 f"give a multiple of them, or a finer `step`"
             )
-        floors = self.measured_floors or ()
-        if len(set(floors)) < len(floors):
-            raise InvalidSettingError(
-                "measured_floors", f"`measured_floors` are {list(floors)}; give each once"
-            )
+        for name in ("measured_floors", "measured_storeys"):
+            places = getattr(self, name) or ()
+            if len(set(places)) < len(places):
+                raise InvalidSettingError(name, f"`{name}` are {list(places)}; give each once")
+        for name in _OF_DRIFTS:
+            if getattr(self, name) and not self.measured_storeys:
+                raise InvalidSettingError(
+                    name,
+                    f"`{name}` is of sensors that no storey has; give `measured_storeys`, or leave it out",
+                )
+        for fault in self.faults:
+            if fault.channel == "drift" and fault.index not in self.measured_storeys:
+                raise InvalidSettingError(
+                    "faults",
+                    f"a fault is of the drift of storey {fault.index + 1}, which no sensor measures; give it in "
+                    "`measured_storeys`",
+                )
         if self.feedback == "state":
             for name in _OF_OBSERVER:
                 if getattr(self, name):
@@ -198,10 +223,11 @@ class Hardware(Summarised):
 
     @property
     def sensors(self) -> list[list[float]]:
-        """Noise and resolution of accelerations, deformations, forces and the ground's acceleration."""
+        """Noise and resolution of accelerations, deformations, drifts, forces and the ground's acceleration."""
         return [
             [self.acceleration_noise, self.acceleration_resolution],
             [self.deformation_noise, self.deformation_resolution],
+            [self.drift_noise, self.drift_resolution],
             [self.force_noise, self.force_resolution],
             [self.ground_acceleration_noise, self.ground_acceleration_resolution],
         ]
@@ -240,15 +266,23 @@ class Hardware(Summarised):
         )
 
 
-def refuse_unread(hardware: Hardware, *, accelerations: bool, forecasts: bool) -> None:
-    """Refuse settings of the accelerometers and a preview of the ground where no law and no observer reads them."""
+def refuse_unread(hardware: Hardware, *, accelerations: bool, forecasts: bool, drifts: bool = False) -> None:
+    """Refuse settings of accelerometers, drift sensors and a preview of the ground that nothing reads."""
     if hardware.ground_preview and not forecasts:
         raise InvalidSettingError(
             "ground_preview",
             "`ground_preview` has no effect on laws that do not forecast the ground; leave it out, or add a "
             "predictive_rollout",
         )
-    if accelerations or hardware.feedback == "observer":
+    if hardware.feedback == "observer":
+        return
+    if hardware.measured_storeys and not drifts:
+        raise InvalidSettingError(
+            "measured_storeys",
+            "`measured_storeys` have no effect with feedback of the state and laws that read no drifts; leave them "
+            "out, or set `feedback` to 'observer'",
+        )
+    if accelerations:
         return
     for name in _ACCELEROMETERS:
         if getattr(hardware, name):

@@ -37,7 +37,7 @@ from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, refuse_units
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.linear.lqr import Observer, observer_of
-from mrwork.control.linear.plant import Plant, accelerations, deformations, plant_of, stack_outputs
+from mrwork.control.linear.plant import Plant, accelerations, deformations, drifts, plant_of, stack_outputs
 from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec, by_parameter
 from mrwork.errors import MrworkWarning, SettingError
@@ -431,7 +431,11 @@ def measured_floors(building: Building, hardware: Hardware) -> list[int]:
 def loop_observer(
     building: Building, devices: Sequence[Device], hardware: Hardware, floors: Sequence[int]
 ) -> Observer:
-    """The observer of a loop, which measures accelerations of these floors and the deformations of all devices."""
+    """The observer of a loop: accelerations of these floors, deformations of all devices, drifts that are measured."""
+    if unknown := [each for each in hardware.measured_storeys if each >= len(building.storeys)]:
+        raise SettingError(
+            f"{building.name} has {len(building.storeys)} storeys, counted from 0; {unknown} do not exist"
+        )
     unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
     if unknown:
         raise SettingError(
@@ -457,15 +461,20 @@ _OBSERVERS: deque[tuple[tuple[Building, list[Any], list[str], list[int], Hardwar
 
 def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) -> Observer:
     devices = plant.device_names
-    measured = accelerations(plant)
+    measured, stretched = accelerations(plant), drifts(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
-    noise = np.full(len(floors) + len(devices), 1.0 / hardware.noise_ratio)
+    sensed = stretched.select([stretched.names[storey] for storey in hardware.measured_storeys])
+    count = len(floors) + len(devices) + len(hardware.measured_storeys)
+    noise = np.full(count, 1.0 / hardware.noise_ratio)
     if hardware.known_ground:
-        # What is left to the filter is the error of the sensors: of an elongation that of the acceleration which goes
-        # with it in the first mode.
+        # What is left to the filter is the error of the sensors: of an elongation or a drift that of the acceleration
+        # which goes with it in the first mode.
         noise[len(floors) :] /= (2.0 * np.pi * float(plant.building.frequencies[0])) ** 4
     return observer_of(
-        plant, stack_outputs(chosen, deformations(plant)), hardware.sample_time, noise_intensity=noise
+        plant,
+        stack_outputs(chosen, deformations(plant), sensed),
+        hardware.sample_time,
+        noise_intensity=noise,
     )
 
 

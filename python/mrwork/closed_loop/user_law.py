@@ -42,7 +42,9 @@ _COMMANDS = node_of(AnyNumbers)
 # A run with larger readings [m, m/s, N] diverges, and a law may overflow on them.
 _LARGEST_READING = 1e30
 
-Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats, Floats, Floats], Floats]
+Ask = Callable[
+    [int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats, Floats, Floats, Floats], Floats
+]
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
 
 
@@ -60,6 +62,7 @@ class RunningRms(Summarised):
         "force": "N",
         "acceleration": "m/s^2",
         "ground_acceleration": "m/s^2",
+        "drift": "m",
     }
 
     deformation: Floats
@@ -67,6 +70,7 @@ class RunningRms(Summarised):
     force: Floats
     acceleration: Floats
     ground_acceleration: Floats
+    drift: Floats
 
 
 @array_dataclass(repr=False)
@@ -88,6 +92,8 @@ class LoopSample(Summarised):
     ground_acceleration
         Acceleration of the ground as its sensor reads it, shape (n_runs,) [m/s^2]; of a record finer than the
         integration step the mean over the step before.
+    drift
+        Drifts of the storeys with a sensor, in the order of the hardware, shape (n_runs, n_measured_storeys) [m].
     largest
         Largest command of each device, shape (n_devices,) [A or V].
     rms
@@ -112,6 +118,7 @@ class LoopSample(Summarised):
     force: Floats
     acceleration: Floats
     ground_acceleration: Floats
+    drift: Floats
     largest: Floats
     rms: RunningRms | None = None
 
@@ -123,7 +130,7 @@ class LoopSample(Summarised):
     @property
     def is_physical(self) -> NDArray[np.bool_]:
         """Whether every reading of a run is a number that a building can have, shape (n_runs,)."""
-        measured = (self.deformation, self.rate, self.force, self.acceleration)
+        measured = (self.deformation, self.rate, self.force, self.acceleration, self.drift)
         readings = np.hstack([self.state, *measured, self.ground_acceleration[:, None]])
         return np.asarray((np.abs(readings) < _LARGEST_READING).all(axis=1))
 

@@ -223,6 +223,11 @@ class Arrangement:
         return isinstance(self.law, UserLaw) or (self.law is not None and self.law.spec.reads_acceleration)
 
     @property
+    def reads_drift(self) -> bool:
+        """Whether its law may read sensors of storey drifts."""
+        return isinstance(self.law, UserLaw)
+
+    @property
     def forecasts_ground(self) -> bool:
         """Whether its law forecasts the ground acceleration."""
         return isinstance(self.law, ControlLaw) and self.law.forecasts_ground
@@ -369,6 +374,7 @@ class Study(Summarised):
                 self.hardware,
                 accelerations=any(each.reads_acceleration for each in self.arrangements)
                 or any(spec.reads_acceleration for spec in tuned),
+                drifts=any(each.reads_drift for each in self.arrangements),
                 forecasts=any(each.forecasts_ground for each in self.arrangements)
                 or any(spec.needs_model for spec in tuned),
             )

@@ -103,6 +103,14 @@ impl Batch<'_> {
                 }
             }
         }
+        self.check_sensors()?;
+        let n_drifts = self.hardware.measured_storeys.len();
+        self.observer.map_or(Ok(()), |observer| observer.check(self.building, n_devices, n_drifts))
+    }
+
+    /// Refuses sensors and faults of what is not there.
+    fn check_sensors(&self) -> Result<(), DynamicsError> {
+        let n_devices = self.n_devices();
         for fault in &self.hardware.faults {
             let (index, count) = match fault.channel {
                 Channel::Acceleration(floor) => (floor, self.building.n_floors()),
@@ -110,12 +118,17 @@ impl Batch<'_> {
                     (device, n_devices)
                 }
                 Channel::GroundAcceleration => (0, 1),
+                Channel::Drift(storey) => (storey, self.building.n_storeys()),
             };
             if index >= count {
                 return Err(DynamicsError::NoSuchEntry { run: 0, what: "the faulty channel", index, count });
             }
         }
-        self.observer.map_or(Ok(()), |observer| observer.check(self.building, n_devices))
+        let (storeys, count) = (&self.hardware.measured_storeys, self.building.n_storeys());
+        if let Some(&index) = storeys.iter().find(|&&storey| storey >= count) {
+            return Err(DynamicsError::NoSuchEntry { run: 0, what: "storey", index, count });
+        }
+        Ok(())
     }
 }
 
@@ -147,9 +160,9 @@ impl<'a> Batch<'a> {
 }
 
 impl Observer {
-    fn check(&self, building: &Building, n_devices: usize) -> Result<(), DynamicsError> {
+    fn check(&self, building: &Building, n_devices: usize, n_drifts: usize) -> Result<(), DynamicsError> {
         let n_states = 2 * building.n;
-        let n_measured = self.accelerations.len() + self.deformations.len();
+        let n_measured = self.accelerations.len() + self.deformations.len() + n_drifts;
         let sizes = [
             ("transition", self.transition.len(), n_states * n_states),
             ("input", self.input.len(), n_states * n_devices),

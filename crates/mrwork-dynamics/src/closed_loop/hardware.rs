@@ -18,6 +18,10 @@ pub struct Hardware {
     pub acceleration: Sensor,
     /// Sensors of the devices' elongation [m].
     pub deformation: Sensor,
+    /// Storeys with a sensor of their drift.
+    pub measured_storeys: Vec<usize>,
+    /// Sensors of these drifts [m].
+    pub drift: Sensor,
     /// Sensors of the devices' force [N].
     pub force: Sensor,
     /// Sensor of ground acceleration [m/s^2].
@@ -61,6 +65,8 @@ pub enum Channel {
     Command(usize),
     /// Acceleration of the ground.
     GroundAcceleration,
+    /// Drift of a storey.
+    Drift(usize),
 }
 
 impl Channel {
@@ -72,13 +78,15 @@ impl Channel {
             Self::Force(device) => 0x2_0000 + device as u64,
             Self::Command(device) => 0x3_0000 + device as u64,
             Self::GroundAcceleration => 0x4_0000,
+            Self::Drift(storey) => 0x5_0000 + storey as u64,
         }
     }
 }
 
 /// An observer in discrete time: `x+ = Ad x + Bd f + Ed a_g + L (y - C x - D f - G a_g)`, row-major matrices.
 ///
-/// y are the accelerations of some floors, then the elongations of some devices; f is the measured force of every device.
+/// y are the accelerations of some floors, the elongations of some devices, and the drifts of the measured storeys; f is the
+/// measured force of every device.
 #[derive(Clone, Debug)]
 pub struct Observer {
     /// Floors whose acceleration is measured.

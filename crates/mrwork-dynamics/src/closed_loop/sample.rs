@@ -34,6 +34,8 @@ pub(super) struct Controller<'a, R: Lanes> {
     rate: Vec<R>,
     force: Vec<R>,
     ground_acceleration: R,
+    /// Of the measured storeys.
+    drift: Vec<R>,
     /// Commands of the last `depth` samples, a ring buffer.
     sent: Vec<R>,
     /// Number of samples in `sent`.
@@ -90,8 +92,10 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
         let delay = runs.iter().map(|&run| batch.delay_of(run)).max().unwrap_or(0);
         let depth = delay / hardware.steps as usize + 2;
         let zero = R::splat(0.0);
-        let n_measured =
-            batch.observer.map_or(0, |observer| observer.accelerations.len() + observer.deformations.len());
+        let n_drifts = hardware.measured_storeys.len();
+        let n_measured = batch
+            .observer
+            .map_or(0, |observer| observer.accelerations.len() + observer.deformations.len() + n_drifts);
         Self {
             columns,
             reads_acceleration: batch.reads_acceleration(),
@@ -112,6 +116,7 @@ impl<'a, R: Lanes + 'a> Controller<'a, R> {
             rate: vec![zero; n_devices],
             force: vec![zero; n_devices],
             ground_acceleration: zero,
+            drift: vec![zero; n_drifts],
             sent: vec![zero; depth * n_devices],
             depth,
             raw: vec![zero; batch.n_commanded],
@@ -165,6 +170,7 @@ fn ask<R: Lanes>(
             force: &by_run(measured.force, runs.len()),
             acceleration: &by_run(measured.acceleration, runs.len()),
             ground_acceleration: &by_run(&[measured.ground_acceleration], runs.len()),
+            drift: &by_run(measured.drift, runs.len()),
         },
         &mut raw,
     );
@@ -237,6 +243,12 @@ impl<R: Lanes> Sample<'_, '_, R> {
             *self.ground_reading,
             before,
         );
+        for (place, &storey) in hardware.measured_storeys.iter().enumerate() {
+            let value = building.storeys.dot(storey, self.motion.displacement);
+            let before = self.controller.drift[place];
+            self.controller.drift[place] =
+                self.reading(Channel::Drift(storey), hardware.drift, value, before);
+        }
         for device in 0..self.force.len() {
             let value = building.devices.dot(device, self.motion.displacement);
             let before = self.controller.deformation[device];
@@ -302,6 +314,7 @@ impl<R: Lanes> Sample<'_, '_, R> {
             rate: &controller.rate[..n_known],
             force: &controller.force[..n_known],
             acceleration: &controller.acceleration,
+            drift: &controller.drift,
             device_floors: building.device_floors.as_ref(),
             ground_acceleration: controller.ground_acceleration,
             ground_velocity: *self.ground_velocity,
@@ -355,17 +368,21 @@ impl<R: Lanes> Sample<'_, '_, R> {
             deformation,
             force,
             ground_acceleration,
+            drift,
             ..
         } = &mut *self.controller;
         let (n_states, n_devices) = (state.len(), force.len());
         let finite = ground_acceleration.abs().less(R::splat(f64::INFINITY));
         let shaking = R::select(finite, *ground_acceleration, R::splat(0.0));
         let n_accelerations = observer.accelerations.len();
+        let n_deformations = observer.deformations.len();
         for (row, innovation) in innovation.iter_mut().enumerate() {
             let measured = if row < n_accelerations {
                 acceleration[observer.accelerations[row]]
-            } else {
+            } else if row < n_accelerations + n_deformations {
                 deformation[observer.deformations[row - n_accelerations]]
+            } else {
+                drift[row - n_accelerations - n_deformations]
             };
             let mut expected = R::splat(0.0);
             for (&c, &x) in observer.output[row * n_states..][..n_states].iter().zip(state.iter()) {

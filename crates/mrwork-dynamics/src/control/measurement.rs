@@ -20,6 +20,8 @@ pub(crate) struct Measurement<'a, R: Real> {
     pub(crate) force: &'a [R],
     /// Absolute acceleration of each floor [m/s^2]; zero where the law does not read them.
     pub(crate) acceleration: &'a [R],
+    /// Drift of each measured storey [m].
+    pub(crate) drift: &'a [R],
     /// Weights of these that add up to `e (q'' + r a_g)` of each device.
     pub(crate) device_floors: Option<&'a SparseRows>,
     /// Acceleration of the ground [m/s^2].
