@@ -33,6 +33,7 @@ from mrwork.control import ControlLaw
 from mrwork.control.linear.lqr import observer_of
 from mrwork.control.linear.plant import accelerations, deformations, plant_of, stack_outputs
 from mrwork.dampers.simulation import Outcome
+from mrwork.errors import MrworkWarning
 from mrwork.motions import GroundMotion
 from tests.control.law_formulas import Recorded, commands
 
@@ -411,6 +412,79 @@ def test_the_observer_comes_to_the_state() -> None:
     # An error of the shaking dies out in free vibration, down to that of forces held over a sample.
     assert np.all(error[:1000].max(axis=0) > 3.0 * error[2000:].max(axis=0))
     assert np.all(error[2000:].max(axis=0) < 0.02 * size)
+
+
+def estimates(frame: Building, hardware: Hardware) -> tuple[Floats, History]:
+    """Displacements and velocities that a law in Python has read, shape (n_samples, 10), and the run."""
+    seen: list[Floats] = []
+
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        seen.append(sample.state[0])
+        return np.zeros_like(sample.rate)
+
+    run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware, sweep(1.0), frame)
+    return np.array(seen), run
+
+
+KINEMATIC = Hardware(feedback="observer", kinematic=True, measured_storeys=(0, 1, 2, 3, 4))
+
+
+def test_a_kinematic_observer_is_a_steady_filter_of_double_integrators() -> None:
+    frame, Ts = five_storeys(), 1e-3
+    seen, run = estimates(frame, KINEMATIC)
+    # The covariance by iteration, of one storey: drifts are integrated on their own.
+    A, b, C = np.array([[1.0, Ts], [0.0, 1.0]]), np.array([0.5 * Ts**2, Ts]), np.array([[1.0, 0.0]])
+    noise = 1.0 / 50.0 / (2.0 * np.pi * frame.frequencies[0]) ** 4 / Ts
+    P = np.eye(2)
+    for _ in range(20_000):
+        gain = A @ P @ C.T / (C @ P @ C.T + noise)
+        P = A @ P @ A.T - gain @ C @ P @ A.T + np.outer(b, b) / Ts
+    # Of coordinates that all drifts correct the gains are others, but each is a sum of storeys where errors are alike.
+    observer = loop_observer(frame, onlookers(), KINEMATIC, range(5))
+    state, expected = np.zeros(10), []
+    for number in range(len(run.time)):
+        expected.append(state)
+        relative = run.acceleration[number] - run.ground_acceleration[number]
+        missed = run.drift[number] - frame.storeys @ state[:5]
+        moved = np.concatenate(
+            [state[:5] + Ts * state[5:] + 0.5 * Ts**2 * relative, state[5:] + Ts * relative]
+        )
+        state = moved + observer.gain[:, -5:] @ missed
+    np.testing.assert_allclose(seen, expected, rtol=1e-9, atol=1e-9 * np.abs(seen).max())
+    # Lowest and highest gains of modes of the drifts on either side of that of a single storey.
+    spread = np.linalg.eigvals(observer.gain[:5, -5:] @ frame.storeys).real
+    assert spread.min() < gain[0, 0] < spread.max()
+
+
+def test_a_kinematic_observer_is_as_near_on_a_frame_that_yields() -> None:
+    elastic = five_storeys()
+    frame = mr.buildings.with_storeys_that_yield(elastic, yield_drift=4e-4)
+    errors = {}
+    for name, of, hardware in (
+        ("elastic", elastic, KINEMATIC),
+        ("yielding", frame, KINEMATIC),
+        ("linear", frame, replace(KINEMATIC, kinematic=False, measured_storeys=(), known_ground=True)),
+    ):
+        if name == "linear":
+            with pytest.warns(MrworkWarning, match="kinematic"):
+                seen, run = estimates(of, hardware)
+        else:
+            seen, run = estimates(of, hardware)
+        errors[name] = np.abs(seen - run.state)[:, :5].max() / np.abs(run.state[:, :5]).max()
+        if of is frame:
+            assert np.abs(run.drift).max() > 1.5 * 4e-4
+    assert errors["yielding"] < 0.02
+    assert errors["elastic"] < 0.02
+    assert errors["linear"] > 5.0 * errors["yielding"]
+
+
+def test_a_kinematic_observer_that_lacks_a_sensor_is_refused() -> None:
+    refusal(Hardware, feedback="observer", kinematic=True, match="give `measured_storeys`")
+    for hardware, words in (
+        (replace(KINEMATIC, measured_storeys=(0, 2)), "give all storeys"),
+        (replace(KINEMATIC, measured_floors=(0, 1)), "leave `measured_floors` out"),
+    ):
+        refusal(run_of, onlookers(), gauge(0.02), hardware, match=words)
 
 
 def test_fewer_accelerometers_see_less() -> None:

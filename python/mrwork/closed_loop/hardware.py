@@ -26,7 +26,7 @@ _LONGEST_PREVIEW = 2.0
 # Usual samples and delays [s].
 _DELAYS = (1e-6, 0.1)
 # Settings of the sensors that only the observer reads.
-_OF_OBSERVER = ("measured_floors", "known_ground")
+_OF_OBSERVER = ("measured_floors", "known_ground", "kinematic")
 _ACCELEROMETERS = ("acceleration_noise", "acceleration_resolution")
 _OF_DRIFTS = ("drift_noise", "drift_resolution")
 _UNREAD = (
@@ -138,6 +138,11 @@ class Hardware(Summarised):
         "whether the observer takes the acceleration of the ground from its sensor, which it otherwise estimates",
         default=False,
     )
+    kinematic: bool = key(
+        "whether the observer integrates the accelerations of all floors and of the ground, corrected by the drifts of "
+        "the measured storeys, and knows nothing else of the frame: for one that yields",
+        default=False,
+    )
     noise_ratio: float = positive(
         "intensity of ground over sensor noise, S_ag/S_v, in the design of the observer", default=50.0
     )
@@ -202,6 +207,11 @@ class Hardware(Summarised):
                     f"a fault is of the drift of storey {fault.index + 1}, which no sensor measures; give it in "
                     "`measured_storeys`",
                 )
+        if self.kinematic and not self.measured_storeys:
+            raise InvalidSettingError(
+                "kinematic",
+                "`kinematic` corrects what it integrates by measured drifts; give `measured_storeys`, all of them",
+            )
         if self.feedback == "state":
             for name in _OF_OBSERVER:
                 if getattr(self, name):
@@ -231,6 +241,11 @@ class Hardware(Summarised):
             [self.force_noise, self.force_resolution],
             [self.ground_acceleration_noise, self.ground_acceleration_resolution],
         ]
+
+    @property
+    def observes_ground(self) -> bool:
+        """Whether the observer takes the acceleration of the ground from its sensor."""
+        return self.known_ground or self.kinematic
 
     @property
     def _step(self) -> float:

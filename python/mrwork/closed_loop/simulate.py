@@ -36,7 +36,7 @@ from mrwork.closed_loop.responses import History, Responses, columns_by_name, hi
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw, refuse_units
 from mrwork.control.laws.counterpart import is_curve
-from mrwork.control.linear.lqr import Observer, observer_of
+from mrwork.control.linear.lqr import Observer, kinematic_observer_of, observer_of
 from mrwork.control.linear.plant import Plant, accelerations, deformations, drifts, plant_of, stack_outputs
 from mrwork.dampers.simulation import core_refusals
 from mrwork.dampers.spec import DamperSpec, by_parameter
@@ -418,8 +418,8 @@ def _core_observer(
         gain=np.ascontiguousarray(observer.gain),
         output=np.ascontiguousarray(observer.C),
         direct=np.ascontiguousarray(observer.D),
-        ground=np.ascontiguousarray(observer.Ed) if hardware.known_ground else None,
-        direct_ground=np.ascontiguousarray(observer.G) if hardware.known_ground else None,
+        ground=np.ascontiguousarray(observer.Ed) if hardware.observes_ground else None,
+        direct_ground=np.ascontiguousarray(observer.G) if hardware.observes_ground else None,
     )
 
 
@@ -449,6 +449,13 @@ def loop_observer(
         if known == asked:
             return observer
     observer = _design_observer(plant_of(building, rows, names), hardware, floors)
+    if not hardware.kinematic and any(each.in_stiffness for each in building.elements):
+        warnings.warn(
+            f"the observer of {building.name} goes by its elastic stiffness, and is wrong once a storey yields; set "
+            "`kinematic` of the hardware, with sensors of all drifts",
+            MrworkWarning,
+            stacklevel=3,
+        )
     _OBSERVERS.append((asked, observer))
     return observer
 
@@ -461,15 +468,24 @@ _OBSERVERS: deque[tuple[tuple[Building, list[Any], list[str], list[int], Hardwar
 
 def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) -> Observer:
     devices = plant.device_names
-    measured, stretched = accelerations(plant), drifts(plant)
-    chosen = measured.select([measured.names[floor] for floor in floors])
-    sensed = stretched.select([stretched.names[storey] for storey in hardware.measured_storeys])
-    count = len(floors) + len(devices) + len(hardware.measured_storeys)
-    noise = np.full(count, 1.0 / hardware.noise_ratio)
-    if hardware.known_ground:
+    accelerated = stretched = 1.0 / hardware.noise_ratio
+    if hardware.observes_ground:
         # What is left to the filter is the error of the sensors: of an elongation or a drift that of the acceleration
         # which goes with it in the first mode.
-        noise[len(floors) :] /= (2.0 * np.pi * float(plant.building.frequencies[0])) ** 4
+        stretched /= (2.0 * np.pi * float(plant.building.frequencies[0])) ** 4
+    if hardware.kinematic:
+        if list(floors) != list(range(plant.n_coordinates)):
+            raise SettingError(
+                f"a kinematic observer integrates the accelerations of all floors, and `measured_floors` are "
+                f"{list(floors)}, counted from 0; leave `measured_floors` out"
+            )
+        storeys = hardware.measured_storeys
+        return kinematic_observer_of(plant.building, len(devices), storeys, hardware.sample_time, stretched)
+    of_floors, of_storeys = accelerations(plant), drifts(plant)
+    chosen = of_floors.select([of_floors.names[floor] for floor in floors])
+    sensed = of_storeys.select([of_storeys.names[storey] for storey in hardware.measured_storeys])
+    noise = np.full(len(floors) + len(devices) + len(hardware.measured_storeys), stretched)
+    noise[: len(floors)] = accelerated
     return observer_of(
         plant,
         stack_outputs(chosen, deformations(plant), sensed),

@@ -38,7 +38,9 @@ def loop_of(
     device = Device(name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
     still = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
     # What nothing is fed back to needs no observer.
-    unobserved = replace(hardware, feedback="state", measured_floors=None, known_ground=False)
+    unobserved = replace(
+        hardware, feedback="state", measured_floors=None, known_ground=False, kinematic=False
+    )
     return building, (device,), still, unobserved
 
 

@@ -53,7 +53,9 @@ def compare_places(
         tested=device.tested,
     )
     # What a constant command needs: no law reads anything.
-    hardware = replace(study.hardware, feedback="state", measured_floors=None, known_ground=False)
+    hardware = replace(
+        study.hardware, feedback="state", measured_floors=None, known_ground=False, kinematic=False
+    )
     testing = tuple(each.ground for each in study.motions if each.use == "test")
 
     def at(arrangement: Arrangement, command: float, motions: Sequence[GroundMotion]) -> Runs:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import NotNegative, Positive, Threads, checked
@@ -14,6 +15,7 @@ from mrwork.base.hints import Within
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.buildings.matrices import Building
 from mrwork.control.linear.plant import Outputs, Plant, check_outputs, hold_input, symmetric
 from mrwork.control.linear.riccati import (
     RiccatiStatus,
@@ -453,4 +455,52 @@ def observer_of(
         covariance=unit**2 * T @ solution.P[0] @ T.T,
         Ed=Ed,
         G=measurements.G,
+    )
+
+
+def kinematic_observer_of(
+    building: Building, n_devices: int, storeys: Sequence[int], sample_time: float, noise_intensity: float
+) -> Observer:
+    """The observer of a motion of which floors, ground and these storeys are measured, without a model of the frame.
+
+    Each coordinate is `q'' = a - r a_g` with the measured absolute acceleration a of its floor, held over a sample, and
+    is corrected by the drifts: the steady Kalman filter of a double integrator, for white errors of the accelerations
+    of intensity 1 and of the drifts of `noise_intensity`. It is as near on a frame that yields as on an elastic one. In
+    the form of `Observer` accelerations and devices are measurements of which none is expected: C = D = 0.
+    """
+    n = building.n_coordinates
+    if not np.array_equal(building.floors, np.eye(n)):
+        raise SettingError(
+            f"a kinematic observer takes the motion from the accelerations of floors, which are not the coordinates of "
+            f"{building.name}; leave `kinematic` out"
+        )
+    rows = building.storeys[list(storeys)]
+    if np.linalg.matrix_rank(rows) < n:
+        raise SettingError(
+            f"a kinematic observer is corrected by measured drifts, and those of `measured_storeys` "
+            f"({list(storeys)}, counted from 0) leave motions of {building.name} without one; give all storeys"
+        )
+    step = sample_time * np.eye(n)
+    Ad = np.block([[np.eye(n), step], [np.zeros((n, n)), np.eye(n)]])
+    pushed = np.vstack([0.5 * sample_time * step, step])
+    seen = np.hstack([rows, np.zeros_like(rows)])
+    error = noise_intensity / sample_time * np.eye(len(rows))
+    covariance = scipy.linalg.solve_discrete_are(Ad.T, seen.T, pushed @ pushed.T / sample_time, error)
+    correction = np.linalg.solve(seen @ covariance @ seen.T + error, seen @ covariance @ Ad.T).T
+    unseen = np.zeros((n + n_devices, 2 * n))
+    return Observer(
+        Ad=Ad,
+        Bd=np.zeros((2 * n, n_devices)),
+        gain=np.hstack([pushed, np.zeros((2 * n, n_devices)), correction]),
+        C=np.vstack([unseen, seen]),
+        D=np.zeros((len(unseen) + len(rows), n_devices)),
+        names=(
+            *building.floor_names,
+            *(f"device {each + 1}" for each in range(n_devices)),
+            *(f"drift {building.storey_names[storey]}" for storey in storeys),
+        ),
+        sample_time=sample_time,
+        covariance=covariance,
+        Ed=-pushed @ building.influence,
+        G=np.zeros(len(unseen) + len(rows)),
     )
