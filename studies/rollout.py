@@ -95,8 +95,8 @@ def rollout(
     Of its trials only some `levels` (shares of the largest current) and the first of its three `tails` are left; a
     trial that is left out repeats another.
     """
-    peaks = (
-        study.problem.reference_peaks()
+    peaks = study.problem.reference_peaks(
+        True
     )  # the best constant current of the training motions, and peaks under it
     settings = {"base": peaks.command, "drift": peaks.drift, "acceleration": peaks.acceleration}
     settings |= {name: factor * settings[name] for name, factor in (factors or {}).items()}
@@ -212,7 +212,7 @@ for place, level in enumerate(LEVELS):
     script.table(f"laws_{number}", laws, title=f"{title}, sixteen motions", digits=3)
 
     # Noise of 2 % of the mean peaks on the training motions, under their best constant current.
-    command = mr.ControlLaw(name="passive", gains={"command": study.problem.reference_peaks().commands})
+    command = mr.ControlLaw(name="passive", gains={"command": study.problem.reference_peaks(True).commands})
     under = mr.simulate_loop(
         study.building, study.devices, command, groups["training"], study.hardware, threads=script.threads
     )

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mrwork import Device
+from mrwork.buildings import PassiveElement
 from mrwork.control import ControlLaw
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -66,6 +67,44 @@ class Dampers:
         return np.sum(own * (self.count * self.sign), axis=-1), rates
 
 
+class Loops:
+    """Passive elements `d |v| v + f_y w` side by side, whose states have shape (..., n_elements)."""
+
+    def __init__(self, elements: Sequence[PassiveElement]) -> None:
+        numbers = np.array([each.numbers[:6] for each in elements]).reshape(-1, 6)
+        _, _, self.head_loss, self.forces_at_yield, self.slope, self.sharpness = numbers.T
+        self.rows = np.array([each.row for each in elements])
+        self.strength = np.ones(len(elements))
+
+    def forces(self, w: Floats, v: Floats) -> Floats | float:
+        """What they resist at the coordinates."""
+        if not len(self.rows):
+            return 0.0
+        speed = v @ self.rows.T
+        own = self.head_loss * np.abs(speed) * speed + self.strength * self.forces_at_yield * w
+        return own @ self.rows
+
+    def rates(self, w: Floats, v: Floats) -> Floats:
+        """w' of each."""
+        if not len(self.rows):
+            return 0.0 * w
+        speed, size = v @ self.rows.T / self.strength, np.abs(w) ** self.sharpness
+        return self.slope * (speed - 0.5 * np.abs(speed) * np.sign(w) * size - 0.5 * speed * size)
+
+    def turned(self, w: Floats, change: Floats) -> Floats:
+        """The states after a change of the coordinates, by one Runge-Kutta step."""
+        rates: list[Floats] = []
+        for reach in (0.0, 0.5, 0.5, 1.0):
+            staged = np.clip(w + reach * rates[-1], -1.0, 1.0) if rates else w
+            rates.append(self.rates(staged, change))
+        a, b, c, d = rates
+        return np.clip(w + (a + 2.0 * b + 2.0 * c + d) / 6.0, -1.0, 1.0)
+
+    def twice_held(self, w: Floats) -> Floats:
+        """Twice the energy that they give back [J]."""
+        return np.sum(self.forces_at_yield * (self.strength * w) ** 2 / self.slope, axis=-1)
+
+
 class RolloutInNumPy:
     """The law with its memory; call `command` at the samples of a run, one after the other."""
 
@@ -81,7 +120,7 @@ class RolloutInNumPy:
         """`steps` of the model in a decision; for `preview` seconds `shaking`, the ground acceleration, is known."""
         self.preview, self.shaking = preview, shaking
         building, devices = law.model.building, law.model.devices
-        self.mass, self.damping, self.stiffness = building.mass, building.damping, building.stiffness
+        self.mass, self.damping, self.stiffness = building.mass, building.damping, building.site_stiffness
         self.inverse_mass = np.linalg.inv(self.mass)
         self.influence, self.floors, self.drifts = building.influence, building.floors, building.drifts
         self.rows = np.array([np.asarray(device.row) for device in devices])
@@ -98,6 +137,10 @@ class RolloutInNumPy:
         self.order = int(order)
         self.time, mass = law.tables["correction"]
         self.counted = mass / np.sqrt(g["acceleration_weight"][0])
+        self.loops = Loops(building.elements)
+        self.offsets, self.adaptation, *self.limits = law.tables["shears"]
+        self.is_measured = bool(building.elements) or self.offsets > 0.0 or self.adaptation > 0.0
+        self.unit_drifts = building.unit_drifts
         self.Ts, self.step, self.hold_steps = sample_time, self.hold / steps, steps
         self.n_steps = round(min(max(g["horizon"][0], self.hold), 1.0) / self.step)
         tails = np.vstack([g["base"], g["tails"].T])
@@ -122,6 +165,8 @@ class RolloutInNumPy:
         self.w, self.readings = np.zeros(self.order), np.zeros(self.order)
         self.P = covariance * np.eye(self.order)
         self.first_trace = covariance * self.order
+        self.states, self.before = np.zeros(len(building.elements)), np.zeros(len(self.mass))
+        self.missed = np.zeros(len(self.mass))
         self.costs: Floats = np.zeros(len(self.trials))
 
     # The dampers.
@@ -190,43 +235,46 @@ class RolloutInNumPy:
 
     # The model.
 
-    def accelerations(self, q: Floats, v: Floats, force: Floats, ground: float) -> Floats:
-        resisting = q @ self.stiffness.T + v @ self.damping.T + force @ self.rows
+    def accelerations(self, q: Floats, v: Floats, force: Floats, w: Floats, ground: float) -> Floats:
+        resisting = q @ self.stiffness.T + v @ self.damping.T + force @ self.rows + self.loops.forces(w, v)
         return -resisting @ self.inverse_mass.T - self.influence * ground
 
     def evaluate(
-        self, q: Floats, v: Floats, parameters: Floats, z: Floats, ground: float
+        self, q: Floats, v: Floats, parameters: Floats, z: Floats, w: Floats, ground: float
     ) -> tuple[Floats, Floats]:
         """Accelerations of all rows, and the rates of the damper states."""
         force, rates = self.dampers.forces(parameters, z, q @ self.rows.T, v @ self.rows.T)
-        return self.accelerations(q, v, force * self.scale, ground), rates
+        return self.accelerations(q, v, force * self.scale, w, ground) + self.missed, rates
 
     def advance(
         self,
-        motion: tuple[Floats, Floats, Floats, Floats],
+        motion: tuple[Floats, ...],
         command: Floats,
         h: float,
         ground: Sequence[float],
-    ) -> tuple[Floats, Floats, Floats, Floats]:
-        """A Runge-Kutta step of all rows."""
-        q, v, current, z = motion
+    ) -> tuple[Floats, ...]:
+        """A Runge-Kutta step of all rows; loops are held to their ends."""
+        q, v, current, z, w = motion
         if not self.lagged:
             current = command
         currents = np.stack([self.lagging(current, command, share * h) for share in (0.0, 0.5, 1.0)])
         parameters = self.dampers.parameters(currents)
-        speeds, pulls, drifts = [], [], []
-        at_q, at_v, at_z = q, v, z
+        speeds, pulls, drifts, turns = [], [], [], []
+        at_q, at_v, at_z, at_w = q, v, z, w
         for place, reach in ((0, 0.5), (1, 0.5), (1, 1.0), (2, 0.0)):
-            pull, rates = self.evaluate(at_q, at_v, parameters[place], at_z, ground[place])
+            pull, rates = self.evaluate(at_q, at_v, parameters[place], at_z, at_w, ground[place])
+            turns.append(self.loops.rates(at_w, at_v))
             speeds.append(at_v)
             pulls.append(pull)
             drifts.append(rates)
             at_q, at_v, at_z = q + reach * h * at_v, v + reach * h * pull, z + reach * h * rates
+            at_w = np.clip(w + reach * h * turns[-1], -1.0, 1.0)
 
         def mean(four: Sequence[Floats]) -> Floats:
             return (four[0] + 2.0 * four[1] + 2.0 * four[2] + four[3]) / 6.0
 
-        return q + h * mean(speeds), v + h * mean(pulls), currents[2], z + h * mean(drifts)
+        turned = np.clip(w + h * mean(turns), -1.0, 1.0)
+        return q + h * mean(speeds), v + h * mean(pulls), currents[2], z + h * mean(drifts), turned
 
     def squares(self, q: Floats, acceleration: Floats, ground: float) -> tuple[Floats, Floats]:
         """Sums and largest of the squares of drifts and absolute accelerations, shape (2, rows)."""
@@ -238,8 +286,17 @@ class RolloutInNumPy:
 
     # A sample.
 
-    def command(self, q: Floats, v: Floats, x: Floats, rate: Floats, force: Floats, ground: float) -> Floats:
-        """The command of each device at the next sample."""
+    def command(
+        self,
+        q: Floats,
+        v: Floats,
+        x: Floats,
+        rate: Floats,
+        force: Floats,
+        ground: float,
+        measured: Floats | None = None,
+    ) -> Floats:
+        """The command of each device at the next sample; `measured` are absolute accelerations of the floors."""
         if not self.order:
             ground = 0.0
         if self.number == 1:
@@ -256,7 +313,17 @@ class RolloutInNumPy:
         if decides:
             ratio = np.sqrt((self.measured + self.counted**2) / (self.expected + self.counted**2))
             self.scale = np.clip(1.0 + self.correction * (ratio - 1.0), 0.7, 1.3)
-        acceleration = self.accelerations(q[None], v[None], force[None], ground)[0]
+        if self.number:
+            for _ in range(2):
+                self.states = self.loops.turned(self.states, 0.5 * (q - self.before))
+        self.before = q
+        acceleration = self.accelerations(q[None], v[None], force[None], self.states[None], ground)[0]
+        if self.is_measured:
+            # The floors are the coordinates.
+            missed = measured - self.influence * ground - acceleration
+            acceleration = measured - ground
+            self.adapt(missed)
+            self.missed = missed if self.offsets else self.missed
         self.peaks = np.maximum(self.peaks, self.squares_now(q, acceleration, ground))
         if decides:
             self.learn(ground)
@@ -264,6 +331,15 @@ class RolloutInNumPy:
         self.number += 1
         self.sent.append(self.held)
         return self.held
+
+    def adapt(self, missed: Floats) -> None:
+        """Yield drifts follow the shears that the model misses, where it yields."""
+        shears = -self.unit_drifts @ self.mass @ missed
+        for place, row in enumerate(self.loops.rows):
+            (storey,) = np.flatnonzero((self.drifts == row).all(axis=1))
+            w, share = self.states[place], self.adaptation * self.Ts / self.loops.forces_at_yield[place]
+            changed = self.loops.strength[place] + share * np.abs(w) * w * shears[storey]
+            self.loops.strength[place] = np.clip(changed, *self.limits)
 
     def squares_now(self, q: Floats, acceleration: Floats, ground: float) -> Floats:
         return self.squares(q, acceleration, ground)[1][:, 0]
@@ -276,7 +352,7 @@ class RolloutInNumPy:
         def forecast(time: float) -> float:
             return float(np.interp(time / self.hold, np.arange(count), nodes))
 
-        motion = (q[None], v[None], self.current[None], self.z[None])
+        motion = (q[None], v[None], self.current[None], self.z[None], self.states[None])
         time = 0.0
         if self.number:
             pieces = [(self.Ts, self.arrived(self.number - self.late + piece)) for piece in range(self.late)]
@@ -290,22 +366,21 @@ class RolloutInNumPy:
                     motion = self.advance(motion, command[None], h, ground)
                     time += h
         rows = len(self.trials)
-        q, v, current, z = (np.repeat(each, rows, axis=0) for each in motion)
-        motion = (q, v, current, z)
+        motion = tuple(np.repeat(each, rows, axis=0) for each in motion)
         sums, peaks = np.zeros((2, rows)), np.repeat(self.peaks[:, None], rows, axis=1)
         for step in range(self.n_steps):
             command = self.trials if step < self.hold_steps else self.tails
             start = self.delay + step * self.step
             ground = [forecast(start + share * self.step) for share in (0.0, 0.5, 1.0)]
             motion = self.advance(motion, command, self.step, ground)
-            q, v, current, z = motion
+            q, v, current, z, w = motion
             following = self.trials if step + 1 < self.hold_steps else self.tails
             parameters = self.dampers.parameters(current if self.lagged else following)
-            acceleration = self.evaluate(q, v, parameters, z, ground[2])[0]
+            acceleration = self.evaluate(q, v, parameters, z, w, ground[2])[0]
             total, largest = self.squares(q, acceleration, ground[2])
             sums += total
             peaks = np.maximum(peaks, largest)
-        twice = np.sum((q @ self.stiffness) * q + (v @ self.mass) * v, axis=1)
+        twice = np.sum((q @ self.stiffness) * q + (v @ self.mass) * v, axis=1) + self.loops.twice_held(w)
         mean = self.weights @ sums / self.n_steps
         self.costs = mean + self.peak_weight * (self.weights @ peaks) + self.energy_weight * twice
         self.held = self.trials[int(np.argmin(self.costs))]

@@ -24,9 +24,10 @@ import mrwork as mr
 from mrwork import Device
 from mrwork.closed_loop import Fault, Hardware, LoopSample, Responses, UserLaw, simulate_loop
 from mrwork.control import ControlLaw, LoopModel, design_law
+from mrwork.control.laws.law_settings import design_candidates
 from mrwork.dampers import DamperSpec
 from mrwork.dampers.simulation import Outcome
-from tests.control.rollout_formula import RolloutInNumPy
+from tests.control.rollout_formula import Loops, RolloutInNumPy
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -78,6 +79,7 @@ def rollout(
             "timing": np.array([HOLD, step, delay, 0.1, 2.0]),
             "forecast": np.array([order, 0.998, 100.0]),
             "correction": np.array([0.5, 50.0]),
+            "shears": np.array([0.0, 0.0, 1.0, 1.0]),
         },
         model=model,
     )
@@ -105,6 +107,7 @@ def in_numpy(law: ControlLaw, hardware: Hardware, steps: int) -> tuple[UserLaw, 
             sample.rate[0],
             sample.force[0],
             float(sample.ground_acceleration[0]),
+            sample.acceleration[0],
         )
         return again.command(sample.displacement[0], sample.velocity[0], *readings)[None]
 
@@ -112,11 +115,16 @@ def in_numpy(law: ControlLaw, hardware: Hardware, steps: int) -> tuple[UserLaw, 
 
 
 def both(
-    law: ControlLaw, loop: Sequence[Device], hardware: Hardware, steps: int
+    law: ControlLaw,
+    loop: Sequence[Device],
+    hardware: Hardware,
+    steps: int,
+    frame: mr.Building | None = None,
 ) -> tuple[Responses, Responses]:
     again, _ = in_numpy(law, hardware, steps)
     return tuple(
-        simulate_loop(five_storeys(), loop, each, [COPIED], hardware, histories=True) for each in (law, again)
+        simulate_loop(frame or five_storeys(), loop, each, [COPIED], hardware, histories=True)
+        for each in (law, again)
     )
 
 
@@ -150,6 +158,204 @@ def stiffer(loop: Sequence[Device]) -> LoopModel:
         for each in loop
     ]
     return LoopModel(building=replace(frame, stiffness=1.05 * frame.stiffness), devices=weaker)
+
+
+# Of which every storey yields under the motion.
+YIELDS = {"yield_drift": 3e-4, "post_yield_ratio": 0.05, "sharpness": 8.0}
+
+
+def yielding(frame: mr.Building | None = None, **others: float) -> mr.Building:
+    return mr.buildings.with_storeys_that_yield(frame or five_storeys(), **{**YIELDS, **others})
+
+
+def believing(frame: mr.Building, loop: Sequence[Device], **shears: float) -> ControlLaw:
+    """A rollout with this model, and offsets, rate and limits of the adaptation."""
+    given = {"offsets": 0.0, "rate": 0.0, "least": 0.6, "most": 1.6, **shears}
+    law = rollout(LoopModel(building=frame, devices=loop))
+    return replace(law, tables={**law.tables, "shears": np.array(list(given.values()))})
+
+
+@pytest.mark.parametrize(
+    ("model", "settings", "shears"),
+    [
+        (yielding(yield_drift=3.6e-4, post_yield_ratio=0.1), {}, {}),
+        (yielding(yield_drift=3.6e-4), {**NOISY, "known_ground": True}, {"rate": 5.0}),
+        (yielding(), LATE, {"offsets": 1.0}),
+        (five_storeys(), {"acceleration_noise": 0.05}, {"offsets": 1.0}),
+    ],
+)
+@pytest.mark.filterwarnings("ignore:.*observer")
+def test_a_model_that_yields_is_its_copy_in_numpy(model, settings, shears) -> None:
+    loop = devices(rd1005(), second=False)
+    law = replace(believing(model, loop, **shears))
+    law = replace(
+        law, tables={**law.tables, "timing": np.array([HOLD, 1e-3, settings.get("delay", 0.0), 0.1, 2.0])}
+    )
+    ours, again = both(law, loop, Hardware(**settings), 10, yielding())
+    assert ours.outcome[0] == Outcome.FINISHED
+    for name in ("command", "force", "drift", "acceleration"):
+        expected = getattr(again.histories[0], name)
+        np.testing.assert_allclose(
+            getattr(ours.histories[0], name), expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max()
+        )
+    assert len(np.unique(ours.histories[0].command)) > 2
+    # The storeys yield: their loops have come to their ends.
+    assert ours.peak_drift.max() > 2.0 * YIELDS["yield_drift"]
+
+
+def followed(
+    law: ControlLaw, frame: mr.Building, motion: mr.GroundMotion
+) -> tuple[RolloutInNumPy, Floats, Floats]:
+    """The copy after a run, its loops at all samples and those of the plant, shape (n_samples, n_elements)."""
+    loop = devices(rd1005(), second=False)
+    run = simulate_loop(frame, loop, law, [motion], histories=True).histories[0]
+    copy, seen, n = RolloutInNumPy(law, 1e-3, steps=10), [], 5
+    copy.decide = lambda q, v: None
+    for number in range(len(run.time) - 1):
+        readings = (run.deformation[number], run.rate[number], run.force[number])
+        ground = float(run.ground_acceleration[number])
+        copy.sent.append(run.command[number])
+        state = run.state[number]
+        copy.command(state[:n], state[n:], *readings, ground, run.acceleration[number])
+        copy.sent.pop()
+        seen.append(copy.states)
+    loops = Loops(frame.elements)
+    spring = np.array([each.stiffness for each in frame.elements])
+    elongation = run.state[:-1, :n] @ loops.rows.T
+    return copy, np.array(seen), (run.element_force[:-1] - spring * elongation) / loops.forces_at_yield
+
+
+def test_the_loops_of_the_law_are_those_of_the_plant() -> None:
+    frame = yielding()
+    law = believing(frame, devices(rd1005(), second=False))
+    _, ours, true = followed(law, frame, SHORT)
+    assert np.abs(true).max() > 0.99
+    # The path between samples is taken as straight.
+    np.testing.assert_allclose(ours, true, atol=5e-3)
+
+
+def test_the_prediction_is_the_plant_to_the_error_of_its_step() -> None:
+    """Under a known ground, of a frame that yields, while the base command is held."""
+    frame, loop, n = yielding(), devices(rd1005(), second=False), 5
+    held = ControlLaw(name="passive", gains={"command": [0.5]})
+    run = simulate_loop(frame, loop, held, [SHORT], histories=True).histories[0]
+    times = SHORT.dt * np.arange(SHORT.n_time)
+    errors = []
+    for steps in (4, 8):
+        copy = RolloutInNumPy(
+            believing(frame, loop),
+            1e-3,
+            steps=steps,
+            preview=1.0,
+            shaking=lambda time: float(np.interp(time, times, SHORT.acceleration)),
+        )
+        seen: list[Floats] = []
+        squares = copy.squares
+
+        def spy(
+            q: Floats, acceleration: Floats, ground: float, squares=squares, seen=seen
+        ) -> tuple[Floats, Floats]:
+            seen.append(np.atleast_2d(q)[0])
+            return squares(q, acceleration, ground)
+
+        copy.squares = spy
+        largest = 0.0
+        for number in range(300):
+            seen.clear()
+            state = run.state[number]
+            readings = (run.deformation[number], run.rate[number], run.force[number])
+            copy.command(
+                state[:n], state[n:], *readings, run.ground_acceleration[number], run.acceleration[number]
+            )
+            copy.sent[-1] = np.array([0.5])
+            if number % 10 == 0:
+                # The motion now, then those at the steps of the base alone, of 50 ms.
+                largest = max(largest, np.abs(seen[-1] - run.state[number + 50, :n]).max())
+        errors.append(largest / np.abs(run.state[:, :n]).max())
+    assert errors[0] < 0.02
+    assert errors[1] < 0.4 * errors[0]
+
+
+@pytest.mark.parametrize("factor", [0.8, 1.25])
+def test_adapted_yield_drifts_come_to_those_of_the_frame(factor: float) -> None:
+    frame = yielding()
+    law = believing(
+        yielding(yield_drift=factor * YIELDS["yield_drift"]), devices(rd1005(), second=False), rate=20.0
+    )
+    copy, _, true = followed(law, frame, sweep(2.0, peak=3.0))
+    yielded = np.abs(true).max(axis=0) > 0.99
+    assert yielded.any()
+    np.testing.assert_allclose(copy.loops.strength[yielded], 1.0 / factor, rtol=0.1)
+
+
+def test_offsets_of_a_true_model_change_nothing() -> None:
+    loop = devices(rd1005(), second=False)
+    with_offsets, without = (
+        simulate_loop(five_storeys(), loop, believing(five_storeys(), loop, offsets=each), [SHORT])
+        for each in (1.0, 0.0)
+    )
+    np.testing.assert_allclose(with_offsets.peak_drift, without.peak_drift, rtol=1e-6)
+
+
+def test_what_a_law_believes_is_a_frame_of_these_numbers() -> None:
+    frame = mr.buildings.with_p_delta(yielding(height_of(five_storeys())))
+    problem = replace(design_problem(), building=frame)
+    settings = {
+        **REFERENCES,
+        "believed_stiffness": 1.1,
+        "believed_yield_drift": 0.8,
+        "believed_post_yield": 2.0,
+    }
+    model = design_law("predictive_rollout", problem, {**settings, "model": "building"}).model.building
+    soft = replace(five_storeys(), stiffness=1.1 * five_storeys().stiffness)
+    again = mr.buildings.with_p_delta(
+        yielding(height_of(soft), yield_drift=0.8 * YIELDS["yield_drift"], post_yield_ratio=0.1)
+    )
+    np.testing.assert_allclose(model.site_stiffness, again.site_stiffness, rtol=1e-9)
+    for ours, expected in zip(model.elements, again.elements, strict=True):
+        np.testing.assert_allclose(ours.numbers, expected.numbers, rtol=1e-9)
+    elastic = design_law("predictive_rollout", problem, settings).model.building
+    assert not elastic.nonlinear
+    np.testing.assert_array_equal(elastic.stiffness, soft.stiffness)
+
+
+def height_of(frame: mr.Building) -> mr.Building:
+    return replace(frame, heights=np.full(5, 3.0))
+
+
+def test_an_elastic_model_has_the_references_of_the_elastic_frame() -> None:
+    asked: list[bool] = []
+
+    def peaks(elastic: bool) -> mr.control.ReferencePeaks:
+        asked.append(elastic)
+        return mr.control.ReferencePeaks(commands=(0.47,), drift=1.96e-3, acceleration=2.79)
+
+    problem = replace(design_problem(reference_peaks=peaks), building=yielding())
+    for model, words in (("elastic", "elastic frame"), ("building", "frame that yields")):
+        law = design_law("predictive_rollout", problem, {"model": model})
+        assert words in law.notes[0]
+    assert asked == [True, False]
+
+
+def test_candidates_of_other_beliefs_are_refused() -> None:
+    problem = replace(design_problem(), building=yielding())
+    many = [
+        mr.control.settings_of("predictive_rollout", {**REFERENCES, "model": "building", **each})
+        for each in ({}, {"horizon": 0.2}, {"believed_yield_drift": 0.9})
+    ]
+    found = design_candidates("predictive_rollout", problem, many)
+    assert found.designed == (0, 1)
+    assert "beliefs" in found.refusals[2]
+
+
+def test_shears_that_floors_or_the_model_do_not_tell_are_refused() -> None:
+    pair = devices(rd1005(), second=False)
+    law = believing(five_storeys(), pair, rate=1.0)
+    refusal(simulate_loop, five_storeys(), pair, law, [SHORT], match="storeys that yield")
+    turned = mr.buildings.modal_truncation(five_storeys(), n_modes=5)
+    loop = [replace(each, row=turned.storeys[0]) for each in pair]
+    law = believing(turned, loop, offsets=1.0)
+    refusal(simulate_loop, turned, loop, law, [SHORT], match="not the coordinates")
 
 
 def test_a_command_without_a_lag_acts_at_once_in_the_copy_too() -> None:
@@ -255,7 +461,7 @@ def test_the_law_lowers_both_peaks_below_its_base() -> None:
 
 def test_the_settings_that_a_law_leaves_out_are_those_of_the_problem() -> None:
     peaks = mr.control.ReferencePeaks(commands=(0.47,), drift=1.96e-3, acceleration=2.79)
-    found = design_law("predictive_rollout", design_problem(reference_peaks=lambda: peaks))
+    found = design_law("predictive_rollout", design_problem(reference_peaks=lambda _: peaks))
     given = design_law("predictive_rollout", design_problem(), REFERENCES)
     for name, gain in given.gains.items():
         np.testing.assert_array_equal(found.gains[name], gain)

@@ -166,6 +166,7 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
             "timing": np.array([8e-3, 1e-3, 0.0, 0.2, 5.0]),
             "forecast": np.array([4.0, 0.998, 100.0]),
             "correction": np.array([1.0, 50.0]),
+            "shears": np.array([0.0, 0.0, 1.0, 1.0]),
         },
     }
     curve = rd1005() if control_law(name).needs_curve else None

@@ -50,7 +50,7 @@ def _problem() -> DesignProblem:
         building=frame,
         devices=[device],
         sample_time=1e-3,
-        reference_peaks=lambda: ReferencePeaks(commands=(0.5,), drift=2e-3, acceleration=3.0),
+        reference_peaks=lambda _: ReferencePeaks(commands=(0.5,), drift=2e-3, acceleration=3.0),
     )
 
 

@@ -65,6 +65,11 @@ impl SparseRows {
         self.len() == 0
     }
 
+    /// Whether no row has an entry.
+    pub(crate) fn is_blank(&self) -> bool {
+        self.entries.is_empty()
+    }
+
     /// Non-zero entries of a row: column and value.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize) -> &[(usize, f64)] {

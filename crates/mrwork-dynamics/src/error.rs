@@ -163,6 +163,18 @@ pub enum DynamicsError {
     /// A law that reads accelerations, for a device that is not between floors or floor and ground.
     #[error("the law `{0}` reads accelerations at the ends of each device; attach the devices to floors")]
     NoAcceleration(&'static str),
+    /// Shears of storeys from floors that are no coordinates.
+    #[error(
+        "the law `{0}` works out what its model misses from accelerations of floors, which are not the coordinates of this \
+         building; leave `shear_offsets` and `adaptation` out"
+    )]
+    NoShears(&'static str),
+    /// An adaptation of yield drifts of a model that has none.
+    #[error(
+        "the law `{0}` adapts the yield drifts of storeys, and its model is no chain of floors with storeys that yield; \
+         leave `adaptation` out, or give `model` as the building where its storeys yield"
+    )]
+    NothingYields(&'static str),
     /// A dead zone or a slope that no command can have.
     #[error(
         "candidate {0}, counted from 0, has a dead zone that is negative or not finite, or a slope that is not positive"

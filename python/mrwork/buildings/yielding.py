@@ -103,6 +103,45 @@ def with_storeys_that_yield(
     )
 
 
+def elastic_frame(building: Building) -> Building:
+    """The building whose storeys stay elastic, without P-delta: itself, where they do."""
+    beside = tuple(each for each in building.elements if not each.in_stiffness)
+    if len(beside) == len(building.elements) and not building.loads.any():
+        return building
+    return replace(building, elements=beside, loads=np.empty(0))
+
+
+def with_factors(
+    building: Building, *, stiffness: float = 1.0, yield_drift: float = 1.0, post_yield: float = 1.0
+) -> Building:
+    """The building with other stiffness and, of the storeys that yield, other yield drift and post-yield ratio.
+
+    The strength follows: `(1 - r) k d_y`. Damping and what is built into the frame stay.
+    """
+    if stiffness == yield_drift == post_yield == 1.0:
+        return building
+
+    def changed(each: PassiveElement) -> PassiveElement:
+        if not each.in_stiffness:
+            return each
+        drift = yield_drift * each.yield_displacement
+        springs = stiffness * (each.stiffness + each.yield_force / each.yield_displacement)
+        spring = stiffness * post_yield * each.stiffness
+        if spring >= springs:
+            raise SettingError(
+                f"{each.name} would be as stiff after yielding as before; give a smaller factor of the post-yield ratio"
+            )
+        return replace(
+            each, stiffness=spring, yield_force=(springs - spring) * drift, yield_displacement=drift
+        )
+
+    return replace(
+        building,
+        stiffness=stiffness * building.stiffness,
+        elements=tuple(changed(each) for each in building.elements),
+    )
+
+
 def _of_each(name: str, given: float | Sequence[float] | None, count: int) -> Floats:
     numbers = np.atleast_1d(np.asarray(given, dtype=np.float64))
     if numbers.shape not in ((1,), (count,)):

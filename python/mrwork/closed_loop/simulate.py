@@ -131,7 +131,11 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
 
 
 def _core_building(
-    building: Building, devices: Sequence[Device], varied: Sequence[tuple[Floats, Floats]] = ()
+    building: Building,
+    devices: Sequence[Device],
+    varied: Sequence[tuple[Floats, Floats]] = (),
+    *,
+    stiffness: Floats | None = None,
 ) -> _rust.Building:
     n = building.n_coordinates
     if n > _MOST_COORDINATES:
@@ -144,7 +148,7 @@ def _core_building(
         return _rust.Building(
             mass=building.mass,
             damping=building.damping,
-            stiffness=building.stiffness,
+            stiffness=building.stiffness if stiffness is None else stiffness,
             influence=building.influence,
             floors=building.floors,
             storeys=building.storeys,
@@ -183,17 +187,17 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
     if law.model is None:
         return None
     building, devices = law.model.building, law.model.devices
-    linear = replace(
+    drifting = replace(
         building,
         storeys=building.drifts,
         storey_names=building.drift_names,
         heights=building.drift_heights,
         loads=np.empty(0),
         n_strokes=0,
-        elements=(),
     )
+    core = _core_building(drifting, devices, stiffness=building.site_stiffness)
     first_draws = [each[:1] for each in _theta_of(devices)]
-    return _rust.LoopModel(_core_building(linear, devices), _core_dampers(devices, first_draws))
+    return _rust.LoopModel(core, _core_dampers(devices, first_draws))
 
 
 @array_dataclass()

@@ -26,6 +26,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.buildings.groups import commanded, joined_units, refuse_rate
 from mrwork.buildings.matrices import Device
+from mrwork.buildings.yielding import elastic_frame
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
@@ -232,14 +233,19 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
                 raise InvalidSettingError(("damper", 0), lacking)
     chosen_on = tuple(motion.ground for motion in designed_on)
 
+    stays_elastic = elastic_frame(building) is building
+
     @cache
-    def reference_peaks() -> ReferencePeaks:
+    def peaks_of(elastic: bool) -> ReferencePeaks:
         # Simulated only where a law refers to these peaks and its table leaves them out.
         from mrwork.study.constant import ConstantSearch
 
-        row = Row(label=PASSIVE_OFF, kind="passive_off")
-        at_zero = Arrangement(row=row, bare=bare, building=building, devices=devices, law=None)
+        row, of = Row(label=PASSIVE_OFF, kind="passive_off"), elastic_frame(building) if elastic else building
+        at_zero = Arrangement(row=row, bare=bare, building=of, devices=devices, law=None)
         return ConstantSearch(arrangement=at_zero, motions=chosen_on, hardware=hardware).reference_peaks()
+
+    def reference_peaks(elastic: bool) -> ReferencePeaks:
+        return peaks_of(elastic and not stays_elastic)
 
     driven = commanded(devices)
     problem = DesignProblem(

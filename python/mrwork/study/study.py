@@ -220,7 +220,7 @@ class Arrangement:
     @property
     def reads_acceleration(self) -> bool:
         """Whether its law may read accelerations of floors."""
-        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.spec.reads_acceleration)
+        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.reads_acceleration)
 
     @property
     def reads_drift(self) -> bool:
@@ -373,7 +373,7 @@ class Study(Summarised):
             refuse_unread(
                 self.hardware,
                 accelerations=any(each.reads_acceleration for each in self.arrangements)
-                or any(spec.reads_acceleration for spec in tuned),
+                or any(spec.reads_acceleration or spec.needs_model for spec in tuned),
                 drifts=any(each.reads_drift for each in self.arrangements),
                 forecasts=any(each.forecasts_ground for each in self.arrangements)
                 or any(spec.needs_model for spec in tuned),
@@ -564,14 +564,20 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         *((law.rms_time,) if isinstance(law, UserLaw) and law.rms_time is not None else ()),
         *(() if own is None or own.shaping is None else own.shaping),
         *((_digest(each.row), each.numbers) for each in building.elements),
-        *((_digest(building.loads), _digest(building.heights)) if building.loads.any() else ()),
+        *_loads_of(building),
         *(_digest_of_motion(motion) for motion in motions),
     )
 
 
 def _digest_of_model(model: LoopModel) -> str:
-    matrices = (_digest(getattr(model.building, name)) for name in _MATRICES)
-    return digest_of(*matrices, [_identity_of(device) for device in model.devices])
+    building = model.building
+    matrices = (_digest(getattr(building, name)) for name in _MATRICES)
+    beyond = (*((_digest(each.row), each.numbers) for each in building.elements), *_loads_of(building))
+    return digest_of(*matrices, [_identity_of(device) for device in model.devices], *beyond)
+
+
+def _loads_of(building: Building) -> tuple[str, ...]:
+    return (_digest(building.loads), _digest(building.heights)) if building.loads.any() else ()
 
 
 _MATRICES = ("mass", "damping", "stiffness", "influence")

@@ -266,7 +266,8 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     on = bench.run("passive", [constant_candidate(bench.problem.devices, 1.0)])
     constant = None
     if bench.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
-        constant = bench.problem.reference_peaks()
+        # Of the frame of the default model.
+        constant = bench.problem.reference_peaks(True)
     return magnitudes_of_runs(
         study.building, bench.motions, bench.passive, on, devices=study.devices, constant=constant
     )

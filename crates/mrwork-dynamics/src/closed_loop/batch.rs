@@ -2,7 +2,7 @@
 
 use super::hardware::{Hardware, Observer};
 use crate::building::{Building, Springs};
-use crate::control::{CurveModel, Law, LoopModel, LoopSizes};
+use crate::control::{CurveModel, Law, LoopModel, LoopSizes, reads_accelerations};
 use crate::coupled::{Group, n_devices};
 use crate::ground_motion::GroundMotion;
 
@@ -129,7 +129,13 @@ impl<'a> Batch<'a> {
 
     /// Whether the law reads the absolute accelerations of floors.
     pub(super) fn reads_acceleration(&self) -> bool {
-        self.law.spec().reads_acceleration || self.outside.is_some()
+        self.law.spec().reads_acceleration || self.outside.is_some() || self.model_reads_acceleration()
+    }
+
+    /// Whether the prediction of the law does: its tables were checked, and the last is of the storeys.
+    pub(super) fn model_reads_acceleration(&self) -> bool {
+        let (Some(model), Some(shears)) = (&self.model, self.tables.last()) else { return false };
+        self.law.spec().needs_model && reads_accelerations(model.building, shears)
     }
 
     /// Number of devices.

@@ -148,7 +148,15 @@ impl<'a> Batch<'a> {
             return Ok(None);
         }
         let model = self.model.clone().ok_or(DynamicsError::NoModel(spec.name))?;
-        model.check(self.building.n, self.n_devices())?;
+        model.check(self.building, self.n_devices())?;
+        if let Some([offsets, rate, ..]) = self.tables.last().map(Vec::as_slice) {
+            if (*offsets > 0.0 || *rate > 0.0) && !model.building.floors_are_coordinates {
+                return Err(DynamicsError::NoShears(spec.name));
+            }
+            if *rate > 0.0 && model.building.shears.yielding.is_blank() {
+                return Err(DynamicsError::NothingYields(spec.name));
+            }
+        }
         // The tables of the law were checked: the first are its instants.
         let mut numbers = [f64::NAN; 5];
         for (number, &entry) in numbers.iter_mut().zip(self.tables.iter().flatten()) {

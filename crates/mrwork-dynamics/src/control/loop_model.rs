@@ -4,7 +4,7 @@ use crate::building::Building;
 use crate::coupled::{Group, n_devices};
 use crate::error::DynamicsError;
 
-/// A building with dampers as a controller believes them to be; passive elements are those in its matrices.
+/// A building with dampers as a controller believes them to be; its passive elements are predicted with it.
 #[derive(Clone)]
 pub struct LoopModel<'a> {
     /// Its building, with the rows of the devices.
@@ -15,9 +15,10 @@ pub struct LoopModel<'a> {
 
 impl LoopModel<'_> {
     /// Refuses a model of another number of coordinates or devices than the loop has, or without parameters.
-    pub(crate) fn check(&self, n_coordinates: usize, expected: usize) -> Result<(), DynamicsError> {
+    pub(crate) fn check(&self, building: &Building, expected: usize) -> Result<(), DynamicsError> {
         let sizes = [
-            ("coordinates of the controller's model", self.building.n, n_coordinates),
+            ("coordinates of the controller's model", self.building.n, building.n),
+            ("floors of the controller's model", self.building.n_floors(), building.n_floors()),
             ("devices of the controller's model", self.building.n_devices(), expected),
             ("dampers of the controller's model", n_devices(&self.dampers), expected),
         ];

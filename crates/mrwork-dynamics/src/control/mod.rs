@@ -30,7 +30,7 @@ pub(crate) use law::Beginning;
 use law::ControlLaw;
 pub use loop_model::LoopModel;
 pub(crate) use measurement::{Measurement, Preview, ground_reach};
-pub(crate) use rollout::{Timing, plan};
+pub(crate) use rollout::{Timing, plan, reads_accelerations};
 pub(crate) use spec::Gains;
 pub use spec::{GainSpec, LawSpec, LoopSizes, Shape, Unit};
 

@@ -57,7 +57,7 @@ impl ControlLaw for PredictiveRollout {
             whole(
                 "energy_weight",
                 Unit::Of("1/J"),
-                "w_E of q'K q + q''M q' at the horizon, twice the energy",
+                "w_E of q'K q + q''M q' at the horizon, twice the energy, with that of loops",
             ),
             whole("horizon", Unit::Of("s"), "T, from the instant at which the command acts; at most 1 s"),
             whole(
@@ -66,7 +66,7 @@ impl ControlLaw for PredictiveRollout {
                 "share of the measured error of the damper force that scales that of the model",
             ),
         ],
-        tables: &["timing", "forecast", "correction"],
+        tables: &["timing", "forecast", "correction", "shears"],
         needs_model: true,
         switches: true,
         ..LawSpec::PLAIN
@@ -125,10 +125,27 @@ impl ControlLaw for PredictiveRollout {
             }
         }
         match tables[2][..] {
-            [time, mass] if positive(time) && positive(mass) => Ok(()),
+            [time, mass] if positive(time) && positive(mass) => {}
+            _ => {
+                return refuse(
+                    "correction",
+                    "2, positive: time [s] over which forces are compared, mass [kg] whose inertia force at A counts",
+                );
+            }
+        }
+        match tables[3][..] {
+            [offsets, rate, least, most]
+                if [offsets, rate].into_iter().all(not_negative)
+                    && positive(least)
+                    && positive(most)
+                    && (least..=most).contains(&1.0) =>
+            {
+                Ok(())
+            }
             _ => refuse(
-                "correction",
-                "2, positive: time [s] over which forces are compared, mass [kg] whose inertia force at A counts",
+                "shears",
+                "4: 1 for offsets of the shears, else 0, rate at which yield drifts are adapted or 0 [1/s], and their \
+                 least and largest factor, from at most 1 to at least 1",
             ),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::elements::Elements;
 use super::energies::Energies;
-use crate::building::{Building, Coefficient, Link, OfLanes, SparseRows, SpringRows};
+use crate::building::{Building, Coefficient, Element, Link, OfLanes, SparseRows, SpringRows};
 use crate::lanes::Lanes;
 use crate::real::{OutOfLine, Real};
 
@@ -28,8 +28,10 @@ pub(crate) struct Plant<'a, R: Lanes> {
     accelerations: [Vec<R>; STAGES],
     /// Resisting force of each coordinate of a building that is no chain [N].
     resisting: Vec<R>,
-    /// Passive elements; `None` for a model of the building that leaves them to its matrices.
-    elements: Option<Elements<'a, R>>,
+    /// Passive elements.
+    elements: Elements<'a, R>,
+    /// Accelerations of the coordinates beside those of the equations, which a controller has measured; empty for none.
+    pub(crate) offset: Vec<R>,
     /// Elongations of the devices and their rates at the current stage.
     pub(crate) elongation: Vec<R>,
     pub(crate) rate: Vec<R>,
@@ -61,20 +63,11 @@ impl<R: Real> PlantMotion<'_, R> {
 impl<'a, R: Lanes> Plant<'a, R> {
     /// The building at rest with its passive elements; `springs` are those of each run, of one pattern.
     pub(crate) fn at_rest(building: &'a Building, springs: &[&'a SpringRows<f64>], step: f64) -> Self {
-        Self {
-            elements: Some(Elements::at_rest(building)),
-            springs: LaneSprings::of(springs),
-            ..Self::without_elements(building, step)
-        }
-    }
-
-    /// The building at rest, without forces of passive elements beyond those in its matrices.
-    pub(crate) fn without_elements(building: &'a Building, step: f64) -> Self {
         let zero = || vec![R::splat(0.0); building.n];
         let per_device = || vec![R::splat(0.0); building.n_devices()];
         Self {
             building,
-            springs: LaneSprings::Shared(&building.springs.rows),
+            springs: LaneSprings::of(springs),
             step,
             displacement: zero(),
             velocity: zero(),
@@ -82,17 +75,67 @@ impl<'a, R: Lanes> Plant<'a, R> {
             staged_velocity: zero(),
             accelerations: [zero(), zero(), zero(), zero()],
             resisting: zero(),
-            elements: None,
+            elements: Elements::at_rest(building),
+            offset: Vec::new(),
             elongation: per_device(),
             rate: per_device(),
             powers: [R::splat(0.0); 2],
         }
     }
 
-    /// Energy that the loop of an element holds [J]; none where elements are left to the matrices.
+    /// Energy that the loop of an element holds [J].
     #[inline(always)]
     pub(crate) fn held_by(&self, element: usize) -> R {
-        self.elements.as_ref().map_or(R::splat(0.0), |elements| elements.held_by(element))
+        self.elements.held_by(element)
+    }
+
+    /// Twice the energy that the building holds [J]: of its springs, in the loops of its elements, and in its motion.
+    #[inline(always)]
+    pub(crate) fn twice_held(&self) -> R {
+        let Self { building, springs, displacement, velocity, .. } = self;
+        let mut sum = R::splat(0.0);
+        for coordinate in 0..building.n {
+            sum = springs.sprung(coordinate, displacement).mul_add(displacement[coordinate], sum);
+            sum = building.mass.dot(coordinate, velocity).mul_add(velocity[coordinate], sum);
+        }
+        for element in 0..building.n_elements() {
+            sum = self.held_by(element).weighted(R::splat(2.0), sum);
+        }
+        sum
+    }
+
+    /// Writes the states of the loops of the elements.
+    pub(crate) fn save_loops(&self, into: &mut [R]) {
+        self.elements.save(into);
+    }
+
+    /// Goes on from these states of the loops.
+    #[inline(always)]
+    pub(crate) fn place_loops(&mut self, states: &[R]) {
+        self.elements.place(states);
+    }
+
+    /// Follows the loops along a change of the coordinates, straight.
+    #[inline(always)]
+    pub(crate) fn follow(&mut self, change: &[R]) {
+        self.elements.follow(change);
+    }
+
+    /// Shares out the shears of storeys that the loops miss [N]: each takes of its own what tells its strength, by a
+    /// share of it over the yield force, where it yields.
+    #[inline(always)]
+    pub(crate) fn adapt(&mut self, missed: &[R], share: f64, limits: [R; 2]) {
+        let Self { building, elements, .. } = self;
+        for (storey, &missed) in missed.iter().enumerate() {
+            for &(element, _) in building.shears.yielding.row(storey) {
+                let Element { yield_force, .. } = building.element_parameters[element];
+                if yield_force > 0.0 {
+                    let w = elements.state(element);
+                    let change = w.abs() * w * missed * R::splat(share / yield_force);
+                    elements.strengthen(element, change, limits);
+                }
+            }
+        }
     }
 
     pub(crate) fn building(&self) -> &'a Building {
@@ -125,24 +168,20 @@ impl<'a, R: Lanes> Plant<'a, R> {
             displacement: &self.displacement,
             velocity: &self.velocity,
             acceleration: &self.accelerations[0],
-            element_force: self.elements.as_ref().map_or(&[], |elements| &elements.force),
+            element_force: &self.elements.force,
         }
     }
 
     /// Evaluates accelerations and powers at the start of a step, for these device forces and ground acceleration.
     pub(crate) fn accelerate(&mut self, force: &[R], ground: &R) {
-        if let Some(elements) = &mut self.elements {
-            elements.evaluate(&self.velocity);
-        }
+        self.elements.evaluate(&self.velocity);
         R::out_of_line(Accelerate { plant: self, force, ground });
     }
 
     /// Moves from the start of a step, once it was evaluated, to the next stage; adds its powers to the energies.
     pub(crate) fn advance(&mut self, force: &[R], mut energies: Option<&mut Energies<R>>) {
         let Moves { weight, reach } = Moves::after(0, self.step);
-        if let (Some(elements), Some(energies)) = (&mut self.elements, energies.as_deref_mut()) {
-            elements.advance(weight, reach, energies);
-        }
+        self.elements.advance(weight, reach, energies.as_deref_mut());
         R::out_of_line(Advance { plant: self, force, energies });
     }
 
@@ -155,11 +194,9 @@ impl<'a, R: Lanes> Plant<'a, R> {
         ground: &R,
         mut energies: Option<&mut Energies<R>>,
     ) {
-        if let (Some(elements), Some(energies)) = (&mut self.elements, energies.as_deref_mut()) {
-            let Moves { weight, reach } = Moves::after(stage, self.step);
-            elements.evaluate(&self.staged_velocity);
-            elements.advance(weight, reach, energies);
-        }
+        let Moves { weight, reach } = Moves::after(stage, self.step);
+        self.elements.evaluate(&self.staged_velocity);
+        self.elements.advance(weight, reach, energies.as_deref_mut());
         R::out_of_line(Pass { plant: self, stage, force, ground, energies });
     }
 }
@@ -282,7 +319,7 @@ impl<R: Lanes> Plant<'_, R> {
     /// these, keeps their powers.
     #[inline(always)]
     fn accelerate_at(&mut self, stage: usize, force: &[R], ground: &R, energies: Option<&mut Energies<R>>) {
-        let Self { building, springs, resisting, elements, .. } = self;
+        let Self { building, springs, resisting, elements, offset, .. } = self;
         let n = building.n;
         let (displacement, velocity) = match stage {
             0 => (&self.displacement[..n], &self.velocity[..n]),
@@ -290,7 +327,7 @@ impl<R: Lanes> Plant<'_, R> {
         };
         let at = At { building, displacement, velocity, ground };
         let acceleration = &mut self.accelerations[stage][..n];
-        let element_force = elements.as_ref().map_or(&[][..], |elements| &elements.force);
+        let element_force = &elements.force[..];
         let powers = if let Some(per_mass) = &building.per_mass {
             let powers = match (&*springs, springs.is_chain()) {
                 (LaneSprings::Shared(springs), true) => at.chain(springs.links(), per_mass, acceleration),
@@ -316,6 +353,9 @@ impl<R: Lanes> Plant<'_, R> {
             }
             powers
         };
+        for (acceleration, &offset) in self.accelerations[stage].iter_mut().zip(&*offset) {
+            *acceleration = *acceleration + offset;
+        }
         if let Some(energies) = energies {
             energies.add(powers, Moves::after(stage, self.step).weight);
         } else {

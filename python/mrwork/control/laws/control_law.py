@@ -111,7 +111,7 @@ def refuse_units(spec: ControlLawSpec, devices: Sequence[Device]) -> None:
 class LoopModel(Summarised):
     """A building with its devices as a law believes them to be; of draws of a damper it has the first.
 
-    Passive elements count with the spring and the dashpot that they have in the matrices.
+    What yields or slips in it and P-delta are predicted too.
     """
 
     _made_by: ClassVar[str] = "mr.control.design_law('predictive_rollout', problem)"
@@ -210,6 +210,13 @@ class ControlLaw(Summarised):
     def forecasts_ground(self) -> bool:
         """Whether it forecasts the ground acceleration, of an order above zero."""
         return self.spec.needs_model and float(np.ravel(self.tables["forecast"])[0]) > 0.0
+
+    @property
+    def reads_acceleration(self) -> bool:
+        """Whether it reads absolute accelerations of floors: a prediction does of storeys that yield, or by setting."""
+        if self.spec.reads_acceleration or self.model is None:
+            return self.spec.reads_acceleration
+        return bool(self.model.building.elements) or bool(np.any(np.ravel(self.tables["shears"])[:2]))
 
     @property
     def shaping(self) -> tuple[float, float] | None:

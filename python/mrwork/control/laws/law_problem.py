@@ -22,6 +22,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command, sends_shares
 from mrwork.buildings.matrices import Device, elongation_rows
+from mrwork.control.laws.control_law import LoopModel
 from mrwork.control.laws.counterpart import is_curve, static_counterpart
 from mrwork.control.linear.margins import LoopMargins
 from mrwork.control.linear.plant import Plant, plant_of
@@ -58,8 +59,9 @@ class DesignProblem(Summarised):
     largest values expected of the dampers, if given. `motions` are the ground motions whose strength and spectrum a
     design from limits takes, the training motions of a study; `judged` says that laws are judged on them, too. `beside`
     are the devices that no law commands, which only a law that predicts the motion knows. `reference_peaks` finds the
-    largest motions under a constant command, to which a law may refer. A problem that `limited_to` made is
-    `limited_from` the one with the largest commands of the dampers themselves.
+    largest motions under a constant command, to which a law may refer, of the frame that stays elastic or of the
+    building itself. A problem that `limited_to` made is `limited_from` the one with the largest commands of the dampers
+    themselves.
     """
 
     _made_by: ClassVar[str] = "mr.control.DesignProblem(building=..., devices=..., sample_time=...)"
@@ -74,7 +76,7 @@ class DesignProblem(Summarised):
     motions: Sequence[GroundMotion] = ()
     judged: bool = False
     beside: Sequence[Device] = ()
-    reference_peaks: Callable[[], ReferencePeaks] | None = field(default=None, repr=False, compare=False)
+    reference_peaks: Callable[[bool], ReferencePeaks] | None = field(default=None, repr=False, compare=False)
     limited_from: DesignProblem | None = field(default=None, repr=False, compare=False)
     # The grounds of the motions that designs have asked for, by kind and given numbers.
     _grounds: dict[object, StationaryGround] = field(
@@ -299,6 +301,10 @@ class LawSettings(ABC):
     def cost(cls, held: Mapping[str, Any], magnitudes: Magnitudes) -> float:
         """Cost of the weights among held settings at these magnitudes; 1 for a law without weights."""
         return 1.0
+
+    def loop_model(self, problem: DesignProblem) -> LoopModel | None:
+        """Building and devices as the law believes them to be; `None` for a law that predicts nothing."""
+        return None
 
     def weights(self, problem: DesignProblem) -> DesignedWeights | None:
         """The designed weights; `None` for a law with others or without."""

@@ -120,10 +120,10 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
 
 
 SettingValue = (
-    float | str | Sequence[float] | Sequence[str] | Sequence[Sequence[float]]
+    float | bool | str | Sequence[float] | Sequence[str] | Sequence[Sequence[float]]
     | Floats | WeightWishes | Mapping[str, Any] | None
 )  # fmt: skip
-"""A value of a setting of a control law: a number, a word, an array or matrix of weights, a table of designed ones,"""
+"""A value of a setting of a control law: a number, a switch, a word, weights, or a table of designed ones."""
 
 _NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
 
@@ -196,7 +196,7 @@ def design_law(
         gains=design.gains,
         tables=design.tables,
         curve=curve,
-        model=_model_of(spec, problem),
+        model=settings.loop_model(problem),
         notes=(
             *settings.notes(problem, design),
             *(unlike_first(problem) if spec.needs_curve else ()),
@@ -205,11 +205,6 @@ def design_law(
         weights=settings.weights(problem),
         margins=margins,
     )
-
-
-def _model_of(spec: ControlLawSpec, problem: DesignProblem) -> LoopModel | None:
-    """The building with its devices of the problem, for a law that predicts the motion."""
-    return LoopModel(building=problem.building, devices=problem.all_devices) if spec.needs_model else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -230,11 +225,12 @@ def design_candidates(
 ) -> DesignedCandidates:
     """Design one law with many settings, for a batch of simulations.
 
-    Settings whose tables differ from the tables of the first design are refused, because candidates of a batch share
-    them.
+    Settings whose tables or models of the loop differ from those of the first design are refused, because candidates of
+    a batch share them.
     """
     spec = control_law(name)
     curve = problem.curve if spec.needs_curve else None
+    model: LoopModel | None = None
     designs: list[Design] = []
     designed: list[int] = []
     refusals: dict[int, str] = {}
@@ -243,8 +239,14 @@ def design_candidates(
     for index, design in enumerate(SETTINGS[name].designs(problem, settings)):
         if isinstance(design, SettingError):
             refusals[index] = str(design)
-        elif designs and not _same_tables(design, designs[0]):
-            refusals[index] = f"{name} with these settings has other tables than the first candidate"
+            continue
+        believed = settings[index].loop_model(problem)
+        if not designs:
+            model = believed
+        if not _same_tables(design, designs[0] if designs else design) or believed != model:
+            refusals[index] = (
+                f"{name} with these settings has other tables or beliefs than the first candidate"
+            )
         else:
             designs.append(design)
             designed.append(index)
@@ -256,7 +258,7 @@ def design_candidates(
         gains=gains,
         tables=designs[0].tables,
         curve=curve,
-        model=_model_of(spec, problem),
+        model=model,
     )
     return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
 

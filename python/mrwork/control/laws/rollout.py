@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -10,10 +11,14 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import key, optional, positive
 from mrwork.base.values import Floats
 from mrwork.buildings.groups import commands_of
+from mrwork.buildings.matrices import Building
+from mrwork.buildings.yielding import elastic_frame, with_factors
+from mrwork.control.laws.control_law import LoopModel
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.errors import InvalidSettingError
 
 Forecast = Literal["autoregressive", "zero"]
+Model = Literal["elastic", "building"]
 
 LEVELS = (0.0, 0.08, 0.213, 0.426, 1.0)
 """Commands that are tried beside the base alone, as shares of the largest."""
@@ -33,7 +38,8 @@ class RolloutSettings(LawSettings):
 
     The model is the building with its dampers for which the law is designed, at the delay of the loop. All dampers take
     the command of the same number. Where base, drift or acceleration are left out, a study takes the best constant
-    command of its training motions, and the mean peaks of drift and acceleration under it.
+    command of its training motions, and the mean peaks of drift and acceleration under it: those of the elastic frame
+    for a model that stays elastic, and of the building itself for one that is the building.
     """
 
     chooses_levels: ClassVar[bool] = True
@@ -98,6 +104,32 @@ class RolloutSettings(LawSettings):
         default="autoregressive",
     )
     order: int = key("readings that the forecast combines", default=4, least=1, most=_MOST)
+    model: Model = key(
+        "building of the law: elastic, by its matrices alone, or the building with storeys that yield, passive "
+        "elements and P-delta",
+        default="elastic",
+    )
+    believed_stiffness: float = positive(
+        "stiffness that the law believes, over that of the building", default=1.0
+    )
+    believed_yield_drift: float = positive(
+        "yield drifts that the law believes, over those of the building", default=1.0
+    )
+    believed_post_yield: float = positive(
+        "post-yield ratio that the law believes, over that of the building", default=1.0
+    )
+    shear_offsets: bool = key(
+        "whether what measured accelerations and forces say beyond the model goes into the trials as constant forces",
+        default=False,
+    )
+    adaptation: float = key(
+        "rate at which yield drifts of the model follow the measured shears of storeys that yield; 0 for none",
+        unit="1/s",
+        default=0.0,
+        least=0.0,
+    )
+    adaptation_least: float = positive("least factor of an adapted yield drift", default=0.6, most=1.0)
+    adaptation_most: float = key("largest factor of an adapted yield drift", default=1.6, least=1.0)
     decision: float = positive(
         "time from one decision to the next, a whole number of samples", unit="s", default=0.01
     )
@@ -108,7 +140,7 @@ class RolloutSettings(LawSettings):
     def design(self, problem: DesignProblem) -> Design:
         """The numbers of the prediction."""
         base, drift, acceleration = self._references(problem)
-        building = problem.building
+        building = self._believed(problem)
         samples = round(self.decision / problem.sample_time)
         if samples < 1 or abs(samples * problem.sample_time - self.decision) > 1e-6 * problem.sample_time:
             raise InvalidSettingError(
@@ -139,8 +171,43 @@ class RolloutSettings(LawSettings):
                 "timing": np.array([self.decision, self.step or 0.0, problem.delay, rate, first * rate]),
                 "forecast": np.array([order, _FORGETTING, _COVARIANCE]),
                 "correction": np.array([_COMPARED, _COUNTED * building.total_mass]),
+                "shears": np.array(
+                    [
+                        float(self.shear_offsets),
+                        self.adaptation,
+                        self.adaptation_least,
+                        self.adaptation_most,
+                    ]
+                ),
             },
         )
+
+    def loop_model(self, problem: DesignProblem) -> LoopModel:
+        """The building that the law believes in, with every device of the problem."""
+        return LoopModel(building=self._believed(problem), devices=problem.all_devices)
+
+    def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
+        """Which frame the references are of, where it yields and the study has found them."""
+        frame = problem.building
+        if None not in (self.base, self.drift, self.acceleration) or elastic_frame(frame) is frame:
+            return ()
+        which = "elastic frame" if self.model == "elastic" else "frame that yields"
+        return (f"Base command and reference peaks are those of the {which}, as its model is.",)
+
+    def _believed(self, problem: DesignProblem) -> Building:
+        """The building of the model."""
+        believed = with_factors(
+            problem.building,
+            stiffness=self.believed_stiffness,
+            yield_drift=self.believed_yield_drift,
+            post_yield=self.believed_post_yield,
+        )
+        if not (believed.elements or believed.loads.any()):
+            return believed
+        if self.model == "elastic":
+            return replace(believed, elements=(), loads=np.empty(0))
+        # The matrices have all of the others.
+        return replace(believed, elements=tuple(each for each in believed.elements if not each.is_linear))
 
     def _references(self, problem: DesignProblem) -> tuple[Floats, float, float]:
         """Base command of each device, reference drift and acceleration: those given, else those of the problem."""
@@ -151,7 +218,9 @@ class RolloutSettings(LawSettings):
                 missing[0],
                 f"predictive_rollout has no {missing[0]}, and the problem no training motions to take it from; give it",
             )
-        known = problem.reference_peaks() if missing and problem.reference_peaks is not None else None
+        known = None
+        if missing and problem.reference_peaks is not None:
+            known = problem.reference_peaks(self.model == "elastic")
         base = commands_of(problem.devices, self.base or 0.0, "base")
         if known is None:
             return base, float(self.drift or 1.0), float(self.acceleration or 1.0)

@@ -4,8 +4,10 @@ mod copy;
 mod forecast;
 mod planner;
 mod prediction;
+mod storeys;
 mod timing;
 
 pub(super) use planner::{LEVELS, OTHER_TAILS};
 pub(crate) use planner::{Planner, plan};
+pub(crate) use storeys::reads_accelerations;
 pub(crate) use timing::Timing;

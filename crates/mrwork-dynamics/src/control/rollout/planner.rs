@@ -3,6 +3,7 @@
 use super::copy::{DamperCopy, Stretch};
 use super::forecast::Forecast;
 use super::prediction::{Moment, Prediction, devices};
+use super::storeys::Storeys;
 use super::timing::Timing;
 use crate::building::Building;
 use crate::control::loop_model::LoopModel;
@@ -97,6 +98,7 @@ impl<'a, R: Lanes + 'a> OutOfLine for NewPlanner<'a, '_, R> {
         steps.for_each(|_, steps| ends[steps as usize] = true);
         let delay = timing.sample_time.mul_add(count(timing.delay_samples), timing.delay_rest);
         let n_nodes = ((delay + count(n_steps) * step) / timing.hold).ceil() as usize + 2;
+        let n_elements = prediction.building().n_elements();
         let [order, forgetting, covariance] = numbers(&gains.tables[1]);
         let sample_time = timing.sample_time;
         *planner = Some(Box::new(Planner {
@@ -110,9 +112,11 @@ impl<'a, R: Lanes + 'a> OutOfLine for NewPlanner<'a, '_, R> {
             forecast: Forecast::new(order as usize, forgetting, covariance, n_nodes),
             start: Moment {
                 displacement: prediction.displacement().to_vec(),
-                velocity: prediction.velocity().to_vec(),
+                velocity: vec![R::splat(0.0); prediction.building().n_coordinates()],
                 devices: DeviceState::default(),
+                loops: vec![R::splat(0.0); n_elements],
             },
+            storeys: Storeys::new(prediction.building(), &gains.tables[3], sample_time),
             held: tried[..n_devices].to_vec(),
             ground: vec![R::splat(0.0); 2 * n_steps + 1],
             on_way: (timing.delay_rest > 0.0).then(|| Stretch::new(timing.delay_rest, step)),
@@ -167,6 +171,7 @@ pub(crate) struct Planner<'a, R: Lanes> {
     ground: Vec<R>,
     /// Squares of the largest drift and absolute acceleration so far.
     peaks: [R; 2],
+    storeys: Storeys<R>,
     /// Largest ground acceleration so far, beyond which none is forecast.
     strongest: R,
     held: Vec<R>,
@@ -212,9 +217,9 @@ struct Squares<R> {
     largest: [R; 2],
 }
 
-/// Squares of drifts and accelerations, from accelerations of the coordinates relative to the ground.
+/// Squares of drifts and of the absolute accelerations of the floors.
 #[inline(always)]
-fn squares<R: Real>(building: &Building, displacement: &[R], acceleration: &[R], ground: R) -> Squares<R> {
+fn squares<R: Real>(building: &Building, displacement: &[R], absolute: impl Fn(usize) -> R) -> Squares<R> {
     let zero = R::splat(0.0);
     let mut found = Squares { sums: [zero; 2], largest: [zero; 2] };
     for storey in 0..building.storeys.len() {
@@ -223,7 +228,7 @@ fn squares<R: Real>(building: &Building, displacement: &[R], acceleration: &[R],
         found.largest[0] = (drift * drift).max(found.largest[0]);
     }
     for floor in 0..building.floors.len() {
-        let absolute = building.floors.add_dot(floor, acceleration, ground);
+        let absolute = absolute(floor);
         found.sums[1] = absolute.mul_add(absolute, found.sums[1]);
         found.largest[1] = (absolute * absolute).max(found.largest[1]);
     }
@@ -243,6 +248,11 @@ impl<R: Lanes> Planner<'_, R> {
                 doubt = value.mul_add(zero, doubt);
             }
         }
+        if self.storeys.measured {
+            for value in measured.acceleration {
+                doubt = value.mul_add(zero, doubt);
+            }
+        }
         let mut ground = zero;
         if self.forecast.measures() {
             ground = measured.ground_acceleration;
@@ -253,12 +263,21 @@ impl<R: Lanes> Planner<'_, R> {
         self.copy.advance(&self.timing, self.number, measured);
         let factors = decides.then(|| self.prediction.scale());
         self.copy.compare(measured, gains.of_loop(FORCE_CORRECTION), factors);
-        let Measurement { displacement, velocity, force, .. } = *measured;
-        self.prediction.accelerate(displacement, velocity, force, &ground);
-        let now = squares(self.prediction.building(), displacement, self.prediction.acceleration(), ground);
+        let Measurement { displacement, velocity, force, acceleration, .. } = *measured;
+        let building = self.prediction.building();
+        let first = self.number == 0;
+        self.storeys.follow(&mut self.prediction, displacement, known, first);
+        self.prediction.accelerate([displacement, velocity, &self.storeys.loops], force, &ground);
+        let found = self.prediction.acceleration();
+        let now = if self.storeys.measured {
+            squares(building, displacement, |floor| acceleration[floor])
+        } else {
+            squares(building, displacement, |floor| building.floors.add_dot(floor, found, ground))
+        };
         for (peak, largest) in self.peaks.iter_mut().zip(now.largest) {
             *peak = R::select(known, largest, zero).max(*peak);
         }
+        self.storeys.compare(&mut self.prediction, acceleration, ground, known, decides);
         if decides {
             self.forecast.learn(measured.ground_acceleration, self.strongest);
             self.forecast.predict(self.strongest, self.timing.hold, &measured.preview);
@@ -269,7 +288,8 @@ impl<R: Lanes> Planner<'_, R> {
     /// Predicts the motion at the instant when the command will act, with the commands that are on their way.
     #[inline(always)]
     fn foresee(&mut self, measured: &Measurement<'_, R>) {
-        let Self { prediction, copy, forecast, timing, start, number, .. } = self;
+        let Self { prediction, copy, forecast, timing, start, number, storeys, .. } = self;
+        start.loops.copy_from_slice(&storeys.loops);
         start.displacement.copy_from_slice(measured.displacement);
         start.velocity.copy_from_slice(measured.velocity);
         copy.save(&mut start.devices);
@@ -340,8 +360,10 @@ impl<R: Lanes> Planner<'_, R> {
             let held = if step + 1 < timing.steps as usize { tried } else { tail };
             prediction.evaluate(held, &end);
             let number = R::splat(count(step + 1));
-            let now =
-                squares(prediction.building(), prediction.displacement(), prediction.acceleration(), end);
+            let (building, acceleration) = (prediction.building(), prediction.acceleration());
+            let now = squares(building, prediction.displacement(), |floor| {
+                building.floors.add_dot(floor, acceleration, end)
+            });
             // Lanes whose horizon has ended wait for the others.
             let over = self.steps.less(number);
             for kind in 0..sums.len() {
@@ -349,9 +371,7 @@ impl<R: Lanes> Planner<'_, R> {
                 peaks[kind] = R::select(over, zero, now.largest[kind]).max(peaks[kind]);
             }
             if self.ends[step + 1] {
-                let twice =
-                    twice_energy(prediction.building(), prediction.displacement(), prediction.velocity());
-                energy = R::select(self.steps.equal(number), twice, energy);
+                energy = R::select(self.steps.equal(number), prediction.twice_energy(), energy);
             }
         }
         let weights = [gains.of_loop(DRIFT_WEIGHT), gains.of_loop(ACCELERATION_WEIGHT)];
@@ -364,15 +384,4 @@ impl<R: Lanes> Planner<'_, R> {
         let running = mean.mul_add(self.per_steps, peak * gains.of_loop(PEAK_WEIGHT));
         energy.mul_add(gains.of_loop(ENERGY_WEIGHT), running)
     }
-}
-
-/// q'K q + q''M q' [J].
-#[inline(always)]
-fn twice_energy<R: Lanes>(building: &Building, displacement: &[R], velocity: &[R]) -> R {
-    let mut sum = R::splat(0.0);
-    for coordinate in 0..building.n {
-        sum = building.springs.rows.sprung(coordinate, displacement).mul_add(displacement[coordinate], sum);
-        sum = building.mass.dot(coordinate, velocity).mul_add(velocity[coordinate], sum);
-    }
-    sum
 }

@@ -12,6 +12,8 @@ pub(super) struct Moment<R> {
     pub(super) displacement: Vec<R>,
     pub(super) velocity: Vec<R>,
     pub(super) devices: DeviceState<R>,
+    /// Loops of the passive elements.
+    pub(super) loops: Vec<R>,
 }
 
 /// The model during a prediction.
@@ -20,7 +22,7 @@ pub(super) struct Prediction<'a, R: Lanes>(Coupled<'a, R>);
 impl<'a, R: Lanes + 'a> Prediction<'a, R> {
     /// At rest; `None` for a model of dampers that is not registered.
     pub(super) fn of(model: &LoopModel<'a>) -> Option<Self> {
-        let plant = Plant::without_elements(model.building, 0.0);
+        let plant = Plant::at_rest(model.building, &[&model.building.springs.rows], 0.0);
         Some(Self(Coupled { plant, devices: devices(model)? }))
     }
 }
@@ -44,21 +46,46 @@ impl<'a, R: Lanes> Prediction<'a, R> {
         &self.0.plant.displacement
     }
 
-    pub(super) fn velocity(&self) -> &[R] {
-        &self.0.plant.velocity
+    /// q'K q + q''M q' with twice the energy in the loops [J]: of a drift, that of its elastic part.
+    #[inline(always)]
+    pub(super) fn twice_energy(&self) -> R {
+        self.0.plant.twice_held()
     }
 
-    /// Evaluates the accelerations at a motion with these forces of the devices.
+    /// Evaluates the accelerations at a motion with these forces of the devices and states of the loops.
     #[inline(always)]
-    pub(super) fn accelerate(&mut self, displacement: &[R], velocity: &[R], force: &[R], ground: &R) {
+    pub(super) fn accelerate(&mut self, [displacement, velocity, loops]: [&[R]; 3], force: &[R], ground: &R) {
+        self.0.plant.offset.clear();
         self.0.plant.place(displacement, velocity);
+        self.0.plant.place_loops(loops);
         self.0.plant.accelerate(force, ground);
+    }
+
+    /// Goes on with what the last accelerations miss of measured ones.
+    #[inline(always)]
+    pub(super) fn offset(&mut self, missed: &[R]) {
+        self.0.plant.offset.extend_from_slice(missed);
+    }
+
+    /// Follows the loops along a change of the coordinates.
+    #[inline(always)]
+    pub(super) fn follow(&mut self, loops: &mut [R], change: &[R]) {
+        self.0.plant.place_loops(loops);
+        self.0.plant.follow(change);
+        self.0.plant.save_loops(loops);
+    }
+
+    /// Adapts the strength of the loops to what storeys resist beyond the model [N].
+    #[inline(always)]
+    pub(super) fn adapt(&mut self, shears: &[R], share: f64, limits: [R; 2]) {
+        self.0.plant.adapt(shears, share, limits);
     }
 
     /// Goes on from a moment in steps of this length [s].
     #[inline(always)]
     pub(super) fn begin(&mut self, from: &Moment<R>, step: f64) {
         self.0.plant.place(&from.displacement, &from.velocity);
+        self.0.plant.place_loops(&from.loops);
         self.0.devices.restore(&from.devices);
         self.set_step(step);
     }
@@ -89,6 +116,7 @@ impl<'a, R: Lanes> Prediction<'a, R> {
     pub(super) fn save(&self, into: &mut Moment<R>) {
         into.displacement.copy_from_slice(&self.0.plant.displacement);
         into.velocity.copy_from_slice(&self.0.plant.velocity);
+        self.0.plant.save_loops(&mut into.loops);
         self.0.devices.save(&mut into.devices);
     }
 }

@@ -78,6 +78,10 @@ impl Timing {
 /// Largest rate of the equations of the model [1/s].
 fn largest_rate(model: &LoopModel<'_>, ranges: &[[f64; 2]], severity: Severity) -> f64 {
     let (stiffening, decay) = added_rates(&model.dampers, 0, ranges, &model.building.device_mass);
+    // Loops of elements are held to their ends where a step is long for them.
+    let elements = model.building.element_parameters.iter().zip(&model.building.element_mass);
+    let stiffening =
+        elements.fold(stiffening, |sum, (each, mass)| sum + each.yield_force * each.slope / mass);
     let states = relaxation_bound(&model.dampers, 0, ranges, |_| severity);
     let of_building = model.building.springs.fastest.hypot(f64::sqrt(stiffening)) + decay;
     if of_building < states || states.is_nan() { states } else { of_building }
