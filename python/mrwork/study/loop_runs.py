@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 
@@ -68,7 +67,6 @@ def simulate_criteria(
         (stiffness, damping): vary_building(arrangement, stiffness=stiffness, damping=damping)
         for stiffness, damping in dict.fromkeys(factors)
     }
-    began = perf_counter()
     building, devices, loop_law, hardware = loop_of(arrangement, law, hardware)
     if arrangement.devices:
         draws = zip(devices, realisations.theta, strict=True)
@@ -90,9 +88,8 @@ def simulate_criteria(
         threads=threads,
         on_progress=on_block,
     )
-    seconds = perf_counter() - began
     axes = candidate_axes(responses.shape[0], motions, len(realisations))
-    runs = runs_of(responses, arrangement, law, axes, seconds=seconds)
+    runs = runs_of(responses, arrangement, law, axes)
     return runs.criteria(scales_of(arrangement), command_unit_of(arrangement.devices))
 
 

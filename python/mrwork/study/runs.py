@@ -101,7 +101,7 @@ class Runs(Labelled, WithAxes, Summarised):
     `axes` are rows of a study or candidates of a tuning, motions and realisations, with the labels along each, and then
     floors, storeys and devices. Devices are the dampers, and then the passive devices of the building, of which storeys
     that yield are none. `declared` are the quantities or criteria with axis, unit and words; `outcome` has the shape of
-    the first three axes. `seconds` is the time inside the simulation.
+    the first three axes.
     """
 
     _made_by: ClassVar[str] = "mr.run_study(study)"
@@ -110,7 +110,6 @@ class Runs(Labelled, WithAxes, Summarised):
     declared: tuple[Quantity, ...]
     numbers: Mapping[str, Floats]
     outcome: NDArray[np.uint8]
-    seconds: float = 0.0
 
     @staticmethod
     def empty(axes: Axes, declared: Sequence[Quantity]) -> Runs:
@@ -237,14 +236,14 @@ class Runs(Labelled, WithAxes, Summarised):
 
     def as_record(self) -> dict[str, Any]:
         """Its line of a journal, which has no labels; see `from_record`."""
-        return {"outcome": self.outcome.tolist(), "seconds": self.seconds, "numbers": plain(self.numbers)}
+        return {"outcome": self.outcome.tolist(), "numbers": plain(self.numbers)}
 
     @staticmethod
     def from_record(record: Mapping[str, Any], axes: Axes, declared: Sequence[Quantity]) -> Runs:
         """The runs of a line of a journal."""
         numbers = {name: array_of(each) for name, each in record["numbers"].items()}
         outcome = np.array(record["outcome"], dtype=np.uint8)
-        return replace(Runs._of(axes, declared, numbers, outcome), seconds=float(record["seconds"]))
+        return Runs._of(axes, declared, numbers, outcome)
 
     @staticmethod
     def from_arrays(named: NamedArrays, declared: Sequence[Quantity], realisation: str = "") -> Runs:
@@ -307,13 +306,11 @@ def outcome_names(outcomes: NDArray[np.uint8]) -> NDArray[np.str_]:
     return names[outcomes]
 
 
-def runs_of(
-    responses: Responses, arrangement: Arrangement, law: StudyLaw, axes: Axes, *, seconds: float = 0.0
-) -> Runs:
+def runs_of(responses: Responses, arrangement: Arrangement, law: StudyLaw, axes: Axes) -> Runs:
     """The runs of an arrangement under candidates of a law over these axes, with the floors of the bare building."""
     axes = {**axes, **{name: labels for name, labels in own_axes([arrangement]).items() if name not in axes}}
     runs = Runs.empty(axes, study_quantities(command_unit_of(arrangement.devices)))
-    runs = replace(runs, outcome=responses.outcome.reshape(runs.shape), seconds=seconds)
+    runs = replace(runs, outcome=responses.outcome.reshape(runs.shape))
     ended = runs.finished.ravel()
     for quantity in runs.declared:
         for columns, labels in _parts_of(responses, quantity, arrangement, law):
