@@ -121,8 +121,8 @@ impl<'a, R: Lanes> Plant<'a, R> {
         self.elements.follow(change);
     }
 
-    /// Shares out the shears of storeys that the loops miss [N]: each takes of its own what tells its strength, by a
-    /// share of it over the yield force, where it yields.
+    /// Adapts the strength of the loops to what storeys resist beyond them [N]: by this share of it over the yield force,
+    /// as far as they yield.
     #[inline(always)]
     pub(crate) fn adapt(&mut self, missed: &[R], share: f64, limits: [R; 2]) {
         let Self { building, elements, .. } = self;
