@@ -98,7 +98,7 @@ def rollout(
     peaks = study.problem.reference_peaks(
         True
     )  # the best constant current of the training motions, and peaks under it
-    settings = {"base": peaks.command, "drift": peaks.drift, "acceleration": peaks.acceleration}
+    settings = {"base": peaks.commands, "drift": peaks.drift, "acceleration": peaks.acceleration}
     settings |= {name: factor * settings[name] for name, factor in (factors or {}).items()}
     settings["base"] = min(settings["base"], study.devices[0].largest_command)
     problem = replace(study.problem, delay=delay)

@@ -102,7 +102,7 @@ def kernel(theta, velocity, displacement, force, dt, residuals):
                     w[j] = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-history = objective.objective.histories[0]
+history = objective.objective.compared[0].history
 spline = CubicSpline(test.time, test.velocity)
 stages = {
     steps: spline(test.time[:-1, None] + test.dt * np.linspace(0.0, 1.0, 2 * steps + 1))

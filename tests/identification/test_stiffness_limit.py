@@ -69,7 +69,7 @@ def test_a_minimisation_slides_along_the_limit_of_stiffness() -> None:
     objective = Objective.of(form.spec, (slow_test(),))
     starts = parameters(rho=4e4, sigma=8.0, c0=1500.0)[None]
     found = find_minima(objective, form.box, starts, max_iterations=60)
-    (share,) = stiffness_shares(MODEL, found.theta, objective.histories[0])
+    (share,) = stiffness_shares(MODEL, found.theta, objective.compared[0].history)
     # At a minimisation that stops where it meets the limit, c0 is 1228 N s/m and the misfit 0.0044.
     assert 0.9 < share < 1.0
     assert found.misfit[0] < 5e-4
@@ -80,13 +80,13 @@ def test_a_point_little_above_the_limit_is_moved_just_below_it_and_others_stay()
     form = identifiable_form(MODEL, {})
     objective = Objective.of(form.spec, (slow_test(),))
     below, far_above = parameters(rho=4e3, sigma=8.0), parameters(rho=4e5, sigma=800.0)
-    (share,) = stiffness_shares(form.spec, below[None], objective.histories[0])
+    (share,) = stiffness_shares(form.spec, below[None], objective.compared[0].history)
     above = parameters(rho=4e3 * 1.5 / share, sigma=8.0)
     assert objective(np.array([above]))[0] == np.inf
     moved = nearest_below_stiffness(objective.compared, form.box, np.array([below, above, far_above]))
     np.testing.assert_array_equal(moved[[0, 2]], [below, far_above])
     assert np.isfinite(objective(moved[:2])).all()
-    assert 0.9 < stiffness_shares(form.spec, moved[1:2], objective.histories[0])[0] <= 1.0
+    assert 0.9 < stiffness_shares(form.spec, moved[1:2], objective.compared[0].history)[0] <= 1.0
 
 
 def sinusoid(model: str, theta: tuple[float, ...], *, noise: float, dt: float = 2e-3) -> DamperTest:
@@ -112,7 +112,7 @@ NORMALISED = damper("normalised_bouc_wen")
 def steps_of(fit: mr.Fit) -> float:
     """Sub-steps of a sample of 1 ms that the fit wants."""
     (test,) = fit.tests
-    history = Objective.of(fit.spec, fit.tests).histories[0]
+    history = Objective.of(fit.spec, fit.tests).compared[0].history
     return float(256.0 * stiffness_shares(fit.spec, np.array([fit.theta]), history)[0] * 1e-3 / test.dt)
 
 

@@ -100,9 +100,13 @@ def respond(folder: Path, *words: str) -> Mapping[str, Any]:
 @pytest.mark.long
 def test_sets_that_predict_nearly_as_well_are_fitted_to_all_tests_and_kept(folder: Path) -> None:
     run = mr.load(folder / "run", mr.StoredRun)
-    assert run.laws is not None
-    least = run.laws.chosen_laws.left_out_percent - 1.0
-    near = [each for each in run.laws.tried if each.verdict != "unusable" and each.left_out_percent >= least]
+    assert run.ranking is not None
+    (chosen,) = [each for each in run.ranking.standings if each.is_chosen]
+    near = [
+        each
+        for each in run.ranking.standings
+        if each.verdict != "unusable" and each.left_out_percent >= chosen.left_out_percent - 1.0
+    ]
     assert run.others
     for other in run.others:
         assert other.provenance.inputs == run.fit.provenance.inputs

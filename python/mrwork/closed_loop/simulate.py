@@ -773,7 +773,7 @@ def _check_parts(devices: Sequence[Device], motions: Sequence[GroundMotion], har
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@array_dataclass()
 class _Call:
     """A call of `simulate_loop` that was checked: what its runs share, its candidates and its realisations.
 

@@ -136,6 +136,7 @@ class Objective(Summarised):
         own = replace(self, spec=spec, compared=_observe_tests(spec, tests, self.settings))
         return up_to(own, self.stiffest)
 
+    @checked
     def with_laws(self, spec: DamperSpec) -> Objective:
         """The same misfit, on the same motions, for the same model with other laws, or without any."""
         return replace(self, spec=spec, compared=tuple(replace(each, spec=spec) for each in self.compared))
@@ -278,6 +279,7 @@ class Objective(Summarised):
         self._on_every_test(fill)
         return squared
 
+    @checked
     def squared_nrmse_of(self, index: int, theta: Floats, *, threads: int = 0) -> Floats:
         """Squared NRMSE of one test, shape (n_batch,), as in `squared_nrmse`."""
         each = self.compared[index]
@@ -295,6 +297,7 @@ class Objective(Summarised):
         """NRMSE of each test, shape (n_tests, n_batch), whatever its share; infinite where a simulation failed."""
         return np.asarray(np.sqrt(self.squared_nrmse(theta).T))
 
+    @checked
     def weighted(self, theta: Floats, shares: Floats) -> Floats:
         """Misfit of each row of `theta` by its own weights of the tests, shape (n_batch, n_tests); 0 leaves one out."""
         squared = self.squared_nrmse(theta, shares > 0.0)

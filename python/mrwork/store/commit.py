@@ -22,8 +22,8 @@ from mrwork.store.output_file import new_file
 MANIFEST: Final = "manifest.json"
 NEW: Final = ".new"
 """Ending of a file that is written beside a manifest, until a manifest lists it."""
-FILES, REPLACED = "files", "replaced"
-"""Keys of a manifest: digests of the files by name, and of those before until each file has its name."""
+FILES, REPLACED, OWN = "files", "replaced", "digest"
+"""Keys of a manifest: digests of the files by name; of those before, until each file has its name; its own digest."""
 
 _TEXTS: Final = frozenset({".json", ".jsonl", ".toml", ".csv", ".html", ".svg"})
 _DIGEST: Final = "sha256"
@@ -48,6 +48,17 @@ def digest_at(name: str, path: Path) -> str:
 def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:
     """Digests of files by name."""
     return {name: digest_of(name, content) for name, content in contents.items()}
+
+
+def digest_of_manifest(stated: Mapping[str, object]) -> str:
+    """Digest of what a manifest states, without itself."""
+    own = {key: value for key, value in stated.items() if key != OWN}
+    return digest_of(MANIFEST, json_document(own).encode(errors="surrogatepass"))
+
+
+def manifest_document(stated: Mapping[str, object]) -> bytes:
+    """The content of a manifest that states this, and its own digest."""
+    return json_document({**stated, OWN: digest_of_manifest(stated)}).encode()
 
 
 def make_folders(folder: Path, name: str) -> Path:
@@ -102,9 +113,9 @@ def end_commit(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
             with suppress(OSError):
                 # A folder that is empty now, and not that of the run, which has a manifest.
                 path.parent.rmdir()
-    ended = {key: value for key, value in manifest.items() if key != REPLACED}
+    ended = {key: value for key, value in manifest.items() if key not in (REPLACED, OWN)}
     _replace_manifest(folder, ended)
-    return ended
+    return {**ended, OWN: digest_of_manifest(ended)}
 
 
 def _keep_changed(path: Path, name: str, replaced: Mapping[str, str | None]) -> None:
@@ -117,7 +128,7 @@ def _keep_changed(path: Path, name: str, replaced: Mapping[str, str | None]) -> 
 
 
 def _replace_manifest(folder: Path, stated: Mapping[str, object]) -> None:
-    _write(folder, MANIFEST + NEW, json_document(stated).encode(), flush=True)
+    _write(folder, MANIFEST + NEW, manifest_document(stated), flush=True)
     (folder / (MANIFEST + NEW)).replace(folder / MANIFEST)
 
 

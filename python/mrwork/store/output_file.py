@@ -49,9 +49,16 @@ def explain_failure(what: str, remedy: str) -> Iterator[None]:
         raise OutputError(f"cannot {what}: {reason.strerror or reason}; {remedy}") from reason
 
 
+def check_name(path: Path) -> None:
+    """Refuse a name that no file has, of which the system says nothing that helps."""
+    if "\0" in str(path):
+        raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
+
+
 @contextmanager
 def replacing(path: Path) -> Iterator[BinaryIO]:
     """A file open for writing under a temporary name, which is renamed to `path` at the end of the block."""
+    check_name(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     with explain_failure(f"write {path}", "make room, or give leave to write there"):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from mrwork.base.summary import list_names
 from mrwork.errors import MrworkError, OutputError, RecordError
 from mrwork.store.codec import built
-from mrwork.store.commit import FILES, MANIFEST, NEW, REPLACED, digest_of, end_commit
+from mrwork.store.commit import FILES, MANIFEST, NEW, OWN, REPLACED, digest_of, digest_of_manifest, end_commit
 from mrwork.store.input_file import (
     bytes_of,
     exists,
@@ -180,6 +180,8 @@ class RunFolder:
             )
         if run.format != FORMAT:
             raise RecordError(run.of_before)
+        if not (run.is_as_written or _reads_changed.get()):
+            raise RecordError(_not_as_written(folder / MANIFEST, run.kind.verb))
         if REPLACED in run.manifest:
             # Another process may be ending the commit, or the folder be one that cannot be written.
             with suppress(MrworkError, OSError), Lock(run.real_path):
@@ -213,6 +215,11 @@ class RunFolder:
         """Digest of every file of the run, but for the manifest, by its path in the folder."""
         listed: Mapping[str, str] = self.manifest.get(FILES, {})
         return listed
+
+    @property
+    def is_as_written(self) -> bool:
+        """Whether the manifest itself is as a verb has written it."""
+        return self.manifest.get(OWN) == digest_of_manifest(self.manifest)
 
     def settled(self) -> RunFolder:
         """The run with all its files by their names; the folder must be locked."""
@@ -261,10 +268,7 @@ class RunFolder:
         content = bytes_of(path, file)
         if digest_of(name, content) == self.files.get(name) or _reads_changed.get():
             return content
-        raise RecordError(
-            f"{self.path / name} is not as mrwork has written it; run `mrwork {verb}` again, restore the file, or read "
-            "it as it is with --changed (in Python mr.load(..., changed=True))"
-        )
+        raise RecordError(_not_as_written(self.path / name, verb))
 
     def document(self, name: str, *, verb: str = "") -> Any:
         """The value of a JSON file, as `content`; `None` where there is none."""
@@ -321,6 +325,13 @@ def check_output(path: Path, *, replace: bool, otherwise: str) -> None:
     if not replace and (exists(path) or os.path.islink(path)):  # noqa: PTH114 - `Path.is_symlink` raises for some names
         raise OutputError(f"{path} is there already; choose another name, or {otherwise}")
     refuse_path_in_run(path)
+
+
+def _not_as_written(path: Path, verb: str) -> str:
+    return (
+        f"{path} is not as mrwork has written it; run `mrwork {verb}` again, restore the file, or read it as it is "
+        "with --changed (in Python mr.load(..., changed=True))"
+    )
 
 
 def _no_run(path: Path, give: str) -> str:

@@ -24,20 +24,22 @@ from typing import Final
 from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
 from mrwork.errors import JournalError, OutputError
-from mrwork.store.codec import json_document
 from mrwork.store.commit import (
     FILES,
     MANIFEST,
     NEW,
+    OWN,
     commit,
     digest_at,
     digests_of,
     make_folders,
+    manifest_document,
 )
 from mrwork.store.input_file import exists
 from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
 from mrwork.store.output_file import (
     Lock,
+    check_name,
     explain_failure,
     is_lock,
 )
@@ -172,7 +174,7 @@ def _changes(run: RunFolder) -> list[str]:
             return False
         return path.is_symlink() or not path.is_file() or digest_at(name, path) != run.files[name]
 
-    return [*filter(differs, run.files)]
+    return [*([] if run.is_as_written else [MANIFEST]), *filter(differs, run.files)]
 
 
 class RunAtWork:
@@ -197,6 +199,7 @@ class RunAtWork:
 
     def __enter__(self) -> RunAtWork:
         folder = self._folder
+        check_name(folder)
         with _explained(self.destination.path):
             folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as locked:
@@ -396,12 +399,12 @@ def with_manifest(
     """The files of a run with the manifest that lists them, for a folder that is written with others."""
     return {
         **contents,
-        MANIFEST: json_document({**_stated(facts, kind), FILES: digests_of(contents)}).encode(),
+        MANIFEST: manifest_document({**_stated(facts, kind), FILES: digests_of(contents)}),
     }
 
 
 def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:
-    given = {key: value for key, value in facts.items() if key != FILES}
+    given = {key: value for key, value in facts.items() if key not in (FILES, OWN)}
     return {**given, "kind": kind.kind, "verb": kind.verb, "format": FORMAT}
 
 

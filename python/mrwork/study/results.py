@@ -600,6 +600,7 @@ class StudyResults(Plotted, Summarised):
             ],
         )
 
+    @arguments.checked
     def names_of(self, use: Use) -> list[str]:
         """Names of the motions of a use."""
         return [motion.name for motion in self.motions if motion.use == use]

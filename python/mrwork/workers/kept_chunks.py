@@ -40,7 +40,11 @@ class KeptChunks:
         found: dict[int, list[NDArray[Any]]] = {}
         for number in range(count):
             # A damaged file raises whatever it leads NumPy to.
-            with suppress(Exception), np.load(self._path(number), allow_pickle=False) as arrays:
+            with (
+                suppress(Exception),
+                self._path(number).open("rb") as stream,
+                np.load(stream, allow_pickle=False) as arrays,
+            ):
                 found[number] = [*arrays.values()]
         return found
 
