@@ -95,10 +95,9 @@ def rollout(
     Of its trials only some `levels` (shares of the largest current) and the first of its three `tails` are left; a
     trial that is left out repeats another.
     """
-    peaks = study.problem.reference_peaks(
-        True
-    )  # the best constant current of the training motions, and peaks under it
-    settings = {"base": peaks.commands, "drift": peaks.drift, "acceleration": peaks.acceleration}
+    # The best constant current of the training motions, and peaks under it.
+    peaks = study.problem.reference_peaks(True)
+    settings = {"base": peaks.commands[0], "drift": peaks.drift, "acceleration": peaks.acceleration}
     settings |= {name: factor * settings[name] for name, factor in (factors or {}).items()}
     settings["base"] = min(settings["base"], study.devices[0].largest_command)
     problem = replace(study.problem, delay=delay)
