@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import BinaryIO, Final
 
 from mrwork.errors import JournalError, MrworkWarning, OutputError
+from mrwork.store.input_file import exists
 
 _NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
 _NEW: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK | getattr(os, "O_BINARY", 0)
@@ -50,9 +51,11 @@ def explain_failure(what: str, remedy: str) -> Iterator[None]:
 
 
 def check_name(path: Path) -> None:
-    """Refuse a name that no file has, of which the system says nothing that helps."""
+    """Refuse a name that no file has, and that of a pipe, a device or a socket, which a file would replace."""
     if "\0" in str(path):
         raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
+    if exists(path) and not (path.is_file() or path.is_dir()):
+        raise OutputError(f"{path} is a pipe, a device or a socket; give the name of an ordinary file")
 
 
 @contextmanager
