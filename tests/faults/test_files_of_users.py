@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import closing
 from pathlib import Path
 
@@ -10,7 +11,8 @@ from command_line import mrwork
 from refusals import command_refusal, refusal
 
 import mrwork as mr
-from mrwork.store.output_file import Lock
+from mrwork.errors import OutputError
+from mrwork.store.output_file import Lock, replacing
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 FIT = ("identify", "synthetic:spencer1997", "--model", "bingham", "--every", 40, "--threads", 1, "--quiet")
@@ -71,3 +73,10 @@ def test_a_file_of_a_run_is_not_replaced(run: Path) -> None:
             command_refusal(*words, match="mrwork")
         refusal(mr.Journal, place, match="journal|belongs|folder|directory")
     assert contents(run.parent) == before
+
+
+def test_a_file_takes_the_place_of_no_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(OutputError, match="is a pipe"), replacing(tmp_path / "pipe.csv"):
+        pass
+    assert (tmp_path / "pipe.csv").is_fifo()
