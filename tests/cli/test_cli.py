@@ -31,7 +31,7 @@ def test_models_lists_every_model_and_shows_one_in_full() -> None:
     (preset,) = json.loads(printed("models", "static_hysteretic", "--presets", "--json"))["presets"]
     assert (preset["name"], preset["rated_force"], preset["force_class"]) == (
         "kwok2006",
-        4448.0,
+        2224.0,
         "up to 10 kN",
     )
     document = json.loads(printed("models", "bouc_wen", "--json"))

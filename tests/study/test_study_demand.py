@@ -211,7 +211,7 @@ def test_a_run_beyond_a_rating_is_told_and_stored(results: StudyResults) -> None
     # A preset has the rating of its damper.
     assert [(each.rated_force, each.rated_stroke) for each in study().devices] == [
         (RATED, 10.0),
-        (4448.0, 0.0265),
+        (2224.0, 0.0265),
     ]
     (run,) = (each for each in study_document(results)["results"] if each["kind"] == "passive_off")
     assert list(run["outside_tested_range"]) == ["force"]

@@ -397,10 +397,10 @@ def published_sets() -> tuple[Preset, ...]:
         _published("kwok2006", "static_hysteretic",
             values={"c": (1232.0, 1929.0), "k": (5100.0, -1700.0), "alpha": (32.0, 918.0, -244.0), "beta": 100.0,
                 "delta": (0.58, 0.30), "x_s": 1e-4, "f0": (57.0, -18.0)},
-            unit="A", largest_command=1.88, rated_force=4448.0, rated_stroke=0.0265,
+            unit="A", largest_command=1.88, rated_force=2224.0, rated_stroke=0.0265,
             source="Kwok, Ha, Nguyen, Li, Samali, Sens. Actuators A 132, 2006, 441-451",
-            note="RD-1005-3, of which the data sheet has a tensile strength of 4448 N and a stroke of 53 mm; beyond "
-            "1.88 A alpha would fall again. x_s is ours, the paper has sgn(x)"),
+            note="RD-1005-3, of which the data sheet has more than 2224 N at 1 A and a stroke of 53 mm; beyond 1.88 A "
+            "alpha would fall again. x_s is ours, the paper has sgn(x)"),
     )  # fmt: skip
 
 
