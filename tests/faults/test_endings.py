@@ -7,6 +7,7 @@ the machine moves.
 from __future__ import annotations
 
 import os
+import re
 import resource
 import shutil
 import signal
@@ -58,7 +59,10 @@ JOBS = {
         words="calibrate run --threads 1", before=FIT, part=lambda run: run.calibration, resume=()
     ),
     "profile": Job(
-        words="profile run --threads 1", before=FIT, part=lambda run: repr(run.profiles), resume=()
+        words="profile run --threads 1",
+        before=FIT,
+        part=lambda run: re.sub(r"simulations, [\d.]+ s", "", repr(run.profiles)),
+        resume=(),
     ),
     "plan": Job(words="plan run --threads 1", before=FIT, part=lambda run: repr(run.plan), resume=()),
     "respond": Job(
