@@ -15,7 +15,7 @@ import pytest
 from command_line import printed
 from numpy.typing import NDArray
 from record_files import write_test
-from refusals import command_refusal
+from refusals import command_refusal, refusal
 from report_samples import fit as sample_fit
 from report_samples import prediction
 from run_folders import write_fit
@@ -24,16 +24,19 @@ from sinusoidal_tests import driven_test
 
 import mrwork as mr
 from mrwork.dampers import LawName
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.laws import law_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
-from mrwork.identification.minimise.driver_lag import FinalFit, polish_with_wanted_lag
+from mrwork.identification.minimise.driver_lag import FinalFit, missing_lag, polish_with_wanted_lag
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.minimise.varying_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
+from mrwork.records.window import stretches_of
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.run_folder import PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run
@@ -77,11 +80,16 @@ def random_waves(time: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @cache
 def record(
-    command: Course | float, *, frequency: float = 2.0, amplitude: float = 0.01, rng: int = 0
+    command: Course | float,
+    *,
+    frequency: float = 2.0,
+    amplitude: float = 0.01,
+    rng: int = 0,
+    n_time: int = 2000,
 ) -> DamperTest:
     """A sinusoidal test of the lagged damper, with noise in the force alone."""
-    shape = {"dt": DT, "n_time": 2000, "noise_n": NOISE_N, "rng": [rng, 7]}
-    sent, name = (command(DT * np.arange(2000)), command.__name__) if callable(command) else (command, "")
+    shape = {"dt": DT, "n_time": n_time, "noise_n": NOISE_N, "rng": [rng, 7]}
+    sent, name = (command(DT * np.arange(n_time)), command.__name__) if callable(command) else (command, "")
     return driven_test(SPEC, THETA, (amplitude, frequency), **shape, command=sent, name=name)
 
 
@@ -268,10 +276,55 @@ def test_the_limit_of_stiffness_is_raised_where_that_pays_and_a_resumed_fit_rais
         assert fitted().theta == whole.theta
 
 
-def test_laws_that_are_to_be_chosen_from_a_varying_command_are_refused_with_the_command_to_type(
-    refused: Refused,
-) -> None:
-    refused(mr.choose_laws, "normalised_modified_bouc_wen", record(random_steps))
+# All but the two that follow the command.
+HELD = FIXED | {name: (TRUTH[name], TRUTH[name]) for name in ("k", "beta", "delta", "f0")}
+CHEAP = FitSettings(search=FEW_GENERATIONS, bounds=HELD)
+
+
+def test_laws_and_lag_are_chosen_from_one_record_by_stretches_left_out() -> None:
+    test = record(random_steps, frequency=1.7, amplitude=0.012, n_time=4000)
+    parts = stretches_of(test)
+    assert len(parts) > 3
+    # Each is simulated before it counts, and together they count what the record does, once.
+    assert all(part.n_settle for part in parts)
+    np.testing.assert_array_equal(
+        np.concatenate([part.force[part.counted] for part in parts]), test.force[test.counted]
+    )
+    choice = mr.choose_laws(PLAIN, test, lagged=True, settings=CHEAP, threads=1)
+    chosen = choice.ranking.chosen_standing
+    assert f"{len(parts)} stretches of the records, each predicted without itself" in choice.ranking.held_out
+    assert {law_of(law).fitted_degree for law in chosen.laws.values()} == {1, 2}
+    assert choice.best.spec.following == ("c", "alpha")
+    assert dict(zip(choice.best.spec.names, choice.best.theta, strict=True))["eta"] == pytest.approx(
+        60.0, rel=0.02
+    )
+    unseen = record(random_steps, frequency=2.6, amplitude=0.008, rng=5)
+    assert mr.predict(choice.best, unseen).rmse_n == pytest.approx(NOISE_N, rel=0.1)
+
+
+def test_a_choice_without_the_lag_says_the_option_that_takes_it() -> None:
+    test = record(random_steps, frequency=1.7, amplitude=0.012, n_time=4000)
+    fit = mr.choose_laws(PLAIN, test, settings=CHEAP, threads=1).best
+    assert any("fit the lag with --driver-lag" in sentence for sentence in fit.warnings)
+
+
+def test_a_lag_that_the_tests_do_not_show_is_not_among_the_chosen_laws() -> None:
+    choice = mr.choose_laws(PLAIN, immediate(random_steps), lagged=True, settings=CHEAP, threads=1)
+    assert not choice.best.spec.lagged
+    assert any("shows no lag of the driver" in remark for remark in choice.ranking.remarks)
+    refusal(mr.choose_laws, PLAIN, [record(0.0), record(1.0)], lagged=True, match="shows no lag")
+
+
+def test_a_lag_whose_part_other_parameters_have_taken_is_told() -> None:
+    """Beside a wrong offset no rate alone lowers the misfit visibly."""
+    without, start = PLAIN.with_current_laws(LAWS), THETA[:-1].copy()
+    start[-1] += 3000.0
+    objective = Objective.of(without, (record(random_steps),))
+    assert missing_lag(without, objective, start) is None
+    found = missing_lag(without, objective, start, Box.of(without))
+    assert found is not None
+    assert found.rate == pytest.approx(TRUTH["eta"], rel=0.05)
+    assert "fitted anew" in found.in_words
 
 
 def test_the_force_rises_with_the_command() -> None:

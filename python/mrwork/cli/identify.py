@@ -137,11 +137,6 @@ def _laws_of(options: argparse.Namespace) -> dict[str, LawName]:
     """Current law by name of parameter, of those that are given."""
     if options.driver_lag and not options.law:
         raise SettingError("--driver-lag is of the command, which no parameter follows; give --law NAME=LAW")
-    if options.driver_lag and _laws_are_chosen(options):
-        raise SettingError(
-            "--law auto chooses laws from tests at constant commands, which show no lag; leave --driver-lag out, or "
-            "give the laws"
-        )
     return {name: law for name, law in options.law.items() if name != _AUTO}
 
 
@@ -183,12 +178,16 @@ def run(options: argparse.Namespace) -> int:
         ending = "models" if several else options.model.rpartition(":")[2]
         verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
         models, unit = _models_of(options), command_unit(verb.tests, options.command_unit)
-        of_models = partial(choose_model, models=models, lagged=options.driver_lag)
-        choose = partial(choose_laws, models) if law_is_auto else of_models
+        choose = partial(choose_laws, models) if law_is_auto else partial(choose_model, models=models)
         return fit_best(
             verb,
             partial(
-                choose, laws=_laws_of(options), unit=unit, leave_out=options.leave_out, settings=settings
+                choose,
+                laws=_laws_of(options),
+                unit=unit,
+                lagged=options.driver_lag,
+                leave_out=options.leave_out,
+                settings=settings,
             ),
         )
 

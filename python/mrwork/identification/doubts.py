@@ -53,7 +53,7 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
 
         excerpts = objective.on(form.spec, excerpts_of_laws(problem))
         together = worse_together(problem, excerpts, polished.theta, suspected=points.is_suspected)
-    missing = missing_lag(form.spec, objective, polished.theta)
+    missing = missing_lag(form.spec, objective, polished.theta, form.box)
     return (
         *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.command_unit is not None),
         *together,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from math import ceil
 from typing import Any, Final
 
@@ -14,6 +15,7 @@ from mrwork.base.arguments import Count, checked
 from mrwork.base.numbers import counted
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, levels_of_command
+from mrwork.dampers.laws import MOST_DEGREE, CommandLaw
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.rounded_times import rounded_grid
 from mrwork.records.damper_test import DamperTest
@@ -365,6 +367,9 @@ _VARIED_CYCLES = 6
 _PLACES = 8
 _MOTION_SHARE = 0.8
 _LEVEL_SHARE = 0.5
+# Most stretches of such a record, the fewest, and the share of its time in the record that each level has in each.
+_STRETCHES = range(6, 2, -1)
+_STRETCH_SHARE = 0.1
 
 
 def excerpt(test: DamperTest) -> DamperTest:
@@ -404,15 +409,43 @@ def varied_excerpt(test: DamperTest) -> DamperTest:
     return whole
 
 
-def _at_levels(command: Floats) -> NDArray[np.intp]:
-    """Number of the level that is nearest to each sample of a command, shape (n_time,)."""
-    levels = np.array(levels_of_command(command))
+def stretches_of(test: DamperTest) -> tuple[DamperTest, ...]:
+    """Stretches of a record of a varying command, three to six, each of which shows what a cubic law needs.
+
+    These are all levels of the command, or what is next to each of four of them. Each stretch is simulated from rest
+    while the damper travels half its stroke before it, and compared from there on. A record of which there are fewer,
+    or of a constant command, stays whole.
+    """
+    levels = [
+        _at_levels(command, MOST_DEGREE) for command, _ in test.commands if isinstance(command, np.ndarray)
+    ]
+    travel = np.cumsum(np.abs(np.diff(test.displacement, prepend=test.displacement[0])))
+    for count in _STRETCHES if levels else ():
+        ends = np.linspace(test.n_settle, test.n_time, count + 1).astype(int).tolist()
+        spans = list(pairwise(ends))
+        if not all(_shows_levels(each, slice(*span), _STRETCH_SHARE) for each in levels for span in spans):
+            continue
+        parts = []
+        for start, end in spans:
+            before = travel[start] - 0.5 * float(np.ptp(test.displacement[start:end]))
+            first = int(np.searchsorted(travel, before)) if start > test.n_settle else 0
+            name = f"{test.name} from {test.time[start]:.4g} to {test.time[end - 1]:.4g} s"
+            part = replace(test.part(first, end), name=name, path="", sha256="", n_settle=start - first)
+            parts.append(part)
+        return tuple(parts)
+    return (test,)
+
+
+def _at_levels(command: Floats, degree: int | None = None) -> NDArray[np.intp]:
+    """Number of the level that is nearest to each sample of a command, (n_time,), of those for a law of a degree."""
+    every = levels_of_command(command)
+    levels = np.array(CommandLaw(degree).at_commands(every, logarithms=True).nodes or every)
     return np.searchsorted(0.5 * (levels[:-1] + levels[1:]), command)
 
 
-def _shows_levels(at_level: NDArray[np.intp], part: slice) -> bool:
+def _shows_levels(at_level: NDArray[np.intp], part: slice, share: float = _LEVEL_SHARE) -> bool:
     whole, own = (np.bincount(each, minlength=at_level.max() + 1) for each in (at_level, at_level[part]))
-    return bool(np.all(own / own.sum() >= _LEVEL_SHARE * whole / whole.sum()))
+    return bool(np.all(own / own.sum() >= share * whole / whole.sum()))
 
 
 def _shows_motion(test: DamperTest, part: slice) -> bool:
@@ -427,10 +460,12 @@ def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
 def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
     """As many cycles from the middle of a cyclic test, with `per_cycle` samples, slow ones in steps of 0.04 s.
 
-    They represent a drifting force better than the first ones. Another motion is treated as by `excerpt`.
+    They represent a drifting force better than the first ones. Another motion, and a test whose command varies, is
+    treated as by `excerpt`.
     """
     motion = spectrum(test.displacement, test.dt)
-    if motion.dominant <= 0.0 or motion.band_edge > _CYCLIC_BAND * motion.dominant:
+    is_cyclic = motion.dominant > 0.0 and motion.band_edge <= _CYCLIC_BAND * motion.dominant
+    if not is_cyclic or test.has_varying_command:
         return excerpt(test)
     length = _excerpt_seconds(test, motion.dominant)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)

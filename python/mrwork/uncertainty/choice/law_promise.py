@@ -22,13 +22,15 @@ _SMALL = 1e-4
 
 @array_dataclass()
 class LinearisedTests:
-    """Tests linearised about laws, in the latent parameters of the plain model at each command.
+    """Tests linearised about laws, in the latent parameters of a `model`.
 
-    Any laws are curves in these, shape (n_rows, n_commands, n_plain). `here` are those about which the tests are
-    linearised, a row for all tests and one without each split; `levels` has the number of the command of each test.
+    The model is the plain one at each command, or, where a command varies within tests, that with every law by values
+    at the commands, once for all tests. Any laws are curves in its parameters, shape (n_rows, n_levels, n_model).
+    `here` are those about which the tests are linearised, a row for all tests and one without each split; `levels` has
+    the number of the level of each test.
     """
 
-    plain: DamperSpec
+    model: DamperSpec
     commands: Floats
     levels: NDArray[np.intp]
     shares: Floats
@@ -48,21 +50,21 @@ class LinearisedTests:
         levels: NDArray[np.intp],
         splits: Splits,
     ) -> LinearisedTests:
-        """Simulate the tests of the plain model's objective at the laws of each row of `theta`, with derivatives."""
-        plain = objective.spec
-        box = Box.of(plain)
-        here = np.asarray(box.latent_from_theta(box.inside(plain_curves(spec, theta, commands))))
-        n_rows, n_plain = len(theta), here.shape[-1]
+        """Simulate the tests of the objective's model at the laws of each row of `theta`, with derivatives."""
+        model = objective.spec
+        box = Box.of(model)
+        here = np.asarray(box.latent_from_theta(box.inside(_curves_in(model, spec, theta, commands))))
+        n_rows, n_levels, n_model = here.shape
         squared = np.empty((n_rows, len(levels)))
-        gradient, matrix = np.empty((*squared.shape, n_plain)), np.empty((*squared.shape, n_plain, n_plain))
-        for level in range(len(commands)):
+        gradient, matrix = np.empty((*squared.shape, n_model)), np.empty((*squared.shape, n_model, n_model))
+        for level in range(n_levels):
             own = np.flatnonzero(levels == level)
             at_level = replace(objective, compared=tuple(objective.compared[index] for index in own))
             every = np.ones((n_rows, own.size), dtype=np.bool_)
             normal = NormalEquations.at(at_level, box, here[:, level], every)
             squared[:, own], gradient[:, own], matrix[:, own] = normal.squared, normal.gradient, normal.matrix
         return cls(
-            plain=plain,
+            model=model,
             commands=commands,
             levels=levels,
             shares=shares,
@@ -73,15 +75,15 @@ class LinearisedTests:
 
     def error_of(self, spec: DamperSpec, box: Box, starts: Floats) -> float:
         """Mean error of the predictions by laws that are fitted from `starts`, shape (n_rows, n_params)."""
-        box_of_plain = Box.of(self.plain)
+        box_of_model = Box.of(self.model)
         latent = np.asarray(box.latent_from_theta(starts))
         n_rows, n_free = latent.shape
         gradient, matrix = self._of_levels(self.normal.gradient), self._of_levels(self.normal.matrix)
 
         def curves_at(rows: Floats) -> Floats:
             theta = np.asarray(box.theta_from_latent(rows))
-            inside = box_of_plain.inside(plain_curves(spec, theta, self.commands))
-            return np.asarray(box_of_plain.latent_from_theta(inside))
+            inside = box_of_model.inside(_curves_in(self.model, spec, theta, self.commands))
+            return np.asarray(box_of_model.latent_from_theta(inside))
 
         curves = curves_at(latent)
         for _ in range(_STEPS):
@@ -109,8 +111,17 @@ class LinearisedTests:
         """Sums over the tests of each command that a row is fitted to, for values of tests, (n_rows, n_tests, ...)."""
         shares = self.shares.reshape(self.shares.shape + (1,) * (of_tests.ndim - 2))
         weighted = shares * of_tests
-        levels = range(len(self.commands))
+        levels = range(self.here.shape[1])
         return np.stack([weighted[:, self.levels == level].sum(axis=1) for level in levels], axis=1)
+
+
+def _curves_in(model: DamperSpec, spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
+    """Parameters of the plain `model` at each command, or of that with laws by values there and the driver's lag."""
+    curves = plain_curves(spec, theta, commands)
+    if model.command_unit is None:
+        return curves
+    values = curves.transpose(0, 2, 1).reshape(len(theta), 1, -1)
+    return np.concatenate([values, theta[:, None, -1:]], axis=-1) if model.lagged else values
 
 
 def plain_curves(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:

@@ -17,17 +17,16 @@ from numpy.typing import NDArray
 from mrwork.base.numbers import counted
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.command import command_level
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, CommandLaw, LawName
-from mrwork.dampers.parameters import Scale
-from mrwork.dampers.spec import DamperSpec, hidden_extrema
+from mrwork.dampers.parameters import DRIVER_RATE, Scale
+from mrwork.dampers.spec import DamperSpec, hidden_extrema, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.commands import (
     PER_CYCLE,
     command_is_constant,
     laws_to_type,
-    levels_of,
+    refuse_few_levels,
     spec_by_values,
     tested_commands,
 )
@@ -39,9 +38,8 @@ from mrwork.identification.progress import interruptible, on_every_test
 from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
-from mrwork.records.damper_test import loading_of
 from mrwork.records.repairs import NONE
-from mrwork.records.window import middle_excerpt
+from mrwork.records.window import middle_excerpt, stretches_of
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.law_promise import LinearisedTests, plain_curves
 from mrwork.uncertainty.choice.objections import dying_laws, objections_to
@@ -56,6 +54,8 @@ _FIRST_DEGREE = 2
 # Sets that are as good as the best and whose neighbours are tried, and the largest number of sets that are fitted.
 _FRONTIER = 5
 _MOST_TRIED = 30
+# Below this number of records stretches of those of a varying command are left out.
+_FEW_RECORDS = 3
 # Where all first laws die, the multiple of the lower end of the search at which parameters of others start at least.
 _ALIVE = 10.0
 # Times that neighbours of a set are tried while a set that something speaks against predicts better.
@@ -130,10 +130,12 @@ class LawSearch:
     """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of the `whole` records.
 
     Laws are fitted to the `excerpts` of the same tests. Each row of `shares`, (1 + n_splits, n_tests), weighs these for
-    all tests, then without each split.
+    all tests, then without each split. About `linear`, the plain model or that with all laws by values, tests are
+    linearised.
     """
 
     plain: DamperSpec
+    linear: DamperSpec
     tests: tuple[DamperTest, ...]
     whole: Objective
     excerpts: Objective
@@ -166,6 +168,16 @@ class LawSearch:
     def first_laws(self) -> Laws:
         """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         return self._laws_of("log")
+
+    @property
+    def varies(self) -> bool:
+        """Whether a command varies within a test, which then shows the laws at all commands."""
+        return self.linear.command_unit is not None
+
+    def leave_lag_out(self) -> None:
+        """Go on without the lag of the driver."""
+        self.linear = with_changed_laws(self.linear, lagged=False)
+        self.models.clear()
 
     def _laws_of(self, *scales: Scale) -> Laws:
         law = CommandLaw(min(_FIRST_DEGREE, self.most))
@@ -201,7 +213,7 @@ class LawSearch:
         laws = fitted.laws
         for name in names:
             own = laws.get(name, CONSTANT)
-            if own.fitted_degree == len(self.commands) - 1:
+            if own.fitted_degree == len(self.commands) - 1 and not self.varies:
                 laws = self._with_law(laws, name, own.fitted_degree, direct=not own.nodes)
         spec, box = self.model(laws)
         row = replace(fitted.row, laws=self._texts(laws))
@@ -223,12 +235,13 @@ class LawSearch:
         """
         names = [each.name for each in self.plain.parameters if each.scales_with_force]
         laws = {name: law for name, law in self.first_laws.items() if name in names}
-        least = _ALIVE * np.array(search_box(self.plain, Box.of(self.plain), self.tests).lower)
+        searched = search_box(self.plain, Box.of(self.plain), self.tests)
+        least = dict(zip(searched.names, _ALIVE * np.array(searched.lower), strict=True))
         while laws:
             spec, box = self.model(laws)
-            place = [self.plain.names.index(each.plain_name) for each in spec.parameters]
+            lower = [least.get(each.plain_name, 0.0) for each in spec.parameters]
             starts = self.transfer_starts(dead, spec, box)
-            starts = np.where(box.log, np.maximum(starts, least[place]), starts)
+            starts = np.where(box.log, np.maximum(starts, lower), starts)
             self._fit_laws([laws], [np.asarray(box.inside(np.minimum(starts, box.upper)))])
             alive = self.fitted[-1]
             dying = {each.parameter for each in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
@@ -321,7 +334,7 @@ class LawSearch:
         return LinearisedTests.about(
             current.spec,
             current.fit.theta,
-            self.excerpts.with_laws(self.plain),
+            self.excerpts.with_laws(self.linear),
             self.shares,
             commands=self.commands,
             levels=self.levels,
@@ -337,7 +350,7 @@ class LawSearch:
             own = laws.get(each.name, CONSTANT)
             degree, is_direct = own.fitted_degree, bool(own.nodes)
             wanted = [(near, is_direct and near > 0) for near in (degree - 1, degree + 1)]
-            if each.scale == "log" and 0 < degree < len(self.commands) - 1:
+            if each.scale == "log" and degree > 0 and (self.varies or degree < len(self.commands) - 1):
                 wanted.append((degree, not is_direct))
             changed += [
                 (each.name, self._with_law(laws, each.name, near, direct=direct))
@@ -415,15 +428,21 @@ class LawSearch:
 
         At its constant command each test is of the plain model, so that all sets are one batch.
         """
+        sets = list(zip(specs, theta, strict=True))
         pairs = [(row, test) for row, members in enumerate(self.splits.members, start=1) for test in members]
         nrmse = np.empty((len(specs), len(pairs)))
-        curves = [plain_curves(*each, self.whole_commands) for each in zip(specs, theta, strict=True)]
+        curves = [] if self.varies else [plain_curves(*each, self.whole_commands) for each in sets]
 
         def predict(test: int, threads: int) -> None:
             own = [index for index, pair in enumerate(pairs) if pair[1] == test]
-            rows = np.array([curve[pairs[index][0], test] for curve in curves for index in own])
-            if own:
-                squared = self.whole.squared_nrmse_of(test, rows, threads=threads)
+            rows = [pairs[index][0] for index in own]
+            if own and self.varies:
+                for number, (spec, fitted) in enumerate(sets):
+                    whole = self.whole.with_laws(spec)
+                    nrmse[number, own] = np.sqrt(whole.squared_nrmse_of(test, fitted[rows], threads=threads))
+            elif own:
+                plain = np.concatenate([curve[rows, test] for curve in curves])
+                squared = self.whole.squared_nrmse_of(test, plain, threads=threads)
                 nrmse[:, own] = np.sqrt(squared).reshape(len(specs), len(own))
 
         on_every_test(len(self.tests), self.whole.threads, predict)
@@ -437,7 +456,9 @@ class LawSearch:
     def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
         if (key := _key_of(laws)) not in self.models:
-            lawful = self.plain.with_current_laws(self.given | laws, unit=self.unit)
+            lawful = self.plain.with_current_laws(
+                self.given | laws, unit=self.unit, lagged=self.linear.lagged
+            )
             spec = spec_by_values(lawful, self.commands)
             form = identifiable_form(spec, self.settings.bounds)
             self.models[key] = spec, joint_box(form, self.tests, self.commands)
@@ -457,15 +478,18 @@ def prepare_search(
     leave_out: Fold | None,
     settings: FitSettings,
     threads: int,
+    *,
+    lagged: bool = False,
 ) -> LawSearch:
-    """Check the settings and prepare the folds."""
+    """Check the settings and prepare the folds: of few records, stretches of those of a varying command."""
     if plain.command_unit is not None:
         raise SettingError(f"{plain.name} has current laws already; give the plain model to choose laws for")
     if settings.starts or settings.engine != "lanes":
         raise SettingError(
             "the choice of laws takes no starts and the engine `lanes`; leave these settings out"
         )
-    unknown = [name for name in settings.bounds if name not in plain.names]
+    known = (*plain.names, DRIVER_RATE.name) if lagged else plain.names
+    unknown = [name for name in settings.bounds if name not in known]
     if unknown:
         raise SettingError(
             f"bounds are given for {unknown[0]!r}; where laws are chosen, give them for parameters of {plain.name} "
@@ -473,27 +497,29 @@ def prepare_search(
         )
     spec = plain.with_current_laws(given, unit=unit)
     typed = laws_to_type(plain, given, tested_commands(spec, tests))
-    varying = [test.name for test in tests if not command_is_constant(test, spec)]
-    if varying:
+    varies = not all(command_is_constant(test, spec) for test in tests)
+    if lagged and not varies:
         raise SettingError(
-            f"laws are chosen from tests at constant commands, and that of {varying[0]} varies; leave such tests out, "
-            f"or give the laws, as in mrwork identify FILES {typed} --driver-lag"
+            "the command is constant in every test, which shows no lag of the driver; leave --driver-lag out (in "
+            "Python lagged=True)"
         )
+    parts = "tests"
+    if varies and len(tests) < _FEW_RECORDS:
+        parts, leave_out = "stretches of the records", leave_out or "test"
+        tests = tuple(part for test in tests for part in stretches_of(test))
     if len(tests) < 2:
         raise SettingError(
-            "laws are chosen by tests left out of their fits, and one test was given; give more"
+            "laws are chosen by tests left out of their fits, and one test was given; give more, or a record of a "
+            "command that shows its levels three times"
         )
     short = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in tests)
-    commands = np.array(sorted(levels_of(spec, short)))
-    level_of = [
-        command_level(float(np.mean(np.asarray(loading_of(test, spec).command))), unit) for test in short
-    ]
-    levels = np.searchsorted(commands, level_of)
-    splits = splits_of(tests, leave_out)
+    commands = tested_commands(spec, short)
+    refuse_few_levels(spec, len(commands))
+    splits = replace(splits_of(tests, leave_out), parts=parts)
     # A split beyond the rest keeps a test at every command, and lowers no degree.
+    rests = zip(splits.splits, splits.rests(short), strict=True)
     n_levels = min(
-        (np.unique(np.delete(levels, split.members)).size for split in splits.splits if not split.beyond),
-        default=len(commands),
+        (len(tested_commands(spec, rest)) for split, rest in rests if not split.beyond), default=len(commands)
     )
     most = min(MOST_DEGREE, n_levels - 1)
     if most < 1:
@@ -501,12 +527,21 @@ def prepare_search(
             f"the tests run at {counted(len(commands), 'command')}, {n_levels} without those left out; laws are chosen "
             f"from tests at two or more: add tests, or give the laws, as in mrwork identify FILES {typed}"
         )
+    linear, levels = plain, np.zeros(len(short), dtype=np.intp)
+    if varies:
+        # Every law that is tried is one through values at these, in its logarithms or nearly.
+        full = CommandLaw(min(MOST_DEGREE, len(commands) - 1)).at_commands(commands.tolist(), logarithms=True)
+        commands = np.array(full.nodes)
+        linear = plain.with_current_laws(dict.fromkeys(plain.names, full), unit=unit, lagged=lagged)
+    else:
+        levels = np.searchsorted(commands, [float(*tested_commands(spec, (test,))) for test in short])
     excerpts = Objective.of(spec, short, settings, threads=threads)
     shares = np.tile(excerpts.shares, (1 + splits.n_splits, 1))
     for row, members in enumerate(splits.members, start=1):
         shares[row, members] = 0.0
     return LawSearch(
         plain=plain,
+        linear=linear,
         tests=short,
         whole=Objective.of(spec, tests, settings, threads=threads).with_laws(plain),
         excerpts=excerpts,

@@ -18,6 +18,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
 from mrwork.dampers.laws import LawName, law_of
+from mrwork.dampers.parameters import DRIVER_RATE
 from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.batch import JournalOf
@@ -28,7 +29,7 @@ from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings, Fold
 from mrwork.records import DamperTest, observed
-from mrwork.records.damper_test import as_tests, loading_of
+from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.choose import (
@@ -40,7 +41,7 @@ from mrwork.uncertainty.choice.choose import (
     select_known,
 )
 from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
-from mrwork.uncertainty.choice.objections import dying_laws
+from mrwork.uncertainty.choice.objections import dying_laws, fastest_at_commands
 from mrwork.uncertainty.choice.ranking import RULES, RULES_OF_LAWS, Ranking, Standing
 
 # Most sets of laws beside the chosen one that are kept with it, and by how much the forces of any two differ at least,
@@ -67,7 +68,11 @@ class _ChoosingLaws(Choosing):
     def evaluate(self, search: LawSearch) -> None:
         """Try the laws of a model."""
         with self._failing_alone(search):
-            self.firsts[search.name] = self.run(f"{search.name}/first", partial(self._first_fit, search))
+            first = self.run(f"{search.name}/first", partial(self._first_fit, search))
+            self.firsts[search.name] = first
+            if search.linear.lagged and not first.spec.lagged:
+                search.leave_lag_out()
+                self.remarks += (f"{search.name} shows no lag of the driver, which is left out of its laws",)
             self.run(f"{search.name}/laws", partial(self._try_laws, search))
 
     def choice(self) -> Choice:
@@ -158,16 +163,16 @@ class _ChoosingLaws(Choosing):
         first, *others = (self._fitted(each) for each in (chosen, *near))
         sets, rows = list[tuple[LawSearch, FittedLaws]](), list[Floats]()
         for search, laws in (first, *self._other_form(*first), *others):
-            tests = sorted(search.tests, key=lambda test: float(np.abs(test.velocity).max()))
+            fastest = [*fastest_at_commands(laws.spec, search.tests).values()]
+            test, loading = max(fastest, key=lambda pair: float(np.abs(pair[0].velocity).max()))
+            between = 0.5 * (search.commands[:-1] + search.commands[1:])
+            motions = [*fastest, *((test, replace(loading, command=command)) for command in between.tolist())]
             forces = []
-            fastest = {test.command_in(search.unit): test for test in tests}
-            between = dict.fromkeys(0.5 * (search.commands[:-1] + search.commands[1:]), tests[-1])
-            for command, test in (*fastest.items(), *between.items()):
+            for test, loading in motions:
                 beyond = replace(
-                    loading_of(test, laws.spec),
+                    loading,
                     displacement=_BEYOND * test.displacement,
                     velocity=_BEYOND * test.velocity,
-                    command=command,
                 )
                 run = simulate_forces(laws.spec, laws.fit.theta[:1], beyond.history())
                 forces.append(run.force[0] / np.std(test.force))
@@ -222,6 +227,7 @@ def choose_laws(
     *,
     laws: Mapping[str, LawName] | None = None,
     unit: CommandUnit = "A",
+    lagged: bool = False,
     leave_out: Fold | None = None,
     settings: FitSettings | None = None,
     threads: Threads = 0,
@@ -247,6 +253,9 @@ def choose_laws(
         A model without current laws, or its name; several of them, or "all".
     laws
         Laws that are given and not to be chosen.
+    lagged
+        Whether the driver lags behind a command that varies; the rate is fitted with each set of laws. A lag that the
+        first laws do not want is left out.
     leave_out
         Tests that are left out together: those of one motion where there are three motions or more, else each test.
     settings
@@ -284,14 +293,22 @@ def choose_laws(
     if several:
         known = {name for spec in specs for name in spec.names}
         refuse_unknown("law", given, known)
-        refuse_unknown("bound", settings.bounds, known)
+        refuse_unknown("bound", settings.bounds, {*known, DRIVER_RATE.name} if lagged else known)
     searches = {}
     for spec in specs:
         # A single model refuses what is given for parameters that it has not.
-        own = replace(settings, bounds=select_known(settings.bounds, spec)) if several else settings
+        bounds = select_known(settings.bounds, spec.with_current_laws({}, lagged=lagged))
+        own = replace(settings, bounds=bounds) if several else settings
         own_laws = select_known(given, spec) if several else given
         searches[spec.name] = prepare_search(
-            spec, tests, {name: law_of(law) for name, law in own_laws.items()}, unit, leave_out, own, threads
+            spec,
+            tests,
+            {name: law_of(law) for name, law in own_laws.items()},
+            unit,
+            leave_out,
+            own,
+            threads,
+            lagged=lagged,
         )
     splits = searches[specs[0].name].splits
     running = _ChoosingLaws(

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.dampers.command import command_level
-from mrwork.dampers.simulation import Outcome, simulate_forces
+from mrwork.dampers.command import command_level, levels_of_command
+from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
 from mrwork.dampers.spec import DamperSpec, LawLimit, law_limits
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
@@ -45,18 +45,26 @@ def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> 
     return tuple(each for each in limits if each.parameter in positive)
 
 
+def fastest_at_commands(
+    spec: DamperSpec, tests: Sequence[DamperTest]
+) -> dict[float, tuple[DamperTest, Loading]]:
+    """The fastest motion at each command, with its test; one whose command varies is at each of its levels."""
+    fastest: dict[float, tuple[DamperTest, Loading]] = {}
+    for test in sorted(tests, key=lambda test: float(np.abs(test.velocity).max())):
+        motion = loading_of(test, spec)
+        if motion.command is None:
+            fastest[0.0] = test, motion
+            continue
+        for level in levels_of_command(motion.command):
+            own = command_level(level, spec.command_unit or "A")
+            fastest[own] = test, replace(motion, command=level)
+    return fastest
+
+
 def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> str:
     """That the force falls beyond the tested velocities, at the command where it falls most; else empty."""
-    fastest: dict[float, DamperTest] = {}
-    for test in sorted(tests, key=lambda test: float(np.abs(test.velocity).max())):
-        command = loading_of(test, spec).command
-        if isinstance(command, np.ndarray):
-            continue
-        unit = spec.command_unit or "A"
-        fastest[0.0 if command is None else command_level(float(command), unit)] = test
     worst, sentence = -_FALLS, ""
-    for test in fastest.values():
-        loading = loading_of(test, spec)
+    for test, loading in fastest_at_commands(spec, tests).values():
         faster = replace(loading, dt=loading.dt / _FASTER, velocity=test.velocity * _FASTER)
         runs = [simulate_forces(spec, theta[None], each.history()) for each in (loading, faster)]
         if any(run.outcome[0] != Outcome.FINISHED for run in runs):

@@ -56,7 +56,8 @@ RULES_OF_LAWS = (
     "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, of "
     "a positive parameter through their logarithms, or direct, through the values themselves. Of two forms that no "
     "test tells apart, one without an extremum between the tested commands is taken. Laws are fitted to cycles from "
-    "the middle of all tests, and of all but those of each split, from the fits of the laws before.",
+    "the middle of all tests, of a varying command to all cycles with fewer samples, and to all but those of each "
+    "split, from the fits of the laws before.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
 )

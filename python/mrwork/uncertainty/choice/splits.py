@@ -87,13 +87,14 @@ class Splits:
     """Splits of one choice, each selection once, the unit of each test, and why splits were dropped.
 
     The unit is the motion, because splits repeat motions and tests of one motion err alike; the fold, where there are
-    fewer than three motions.
+    fewer than three motions. `parts` are what the tests are, in words.
     """
 
     splits: tuple[Split, ...]
     units: tuple[int, ...]
     fold: Fold
     remarks: tuple[str, ...] = ()
+    parts: str = "tests"
 
     @property
     def members(self) -> list[list[int]]:
@@ -110,7 +111,7 @@ class Splits:
         """What is predicted, after the number of tests."""
         ends = list_names([end for each in self.splits for end in each.beyond])
         beyond = f", and the {ends} motions without every test at or beyond them" if ends else ""
-        return f"{len(self.units)} tests, {IN_WORDS[self.fold]}{beyond}"
+        return f"{len(self.units)} {self.parts}, {IN_WORDS[self.fold]}{beyond}"
 
     def rests(self, tests: Sequence[DamperTest]) -> list[tuple[DamperTest, ...]]:
         """The tests that remain without each split."""
