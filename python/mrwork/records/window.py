@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import Count, checked
 from mrwork.base.numbers import counted
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats, array_dataclass, freeze_samples
 from mrwork.dampers.command import Command, levels_of_command
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.rounded_times import rounded_grid
-from mrwork.records.damper_test import DamperTest
+from mrwork.records.damper_test import DamperTest, fields_of_commands
 from mrwork.records.finding import ONCE, Finding, FindingKind, Measured
 from mrwork.records.motion import runs_of, spectrum
 
@@ -382,10 +382,22 @@ def excerpt(test: DamperTest) -> DamperTest:
         return test
     thin = max(1, int(1.0 / (motion.dominant * test.dt * _EXCERPT_PER_CYCLE)))
     if motion.band_edge > _CYCLIC_BAND * motion.dominant:
-        return cut(test, every=max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
+        return _thinned(test, max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
     if test.has_varying_command:
-        return cut(test, every=thin)
+        return _thinned(test, thin)
     return cut(test, end=test.start_time + _excerpt_seconds(test, motion.dominant), every=thin)
+
+
+def _thinned(test: DamperTest, every: int) -> DamperTest:
+    """Every `every`-th sample, at the mean of a varying command until the next: a lag feels no other."""
+    starts = np.arange(0, test.n_time, every)
+    lengths = np.diff(starts, append=test.n_time)
+    means = [
+        Command(freeze_samples(np.add.reduceat(values, starts) / lengths), unit)
+        for values, unit in test.commands
+        if isinstance(values, np.ndarray)
+    ]
+    return replace(cut(test, every=every), **fields_of_commands(means))
 
 
 def varied_excerpt(test: DamperTest) -> DamperTest:
