@@ -156,12 +156,12 @@ class Identification:
 
         def draw(on_progress: OnDrawn) -> None:
             # Matplotlib is slow to load and needed for reports only.
-            from mrwork.report.fit.page import write_fit_page
+            from mrwork.report.fit.page import fit_page
             from mrwork.runs.load import with_additions
             from mrwork.uncertainty.bands.prediction import predictions_of
 
             run = with_additions(RunFolder.open(folder), fit)
-            write_fit_page(run, predictions_of(fit, self.tests), on_progress=on_progress)
+            fit_page(run, predictions_of(fit, self.tests), on_progress=on_progress).write(folder)
 
         status = draw_last(folder, draw, quiet=self.frame.is_quiet)
         if status == 0 and not options.json:

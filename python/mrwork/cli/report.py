@@ -15,7 +15,7 @@ from mrwork.cli.output import drawing, is_quiet, print_json, told_findings
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest
-from mrwork.store.run_folder import FIGURES, FIT_RUN, REPORT, SUMMARY, RunFolder
+from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
@@ -64,17 +64,13 @@ def run(options: argparse.Namespace) -> int:
 
     def draw(on_progress: OnDrawn) -> None:
         # Matplotlib is slow to load.
-        from mrwork.report.fit.page import open_run, write_figures, write_fit_page
-        from mrwork.report.pages import write_page
+        from mrwork.report.fit.page import write_figures
+        from mrwork.report.pages import page_of
 
-        if kind is not FIT_RUN:
-            written.append(write_page(place, summary=options.summary))
-            return
-        opened, compared = open_run(place)
-        tests.extend(each.test for each in compared)
         drawn = {"every_test": options.all_tests, "summary": options.summary}
-        page = write_fit_page(opened, compared, **drawn, on_progress=on_progress)
-        written.append(place / (SUMMARY if options.summary else REPORT))
+        page, compared = page_of(place, **drawn, on_progress=on_progress)
+        tests.extend(each.test for each in compared)
+        written.append(page.write(place, summary=options.summary))
         if options.figures:
             names.extend(write_figures(place, page, on_progress=on_progress))
 

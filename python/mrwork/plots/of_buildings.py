@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from functools import partial
 from typing import Literal
 
@@ -59,11 +58,6 @@ def spectra(
         Ordinate.
     periods, damping
         Of the spectrum of a motion [s, 1]; by default from 0.05 to 4 s at 5 % damping.
-
-    Raises
-    ------
-    SettingError
-        As `mr.response_spectrum`; also if periods or damping are given for a spectrum, which has its own.
 
     Examples
     --------
@@ -137,11 +131,6 @@ def building(result: Building | StudyResults, ax: Axes | None = None) -> Axes:
     ax
         As in `histories`.
 
-    Raises
-    ------
-    SettingError
-        If the building is no such chain, or a study does not know its building.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -156,12 +145,6 @@ def building(result: Building | StudyResults, ax: Axes | None = None) -> Axes:
     axes, dampers = axes_for(ax), list(facts.passive_storeys)
     if isinstance(result, StudyResults):
         dampers += [damper.storey for damper in result.dampers]
-    _draw_frame(axes, facts, dampers)
-    return axes
-
-
-def _draw_frame(axes: Axes, facts: BuildingFacts, dampers: Sequence[int]) -> None:
-    """Floors with their masses, storeys with their stiffnesses, dampers as braces in their storeys, from 0."""
     axes.set_axis_off()
     n_storeys = len(facts.stiffnesses)
     every = max(1, -(-n_storeys // 8))
@@ -182,6 +165,7 @@ def _draw_frame(axes: Axes, facts: BuildingFacts, dampers: Sequence[int]) -> Non
     axes.plot([-0.25, 1.25], [0.0, 0.0], color=style.INK, linewidth=1.6)
     axes.set_xlim(-1.1, 1.9)
     axes.set_ylim(-0.15, n_storeys + 0.3)
+    return axes
 
 
 @style.drawn_in_style()

@@ -61,13 +61,6 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
     parameters
         Parameters of the plain model; by default all that follow the command.
 
-    Raises
-    ------
-    SettingError
-        If no parameter of the fit follows the command, or there are not as many axes as parameters.
-    UnknownNameError
-        If a parameter does not follow the command.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -141,13 +134,6 @@ def profiles(
         As in `laws`.
     parameters
         Parameters to draw; by default all that were profiled.
-
-    Raises
-    ------
-    SettingError
-        If the run has no profiles, or there are not as many axes as parameters.
-    UnknownNameError
-        If a parameter was not profiled.
 
     Examples
     --------
@@ -301,13 +287,6 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     parameters
         Parameters to draw; by default all that varied.
 
-    Raises
-    ------
-    SettingError
-        If the run has no draws, or there are not as many axes as densities.
-    UnknownNameError
-        If a parameter did not vary.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -323,29 +302,19 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     drawn = _choose(parameters, {each.name: each for each in result.varied}, "parameter that varied")
     names = [each.name for each in drawn]
     panels = triangle_for(ax, len(names), "posterior")
-    lower = {(row, column): panels[row, column] for row, column in np.argwhere(np.tri(len(names))).tolist()}
-    _draw_corner(lower, result, names, fitted)
-    for (row, column), axes in lower.items():
-        below, left = (
-            with_unit(style.symbol_text(each.name), each.unit) for each in (drawn[column], drawn[row])
-        )
-        _label_corner(axes, below if row == len(names) - 1 else "", left if column == 0 < row else "")
-    return panels
-
-
-def _draw_corner(
-    panels: Mapping[tuple[int, int], Axes], draws: Draws, names: Sequence[str], fitted: Mapping[str, float]
-) -> None:
-    """Densities of these parameters and their pairs, in axes by row and column of the lower triangle."""
-    values = [draws.chain(name).reshape(-1) for name in names]
+    values = [result.chain(name).reshape(-1) for name in names]
     # Single outliers would compress the rest.
     spans = [tuple(np.quantile(each, [0.002, 0.998]).tolist()) for each in values]
-    for (row, column), axes in panels.items():
+    labels = [with_unit(style.symbol_text(each.name), each.unit) for each in drawn]
+    for row, column in np.argwhere(np.tri(len(names))).tolist():
+        axes, at = panels[row, column], (fitted.get(names[column]), fitted.get(names[row]))
         if row == column:
-            _density(axes, values[row], spans[row], fitted.get(names[row]))
+            _density(axes, values[row], spans[row], at[0])
         else:
-            at = (fitted.get(names[column]), fitted.get(names[row]))
             _pair(axes, values[column], values[row], spans[column], spans[row], at)
+        below, left = labels[column] * (row == len(names) - 1), labels[row] * (column == 0 < row)
+        _label_corner(axes, below, left)
+    return panels
 
 
 def _density(axes: Axes, values: Floats, span: tuple[float, float], fitted: float | None) -> None:
@@ -427,11 +396,6 @@ def bands(
         Name or number of the test of a run, by default the first.
     level
         Nominal coverage.
-
-    Raises
-    ------
-    SettingError
-        If there is no calibration, or no such test.
 
     Examples
     --------
@@ -531,9 +495,8 @@ def _along(across: Floats, up: Floats) -> NDArray[np.intp]:
 
 
 def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingError:
-    return SettingError(
-        f"the run {run.place} has no {what}; add it with `mrwork {verb} {run.place}`, or {otherwise}"
-    )
+    add = f"add it with `mrwork {verb} {run.place}`"
+    return SettingError(f"the run {run.place} has no {what}; {add}, or {otherwise}")
 
 
 def _choose(asked: Sequence[str], known: Mapping[str, T], what: str) -> list[T]:

@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 
 from mrwork.base.keys import check_known
 from mrwork.base.units import STANDARD_GRAVITY
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.responses import History, Responses, own_axis, run_quantities, unit_of
 from mrwork.dampers.design.sizing import SizeFront
@@ -31,7 +31,7 @@ from mrwork.plots.sheet import (
     shown_unit_of,
 )
 from mrwork.plots.style import DisplayUnit, with_unit
-from mrwork.study.fragilities import Fragilities, Fragility
+from mrwork.study.fragilities import Fragilities
 from mrwork.study.least_counts import DamperCounts
 from mrwork.study.results import StudyResults
 from mrwork.tuning.judging import TunedStudy
@@ -51,6 +51,12 @@ class Stroke:
     pattern: str | tuple[int, tuple[float, ...]] = "-"
     width: float = 1.4
     marker: str = "o"
+
+    @property
+    def marked(self) -> dict[str, Any]:
+        """Arguments of a line of Matplotlib with markers."""
+        line = {"color": self.colour, "linestyle": self.pattern, "linewidth": self.width}
+        return {**line, "marker": self.marker}
 
 
 def strokes(
@@ -115,13 +121,6 @@ def storey_profiles(
     behind
         Rows of a study that are drawn behind, in thin grey.
 
-    Raises
-    ------
-    SettingError
-        If there is no motion or row of this number, or none of the runs finished.
-    UnknownNameError
-        If there is none of this name, or storeys and floors have no such quantity.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -141,30 +140,21 @@ def storey_profiles(
     else:
         runs = _runs(result, motion, rows)
         lines = [
-            _Line(label=label, values=numbers[base][None], stroke=_stroke(number, len(runs)))
+            (label, numbers[base][None], _stroke(number, len(runs)))
             for number, (label, numbers) in enumerate(runs.items())
         ]
-        names = tuple(f"{axis} {number}" for number in range(1, 1 + lines[0].values.shape[1]))
+        names = tuple(f"{axis} {number}" for number in range(1, 1 + lines[0][1].shape[1]))
     factor: Floats | float
     if quantity == RATIO and facts is not None:
         factor, symbol = 100.0 / np.array(facts.heights), "%"
     else:
-        unit = shown_unit_of(unit_of(quantity), max(float(line.values.max()) for line in lines))
+        unit = shown_unit_of(unit_of(quantity), max(float(values.max()) for _, values, _ in lines))
         factor, symbol = unit.factor, unit.symbol
     axes, heights = axes_for(ax), np.arange(1, len(names) + 1)
-    for number, line in enumerate(lines):
-        axes.plot(
-            factor * line.values.mean(axis=0),
-            heights,
-            color=line.stroke.colour,
-            linestyle=line.stroke.pattern,
-            linewidth=line.stroke.width,
-            marker=line.stroke.marker,
-            markersize=3.2,
-            label=line.label,
-            zorder=3.0 - number / len(lines),
-        )
-    first = factor * lines[0].values
+    for number, (label, values, stroke) in enumerate(lines):
+        kind = {"label": label, "markersize": 3.2, "zorder": 3.0 - number / len(lines)}
+        axes.plot(factor * values.mean(axis=0), heights, **stroke.marked, **kind)
+    first = factor * lines[0][1]
     if len(first) > 1:
         ends = first.min(axis=0), first.max(axis=0)
         axes.fill_betweenx(heights, *ends, color=style.BAND, linewidth=0.0, zorder=0.5)
@@ -180,23 +170,14 @@ def storey_profiles(
     )
 
 
-@array_dataclass()
-class _Line:
-    """A row over the height: its values under each motion, shape (n_motions, n_heights)."""
-
-    label: str
-    values: Floats
-    stroke: Stroke
-
-
 def _lines_of_study(
     results: StudyResults,
     quantity: str,
     motion: str | int | None,
     rows: Sequence[str | int],
     behind: Sequence[str | int],
-) -> list[_Line]:
-    """The rows of a study that finished under a motion, or else under all on which it is judged."""
+) -> list[tuple[str, Floats, Stroke]]:
+    """Rows that finished under a motion, else under all judged ones: label, values (n_motions, n_heights), stroke."""
     labels = [each.label for each in results.rows]
     names = [each.name for each in results.motions]
     motions = results.judged_motions if motion is None else (chosen(motion, names, "motion"),)
@@ -205,11 +186,7 @@ def _lines_of_study(
     of_row = strokes(results, first)
     finished = set(range(len(labels))).intersection(*(results.finished_rows(each) for each in motions))
     lines = [
-        _Line(
-            label=labels[row],
-            values=results.quantities.numbers[quantity][row, list(motions), 0],
-            stroke=of_row[row],
-        )
+        (labels[row], results.quantities.numbers[quantity][row, list(motions), 0], of_row[row])
         for row in (*first, *others)
         if row in finished
     ]
@@ -252,11 +229,6 @@ def energies(
     ----------
     result, ax, motion, rows, legend
         As in `storey_profiles`; also the history of a run, which has neither motions nor rows.
-
-    Raises
-    ------
-    SettingError
-        As `storey_profiles`; also for more than sixty bars.
 
     Examples
     --------
@@ -369,11 +341,6 @@ def fronts(
     law
         Label or number of the front of a tuning, by default the first.
 
-    Raises
-    ------
-    SettingError
-        If a tuning has no front, or not that of this law.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -432,20 +399,13 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
     rows
         Labels or numbers of arrangements; by default the first six.
 
-    Raises
-    ------
-    SettingError
-        If there are not as many axes as panels.
-    UnknownNameError
-        If there is no arrangement of this name.
-
     Examples
     --------
     >>> import mrwork as mr
     >>> found = mr.fragility(results, limit={"peak_drift_ratio": "1 %"})  # doctest: +SKIP
     >>> panels = found.plot.ida(rows=["uncontrolled", "Passive-on"])  # doctest: +SKIP
     """
-    of_row, labels = strokes(result), [*result.rows]
+    labels = [*result.rows]
     # Per cent of a drift ratio.
     unit = DisplayUnit(
         symbol="%" if result.in_percent else result.unit.removesuffix("1").replace("2", "²"),
@@ -453,34 +413,32 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
     )
     drawn = [chosen(row, labels, "arrangement") for row in rows] or [*range(len(labels))][:_MOST_PANELS]
     panels = panels_for(ax, len(drawn), "ida")
+    every = np.concatenate([each.responses for each in result.rows.values()])
+    largest, limit = (
+        unit.factor * float(every[np.isfinite(every)].max(initial=0.0)),
+        unit.factor * result.limit,
+    )
     for axes, row in zip(panels, drawn, strict=True):
         one = result[labels[row]]
-        _draw_ida(axes, result, one, of_row[row], unit)
+        levels = np.concatenate([[0.0], one.levels]) / STANDARD_GRAVITY
+        responses = unit.factor * np.pad(one.responses, ((0, 0), (1, 0)))
+        axes.axvline(limit, color=style.RESIDUAL, linestyle=style.DASHED, linewidth=1.0, label="limit")
+        for number, line in enumerate(responses):
+            known = np.isfinite(line)
+            label = "a record" if number == 0 else f"_{one.crossings[number].record}"
+            axes.plot(line[known], levels[known], color=style.DATA, linewidth=0.6, label=label)
+        whole = ~np.isnan(responses).any(axis=0)
+        for share, width in zip(_SHARES, (1.1, 1.9, 1.1), strict=True):
+            at = np.quantile(responses[:, whole], share, axis=0, method="inverted_cdf")
+            known = np.isfinite(at)
+            label = "16, 50, 84 % of them" if share == _SHARES[0] else f"_{100.0 * share:.0f} %"
+            colour = strokes(result)[row].colour
+            axes.plot(at[known], levels[whole][known], color=colour, linewidth=width, label=label)
+        axes.set_xlim(0.0, min(max(largest, 1.1 * limit), _BEYOND * limit))
+        axes.set_ylim(0.0, 1.02 * float(levels[-1]))
         finished(axes, with_unit(criterion(result.criterion).title, unit.symbol), f"{one.measure} (g)")
         axes.set_title(short(one.label, 26), loc="left", fontsize="small")
     return panels
-
-
-def _draw_ida(axes: Axes, found: Fragilities, one: Fragility, stroke: Stroke, unit: DisplayUnit) -> None:
-    """Intensity [g] over the response, a line for each record, with 16, 50 and 84 % of the records and the limit."""
-    levels = np.concatenate([[0.0], one.levels]) / STANDARD_GRAVITY
-    limit = unit.factor * found.limit
-    responses = unit.factor * np.pad(one.responses, ((0, 0), (1, 0)))
-    axes.axvline(limit, color=style.RESIDUAL, linestyle=style.DASHED, linewidth=1.0, label="limit")
-    for number, line in enumerate(responses):
-        known = np.isfinite(line)
-        label = "a record" if number == 0 else f"_{one.crossings[number].record}"
-        axes.plot(line[known], levels[known], color=style.DATA, linewidth=0.6, label=label)
-    whole = ~np.isnan(responses).any(axis=0)
-    for share, width in zip(_SHARES, (1.1, 1.9, 1.1), strict=True):
-        at = np.quantile(responses[:, whole], share, axis=0, method="inverted_cdf")
-        known = np.isfinite(at)
-        label = "16, 50, 84 % of them" if share == _SHARES[0] else f"_{100.0 * share:.0f} %"
-        axes.plot(at[known], levels[whole][known], color=stroke.colour, linewidth=width, label=label)
-    every = np.concatenate([each.responses for each in found.rows.values()])
-    largest = unit.factor * float(every[np.isfinite(every)].max(initial=0.0))
-    axes.set_xlim(0.0, min(max(largest, 1.1 * limit), _BEYOND * limit))
-    axes.set_ylim(0.0, 1.02 * float(levels[-1]))
 
 
 @figure
@@ -508,12 +466,9 @@ def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool 
         axes.plot(
             [count for count, _ in every],
             [unit.factor * values[number] for _, values in every],
-            color=stroke.colour,
-            linestyle=stroke.pattern,
-            linewidth=stroke.width,
-            marker=stroke.marker,
             markersize=3.6,
             label=row.label,
+            **stroke.marked,
         )
     axes.axhline(
         unit.factor * result.limit, color=style.RESIDUAL, linestyle=style.DASHED, linewidth=1.0, label="limit"
@@ -545,11 +500,6 @@ def fragility(
     rows
         As in `ida`; by default all.
 
-    Raises
-    ------
-    UnknownNameError
-        If there is no arrangement of this name.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -557,28 +507,16 @@ def fragility(
     """
     axes, labels, of_row = axes_for(ax), [*result.rows], strokes(result)
     for row in [chosen(each, labels, "arrangement") for each in rows] or range(len(labels)):
-        _draw_fragility(axes, result[labels[row]], of_row[row])
+        one, stroke = result[labels[row]], of_row[row]
+        levels = one.levels / STANDARD_GRAVITY
+        over = np.linspace(0.0, 1.02 * float(levels[-1]), _CURVE_POINTS)[1:]
+        reached = [one.probability(STANDARD_GRAVITY * float(each)) for each in over]
+        axes.plot(over, reached, label=one.label, **stroke.marked | {"marker": ""})
+        axes.plot(levels, one.crossed, markersize=3.6, **stroke.marked | {"linestyle": "none"})
+        if not one.bound:
+            ends = np.minimum(np.array(one.band) / STANDARD_GRAVITY, over[-1])
+            axes.plot(ends, [0.5, 0.5], color=stroke.colour, linewidth=4.0, alpha=0.35, solid_capstyle="butt")
+        axes.set_xlim(0.0, float(over[-1]))
+        axes.set_ylim(-0.02, 1.02)
     ordinate = f"Probability ({result.title} ≥ {result.limit_value})"
     return finished(axes, f"{result[labels[0]].measure} (g)", ordinate, legend=legend)
-
-
-def _draw_fragility(axes: Axes, one: Fragility, stroke: Stroke) -> None:
-    """Probability that the limit is reached over intensity [g]: curve, shares at the levels, band of the median."""
-    levels = one.levels / STANDARD_GRAVITY
-    over = np.linspace(0.0, 1.02 * float(levels[-1]), _CURVE_POINTS)[1:]
-    axes.plot(
-        over,
-        [one.probability(STANDARD_GRAVITY * float(each)) for each in over],
-        color=stroke.colour,
-        linestyle=stroke.pattern,
-        linewidth=stroke.width,
-        label=one.label,
-    )
-    axes.plot(
-        levels, one.crossed, linestyle="none", marker=stroke.marker, markersize=3.6, color=stroke.colour
-    )
-    if not one.bound:
-        ends = np.minimum(np.array(one.band) / STANDARD_GRAVITY, over[-1])
-        axes.plot(ends, [0.5, 0.5], color=stroke.colour, linewidth=4.0, alpha=0.35, solid_capstyle="butt")
-    axes.set_xlim(0.0, float(over[-1]))
-    axes.set_ylim(-0.02, 1.02)

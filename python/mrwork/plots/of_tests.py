@@ -81,13 +81,6 @@ def histories(
     legend
         Whether to name the curves above the axes, where a title would stand.
 
-    Raises
-    ------
-    SettingError
-        If the fit was read from its file and has no tests, or there is no test of this number.
-    UnknownNameError
-        If there is no test, or a history has no signal, of this name.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -97,16 +90,10 @@ def histories(
     """
     if isinstance(result, GroundMotion | History):
         return _signals(result, ax, signal, legend=legend)
-    drawn = _one(result, test)
-    record, model_force = _test_and_force(drawn)
+    record, model_force = _test_and_force(_one(result, test))
     shown, axes = style.force_unit(_largest(record.force), unit), axes_for(ax)
-    axes.plot(
-        record.time,
-        record.force * shown.factor,
-        color=style.DATA,
-        linewidth=1.7,
-        label=data_label(record),
-    )
+    force = record.force * shown.factor
+    axes.plot(record.time, force, color=style.DATA, linewidth=1.7, label=data_label(record))
     if model_force is not None:
         axes.plot(record.time, model_force * shown.factor, color=style.MODEL, linewidth=0.8, label="model")
     return finished(axes, "Time (s)", f"Force ({shown.symbol})", legend=legend)
@@ -138,11 +125,6 @@ def loops(
     device
         Number of the damper of a history of a closed loop.
 
-    Raises
-    ------
-    SettingError
-        As `histories`; also if the closed loop has no such damper.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -151,7 +133,11 @@ def loops(
     'Velocity (mm/s)'
     """
     if isinstance(result, History):
-        return _loop_of_device(result, ax, over, device, unit)
+        signals = _of_device(result, device, "deformation", "rate", "force")
+        shown, axes = style.force_unit(_largest(signals["force"]), unit), axes_for(ax)
+        across = signals["deformation" if over == "displacement" else "rate"] * AXES[over].factor
+        axes.plot(across, signals["force"] * shown.factor, color=style.MODEL, linewidth=0.7)
+        return finished(axes, axis_name(over), f"Force ({shown.symbol})")
     several = [_test_and_force(each) for each in (_drawn(result) if test is None else [_one(result, test)])]
     shown = style.force_unit(max(_largest(record.force) for record, _ in several), unit)
     axes = axes_for(ax)
@@ -193,11 +179,6 @@ def residuals(
     over
         The abscissa. Over the motion, or its phase, the samples that are compared are drawn. The phase is 0 at full
         extension, and 90 degrees at the largest outward velocity.
-
-    Raises
-    ------
-    SettingError
-        As `histories`.
 
     Examples
     --------
@@ -256,11 +237,6 @@ def commands(
     device
         Number of the damper of a history of a closed loop.
 
-    Raises
-    ------
-    SettingError
-        If the command of the test is unknown; also as `loops`.
-
     Examples
     --------
     >>> import mrwork as mr
@@ -310,14 +286,6 @@ def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, le
     return finished(
         axes, "Time (s)", with_unit(f"{words[:1].upper()}{words[1:]}", unit.symbol), legend=legend
     )
-
-
-def _loop_of_device(history: History, ax: Axes | None, over: Motion, device: int, unit: str | None) -> Axes:
-    deformation, rate, force = _of_device(history, device, "deformation", "rate", "force").values()
-    shown, axes = style.force_unit(_largest(force), unit), axes_for(ax)
-    across = deformation if over == "displacement" else rate
-    axes.plot(across * AXES[over].factor, force * shown.factor, color=style.MODEL, linewidth=0.7)
-    return finished(axes, axis_name(over), f"Force ({shown.symbol})")
 
 
 def _of_device(history: History, device: int, *names: str) -> dict[str, Floats]:

@@ -17,25 +17,11 @@ _GOLDEN = 0.6180339887498949
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Window:
-    """Samples start..stop-1 of a record; `first_cycle` counts from 1 and is `None` without cycles."""
+    """Samples start..stop-1 of a record, with the numbers of their cycles."""
 
     start: int
     stop: int
-    first_cycle: int | None
-    n_cycles: int
-
-    @property
-    def samples(self) -> slice:
-        """The window as a slice."""
-        return slice(self.start, self.stop)
-
-    @property
-    def in_words(self) -> str:
-        """Numbers of the cycles."""
-        if self.first_cycle is None:
-            return "Middle of the record"
-        last = self.first_cycle + self.n_cycles - 1
-        return f"Cycles {self.first_cycle} to {last}" if self.n_cycles > 1 else f"Cycle {last}"
+    in_words: str = "Middle of the record"
 
 
 def zoom_window(displacement: Floats) -> Window:
@@ -49,13 +35,13 @@ def zoom_window(displacement: Floats) -> Window:
     shown = min(CYCLES_SHOWN, (complete + 1) // 2)
     if shown < 1:
         third = n_time // 3
-        return Window(start=third, stop=max(n_time - third, third + 1), first_cycle=None, n_cycles=0)
+        return Window(start=third, stop=max(n_time - third, third + 1))
     first = (complete - shown) // 2
+    last = first + shown
     return Window(
         start=int(crossings[first]),
-        stop=int(crossings[first + shown]) + 1,
-        first_cycle=first + 1,
-        n_cycles=shown,
+        stop=int(crossings[last]) + 1,
+        in_words=f"Cycles {first + 1} to {last}" if shown > 1 else f"Cycle {last}",
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
+from pathlib import Path
 
 from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
@@ -16,7 +17,8 @@ from mrwork.base.table import breakable, format_code
 from mrwork.errors import escaped_lines
 from mrwork.plots import style
 from mrwork.report.section import Lead, Section
-from mrwork.store.run_folder import DATA
+from mrwork.store.run_folder import DATA, REPORT, SUMMARY
+from mrwork.store.run_writer import add_to_run
 
 _FUNCTIONS = ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
 
@@ -79,9 +81,11 @@ class Page(str):
     files: Mapping[str, bytes]
     figures: Mapping[str, Figure]
 
-    def contents(self, name: str) -> dict[str, bytes]:
-        """What is to be written for it, by paths: the page with this name, and its files."""
-        return {name: self.encode(), **self.files}
+    def write(self, folder: Path, *, summary: bool = False) -> Path:
+        """Write it and its files into the folder of its run; a `summary` is its front alone."""
+        name = SUMMARY if summary else REPORT
+        add_to_run(folder, {name: self.encode(), **self.files})
+        return folder / name
 
 
 def page_html(lead: Lead, sections: Sequence[Section | None] = ()) -> Page:

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from mrwork.base.arguments import checked
 from mrwork.report.fit.page import fit_page, open_run
+from mrwork.report.html import Page
 from mrwork.report.section import OnDrawn, ignore_progress
 from mrwork.report.study.page import study_page
-from mrwork.store.run_folder import FIT_RUN, REPORT, STUDY_RUN, SUMMARY, RunFolder
-from mrwork.store.run_writer import add_to_run
+from mrwork.store.run_folder import FIT_RUN, STUDY_RUN, RunFolder
 from mrwork.study.folder import read_results
 from mrwork.study.histories import read_history
 from mrwork.tuning.folder import read_tuning
+from mrwork.uncertainty.bands.prediction import Prediction
 
 
 @checked
@@ -49,15 +50,20 @@ def write_page(
     PosixPath('out/demo/summary.html')
     """
     place = Path(run)
+    page, _ = page_of(place, summary=summary, every_test=every_test, on_progress=on_progress)
+    return page.write(place, summary=summary)
+
+
+def page_of(
+    place: Path, *, summary: bool, every_test: bool, on_progress: OnDrawn
+) -> tuple[Page, tuple[Prediction, ...]]:
+    """The page of the run folder at `place`, and the tests of a fit with the forces of its model."""
     opened = RunFolder.open(place)
-    stated = opened.manifest
-    command = stated.get("command", "")
     if opened.kind is FIT_RUN:
-        page = fit_page(*open_run(place), every_test=every_test, summary=summary, on_progress=on_progress)
-    else:
-        results = read_results(place) if opened.kind is STUDY_RUN else read_tuning(place)
-        histories, seconds = partial(read_history, place), stated.get("seconds")
-        page = study_page(results, histories, command=command, seconds=seconds, summary=summary)
-    name = SUMMARY if summary else REPORT
-    add_to_run(place, page.contents(name))
-    return place / name
+        run, predictions = open_run(place)
+        drawn = fit_page(run, predictions, every_test=every_test, summary=summary, on_progress=on_progress)
+        return drawn, predictions
+    results = read_results(place) if opened.kind is STUDY_RUN else read_tuning(place)
+    stated, histories = opened.manifest, partial(read_history, place)
+    made = {"command": stated.get("command", ""), "seconds": stated.get("seconds")}
+    return study_page(results, histories, **made, summary=summary), ()

@@ -30,7 +30,7 @@ from mrwork.report.section import (
     warning_section,
 )
 from mrwork.runs.load import StoredRun, with_additions
-from mrwork.store.run_folder import FIGURES, REPORT, SUMMARY
+from mrwork.store.run_folder import FIGURES
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.prediction import Prediction, predictions_of
 
@@ -134,20 +134,6 @@ def open_run(place: str | Path) -> tuple[StoredRun, tuple[Prediction, ...]]:
     """The run folder at `place` with everything that it holds, and the tests of its fit, for a page or for figures."""
     opened = reopen(place)
     return with_additions(opened.run, opened.fit), predictions_of(opened.fit, opened.tests)
-
-
-def write_fit_page(
-    run: StoredRun,
-    predictions: Sequence[Prediction],
-    *,
-    every_test: bool = False,
-    summary: bool = False,
-    on_progress: OnDrawn = ignore_progress,
-) -> Page:
-    """Write the page of a run into its folder, or its front as `summary.html`, in place of an earlier one."""
-    page = fit_page(run, predictions, every_test=every_test, summary=summary, on_progress=on_progress)
-    add_to_run(run.place, page.contents(SUMMARY if summary else REPORT))
-    return page
 
 
 def _plain(value: object) -> str:
