@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
+from mrwork.base import numbers
 from mrwork.plots.canvas import inline_svg
 from mrwork.plots.style import symbol_text
 from mrwork.report.html import equation_html, page_html, symbol
-from mrwork.report.section import Lead, numbers
+from mrwork.report.section import Lead
 
 
 @pytest.mark.contract

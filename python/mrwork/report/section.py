@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -9,11 +10,10 @@ from typing import Literal
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from mrwork.base import numbers as numbers
 from mrwork.base.arguments import checked
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
-from mrwork.base.table import Table as Table
+from mrwork.base.table import Table
 from mrwork.plots.canvas import inline_svg
 from mrwork.plots.drawn import drawn_csv
 from mrwork.runs.load import StoredRun
@@ -103,14 +103,13 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Number:
-    """A number of the front with a line below it; `worse` and `note_worse` are in the colour of warnings."""
+    """A number of the front with a line below it; a `worse` one is in the colour of warnings."""
 
     title: str
     value: str
     unit: str = ""
     note: str = ""
     worse: bool = False
-    note_worse: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,8 +117,8 @@ class Lead:
     """The front of a page, one screen: may the result be used, where not, and what next.
 
     `verdict` is the answer in a sentence, `numbers` what it rests on, at most four; `cautions` say where the result
-    does not hold, `advice` what to do next. Of `panels` at most eight small ones fit, in rows of four, or a `wide` one
-    of the width of two. A `banner` is above all: the result is not that of a finished run.
+    does not hold, `advice` what to do next. Of `panels` at most eight small ones fit, in rows of four. A `banner` is
+    above all: the result is not from a finished run.
     """
 
     eyebrow: str
@@ -130,7 +129,6 @@ class Lead:
     banner: str = ""
     numbers: tuple[Number, ...] = ()
     panels: tuple[Panel, ...] = ()
-    wide: bool = False
     table: Table | None = None
     cautions: tuple[str, ...] = ()
     advice: tuple[str, ...] = ()
@@ -144,9 +142,8 @@ def first_sentences(warnings: Sequence[str], most: int) -> tuple[str, ...]:
     """Warnings as short sentences for the front of a page, which has a section with all of them in full."""
     said = []
     for warning in warnings[:most]:
-        ends = [place for mark in (": ", "; ") if (place := warning.find(mark)) > 0]
-        shown = warning[: min(ends)] if ends and len(warning) > _LONG else warning.removesuffix(".")
-        said.append(f"{shown[:1].upper()}{shown[1:]}.")
+        shown = re.split("[:;] ", warning)[0] if len(warning) > _LONG else warning
+        said.append(f"{shown[:1].upper()}{shown[1:].removesuffix('.')}.")
     more = len(warnings) - most
     return (*said, *([f"{more} more in the section on warnings."] if more > 0 else []))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -43,14 +43,6 @@ SEMI_ACTIVE = "semi-active weights"
 # Share b of the semi-active condition, and factors of the budget that the dampers have.
 _SHARE = 0.1
 _SCALES = (0.2, 0.4, 0.8, 1.6, 3.2)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FirstCandidate:
-    """A candidate and where it is from, in words."""
-
-    candidate: LawCandidate
-    origin: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -108,7 +100,7 @@ def _round_all(value: Any) -> Any:
     return tuple(_round_all(each) for each in value) if isinstance(value, tuple) else round_to(float(value))
 
 
-def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
+def first_candidates(space: SettingSpace, basis: Basis) -> tuple[LawCandidate, ...]:
     """Candidates of a law that are tried before the search, at the largest command of the dampers.
 
     Weights are only given to laws whose weights the table does not hold. The size of R is scanned for each shape of
@@ -120,20 +112,15 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
         for name, value in space.candidate(space.start).of_law.items()
         if name not in kind.weight_names() and name != _WEIGHT
     }
-    candidates: list[FirstCandidate] = []
-
-    def add(settings: Mapping[str, Any], origin: str) -> None:
-        candidate = LawCandidate({**settings, LARGEST: space.largest_command})
-        if all(candidate != each.candidate for each in candidates):
-            candidates.append(FirstCandidate(candidate=candidate, origin=origin))
-
-    scanned = next((each for each in space.free if each.name == _WEIGHT), None)
-    for shape, origin in _shapes(space, basis):
-        for R in _sizes(scanned, shape, space, basis.magnitudes):
-            add({**shape, **middle, **R}, origin)
+    at_most = {LARGEST: space.largest_command}
     if not kind.weight_names():
-        add(middle, "middle of the ranges")
-    return candidates
+        return (LawCandidate({**middle, **at_most}, "middle of the ranges"),)
+    scanned = next((each for each in space.free if each.name == _WEIGHT), None)
+    return distinct(
+        LawCandidate({**shape, **middle, **R, **at_most}, origin)
+        for shape, origin in _shapes(space, basis)
+        for R in _sizes(scanned, shape, space, basis.magnitudes)
+    )
 
 
 def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any], str]]:
@@ -141,8 +128,6 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
     kind = SETTINGS[space.law]
     weights = kind.weights_among(space.held)
     others = {name: value for name, value in space.held.items() if name not in weights}
-    if not kind.weight_names():
-        return
     equal = weights == kind.weighed_by_default
     yield dict(space.held), EQUAL if equal else "weights of the study"
     if not equal:
@@ -174,7 +159,7 @@ def _sizes(
     if is_semi_active(shape):
         R = {} if _WEIGHT in shape else {_WEIGHT: 1.0}
         return [R] if BUDGET_SCALE in shape else [{**R, BUDGET_SCALE: scale} for scale in _SCALES]
-    if scanned is None or not kind.weight_names():
+    if scanned is None:
         return [{}]
     if _WEIGHT in shape:
         given = np.asarray(shape[_WEIGHT], dtype=np.float64)
@@ -206,8 +191,8 @@ def weights_of_regulators(basis: Basis, objective: TuningObjective) -> Iterator[
     objective, law = replace(objective, relative_to="passive_off"), "clipped_optimal"
     taken = {row.label for row in basis.bench.study.rows if row.kind == "controller"}
     shapes: dict[str, list[LawCandidate]] = {}
-    for first in first_candidates(space_of(TuneTable(laws=(law,)), law, basis.magnitudes), basis):
-        shapes.setdefault(first.origin, []).append(first.candidate)
+    for candidate in first_candidates(space_of(TuneTable(laws=(law,)), law, basis.magnitudes), basis):
+        shapes.setdefault(candidate.origin, []).append(candidate)
     of_R, of_budget = ("R scanned", "sizes of R"), ("budget scanned", "limits and budgets")
     for origin in (EQUAL, CONVEX, DASHPOTS, SEMI_ACTIVE):
         if origin not in shapes:
@@ -218,7 +203,7 @@ def weights_of_regulators(basis: Basis, objective: TuningObjective) -> Iterator[
             basis.bench,
             objective,
             law,
-            distinct(shapes[origin]),
+            shapes[origin],
             label=f"{label}, reference" if label in taken else label,
             kind="controller",
             origin=f"{origin}, best of {len(shapes[origin])} {choices} on the training motions",
@@ -254,7 +239,7 @@ def _reference(
     )
 
 
-def distinct(candidates: Sequence[LawCandidate]) -> tuple[LawCandidate, ...]:
+def distinct(candidates: Iterable[LawCandidate]) -> tuple[LawCandidate, ...]:
     """Candidates without repetition, in order."""
     kept: list[LawCandidate] = []
     for each in candidates:

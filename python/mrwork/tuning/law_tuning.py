@@ -22,7 +22,7 @@ from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.study.runs import Runs
 from mrwork.study.schema import TuneTable
-from mrwork.tuning.first_candidates import Basis, FirstCandidate, distinct, first_candidates
+from mrwork.tuning.first_candidates import Basis, distinct, first_candidates
 from mrwork.tuning.problem import LawPlan, Scores
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
 from mrwork.tuning.score_slopes import ScoreSlopes
@@ -110,16 +110,15 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
     table, space, bench = plan.table, plan.space, plan.bench
     firsts = first_candidates(space, basis)
     if not space.continuous:
-        firsts = [FirstCandidate(candidate=each, origin="all levels") for each in space.every()]
-    candidates = [each.candidate for each in firsts]
-    scores = bench.recalled_scores("first candidates", plan.objective, plan.law, candidates)
-    best, count = firsts[scores.best], len(candidates)
+        firsts = tuple(replace(each, origin="all levels") for each in space.every())
+    scores = bench.recalled_scores("first candidates", plan.objective, plan.law, firsts)
+    best, count = firsts[scores.best], len(firsts)
     least = float(scores.penalised_scores[scores.best])
     most = count + (table.budget if space.continuous else 0)
     found = TunedLaw(
         law=plan.law,
         label=plan.label,
-        settings=dict(best.candidate.settings),
+        settings=dict(best.settings),
         origin=best.origin,
         objective=plan.objective,
         robust=table.robust,
@@ -138,7 +137,7 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
             found = _after(found, count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
             advance(found, most)
 
-        search = _search(plan, candidates, scores, rng, on_generation)
+        search = _search(plan, firsts, scores, rng, on_generation)
         if found.origin == _INTERRUPTED:
             found = replace(found, origin=_ENDS.get(search.stop_reason, "search"))
         start = space.unit(found.candidate)
@@ -247,8 +246,7 @@ def front_of(plan: LawPlan, basis: Basis, *, rng: int, report: Callable[[int, in
         runs = bench.run(plan.law, [space.candidate(unit) for unit in units])
         return ratios(runs) + PENALTY * parts[0].violation(runs)[:, None]
 
-    firsts = [each.candidate for each in first_candidates(space, basis)]
-    starts = [unit for each in firsts if (unit := space.unit(each)) is not None]
+    starts = [unit for each in first_candidates(space, basis) if (unit := space.unit(each)) is not None]
     result = run_front(
         objectives,
         n_params=len(space.free),

@@ -101,10 +101,6 @@ class Bench(Summarised):
             passive=passive,
         )
 
-    def with_constant(self, constant: LawCandidate) -> Bench:
-        """The bench with the criteria under the best constant command, a baseline of objectives."""
-        return replace(self, constant=self.recalled("baseline", "passive", [constant]))
-
     def run(self, law: str, candidates: Sequence[LawCandidate]) -> Runs:
         """Criteria of candidates, none for those that make no law."""
         runs = Runs.empty(self._axes(len(candidates)), study_criteria(self.study.command_unit))

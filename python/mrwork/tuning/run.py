@@ -195,8 +195,8 @@ def _plan(
     if any(table.robust for table in tables):
         benches.append(Bench.of(study, study.realisations, call, threads))
     if any(each.relative_to == "best_passive" for each in objectives):
-        (best,) = (each.candidate for each in constants if each.kind == "best_passive")
-        benches = [each.with_constant(best) for each in benches]
+        best = [each.candidate for each in constants if each.kind == "best_passive"]
+        benches = [replace(each, constant=each.recalled("baseline", "passive", best)) for each in benches]
     plans, labels = list[LawPlan](), {each.row.label for each in study.arrangements}
     for number, (table, objective) in enumerate(zip(tables, objectives, strict=True)):
         with place.prefix_errors(), keyed("tune", number):

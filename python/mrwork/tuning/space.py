@@ -160,14 +160,16 @@ _OF_COMMAND = (LARGEST, *SHAPING_SPANS)
 
 @dataclass(frozen=True, slots=True)
 class LawCandidate:
-    """Settings of a law, in SI, with those of its command.
+    """Settings of a law and of its command, in SI, and in words where they are from.
 
-    These are the largest command [A or V], and where they change it the dead zone [m/s] and the slope [A/s or V/s].
+    Settings of the command are the largest one [A or V], and where they change it the dead zone [m/s] and the slope
+    [A/s or V/s].
     """
 
     _made_by: ClassVar[str] = "mr.tune(study)"
 
     settings: Mapping[str, Any]
+    origin: str = field(default="", compare=False, repr=False)
 
     @property
     def of_law(self) -> dict[str, Any]:

@@ -72,11 +72,16 @@ def tests_section(
             )
         )
     one = f"fit {numbers.format_fixed(fit.fit_percent, 2)} %, RMSE {numbers.significant(fit.rmse_n, 3)} N"
-    said = spread.in_words if len(predictions) > 1 else one
+    said, records = (
+        (one, "the record") if len(predictions) == 1 else (spread.in_words, f"{len(predictions)} records")
+    )
+    counts = Counter(finding.severity for each in predictions for finding in each.test.findings)
+    kinds = {"warning": "warning", "note": "note", "repaired": "repair"}
+    parts = [numbers.counted(counts[kind], noun) for kind, noun in kinds.items() if counts[kind]]
     return Section(
         anchor="tests",
         title="Agreement with the fitted tests",
-        summary=f"{said}; {_count_findings(predictions)}",
+        summary=f"{said}; the checks of {records} found {', '.join(parts) or 'nothing to report'}.",
         groups=(Group(table=_agreement_table(fit, predictions)), *overview, *blocks),
     )
 
@@ -110,17 +115,6 @@ def _agreement_table(fit: Fit, predictions: Sequence[Prediction]) -> Table:
 
 def _norm(letter: str) -> Markup:
     return Markup("<i>E<sub>{}</sub></i>").format(letter)
-
-
-def _count_findings(predictions: Sequence[Prediction]) -> str:
-    """The number of findings of the checks, in words."""
-    found: Counter[str] = Counter(
-        finding.severity for prediction in predictions for finding in prediction.test.findings
-    )
-    kinds = {"warning": "warning", "note": "note", "repaired": "repair"}
-    parts = [numbers.counted(found[kind], noun) for kind, noun in kinds.items() if found[kind]]
-    records = "the record" if len(predictions) == 1 else f"{len(predictions)} records"
-    return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
 
 
 def excitation(test: DamperTest) -> list[str]:
@@ -264,29 +258,26 @@ def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
     ]
     if not classes:
         return None
+    shares = [f"{numbers.percent(each.relative)} % in those of {each.in_words}" for each in classes]
+    largest, worst = classes[-1], max(classes, key=lambda each: each.relative)
+    times = numbers.shortest(worst.relative / largest.relative, 2)
+    prose = (
+        f"In half cycles of {worst.in_words} the error over the force is {times} times that in those of "
+        f"{largest.in_words}. Earthquakes demand mostly small half cycles; a model with backlash may predict them "
+        "better."
+    )
     return Section(
         anchor="amplitudes",
         title="Errors by amplitude",
-        summary=_summary(classes),
-        groups=(Group(prose=_prose(classes), table=_table(classes, every)),),
-    )
-
-
-def _summary(classes: Sequence[_HalfCycles]) -> str:
-    if len(classes) == 1:
-        return f"all half cycles are of {classes[0].in_words}."
-    shares = [f"{numbers.percent(each.relative)} % in those of {each.in_words}" for each in classes]
-    return f"RMSE over the RMS force of the half cycles, {', '.join(shares)}."
-
-
-def _prose(classes: Sequence[_HalfCycles]) -> tuple[str, ...]:
-    largest, worst = classes[-1], max(classes, key=lambda each: each.relative)
-    if not worst.relative > _LARGER * largest.relative:
-        return ()
-    return (
-        f"In half cycles of {worst.in_words} the error over the force is "
-        f"{numbers.shortest(worst.relative / largest.relative, 2)} times that in those of {largest.in_words}. "
-        "Earthquakes demand mostly small half cycles; a model with backlash may predict them better.",
+        summary=f"RMSE over the RMS force of the half cycles, {', '.join(shares)}."
+        if len(classes) > 1
+        else f"all half cycles are of {worst.in_words}.",
+        groups=(
+            Group(
+                prose=(prose,) if worst.relative > _LARGER * largest.relative else (),
+                table=_table(classes, every),
+            ),
+        ),
     )
 
 

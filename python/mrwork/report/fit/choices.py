@@ -17,7 +17,7 @@ from mrwork.plots.canvas import grid_of_axes, name_above, room_for
 from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.choice.ranking import Ranking, Standing
+from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.planning import Gain, Plan
 
 _ROW = 0.27
@@ -60,8 +60,26 @@ def ranking_figure(ranking: Ranking) -> Figure:
     least = min(max(each.left_out_percent or 0.0, best - _RANGE) for each in predicted)
     margin = 0.06 * max(best - least, 1.0)
     edge = least - margin
+    note = partial(axes.annotate, textcoords="offset points", fontsize=style.SMALL_TEXT_SIZE)
     for row, each in enumerate(predicted):
-        _draw(axes, row, each, edge)
+        percent, is_good = each.left_out_percent or 0.0, each.is_chosen or each.verdict == "as good"
+        colour = style.MODEL if is_good else style.DATA
+        if percent < edge:
+            axes.plot([edge], [row], marker="<", color=colour, markersize=6, linestyle="none")
+            note(f"{numbers.format_fixed(percent, 0)} %", (edge, row), xytext=(8, 0), va="center")
+            continue
+        axes.errorbar(
+            [percent],
+            [row],
+            xerr=None if each.left_out_error is None else [each.left_out_error],
+            fmt="o",
+            color=colour,
+            markerfacecolor=colour if each.verdict != "as good" else "white",
+            markersize=8.0 if each.is_chosen else 6.0,
+            elinewidth=1.2,
+        )
+        if is_good:
+            note(each.verdict, (percent, row), xytext=(0, 6), ha="center")
     axes.set_yticks(np.arange(len(predicted)), names)
     for label, each in zip(axes.get_yticklabels(), predicted, strict=True):
         label.set_fontweight("bold" if each.is_chosen else "normal")
@@ -73,29 +91,6 @@ def ranking_figure(ranking: Ranking) -> Figure:
     axes.set_xlabel("Left-out fit (%), standard error")
     name_above(axes, "Model, free parameters")
     return figure
-
-
-def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
-    percent = own.left_out_percent or 0.0
-    colour = style.MODEL if own.is_chosen or own.verdict == "as good" else style.DATA
-    note = partial(axes.annotate, textcoords="offset points", fontsize=style.SMALL_TEXT_SIZE)
-    if percent < edge:
-        axes.plot([edge], [row], marker="<", color=colour, markersize=6, linestyle="none")
-        note(f"{numbers.format_fixed(percent, 0)} %", (edge, row), xytext=(8, 0), va="center")
-        return
-    filled = colour if own.verdict != "as good" else "white"
-    axes.errorbar(
-        [percent],
-        [row],
-        xerr=None if own.left_out_error is None else [own.left_out_error],
-        fmt="o",
-        color=colour,
-        markerfacecolor=filled,
-        markersize=8.0 if own.is_chosen else 6.0,
-        elinewidth=1.2,
-    )
-    if own.is_chosen or own.verdict == "as good":
-        note(own.verdict, (percent, row), xytext=(0, 6), ha="center")
 
 
 RANKING = SectionKind(

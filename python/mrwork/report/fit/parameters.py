@@ -63,9 +63,15 @@ def _parameter_table(fit: Fit) -> Table:
     values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
     verdicts = [each.verdict for each in estimates]
     reasons = [_reason(each) for each in estimates]
-    relative = [_relative_error(each.value, each.standard_error) for each in estimates]
+    shares = ((each.standard_error, each.value) for each in estimates)
+    relative = [
+        numbers.NOTHING if error is None or value == 0 else numbers.significant(100 * error / abs(value), 2)
+        for error, value in shares
+    ]
+    # The symbol of the equations, and the name in files.
+    name = Markup('<span class="symbol">{}</span> <code>{}</code>')
     columns: list[tuple[str, Sequence[str], bool]] = [
-        ("Parameter", [_name_cell(each.name) for each in estimates], True),
+        ("Parameter", [name.format(Markup(symbol(each.name)), each.name) for each in estimates], True),
         ("Value", _align_texts(values), False),
         (fit.uncertainty_heading.capitalize(), errors if fit.intervals else _align_texts(errors), False),
         ("Relative (%)", [] if fit.intervals else _align_texts(relative), False),
@@ -88,11 +94,6 @@ def _parameter_table(fit: Fit) -> Table:
         ),
         note=caution(fit),
     )
-
-
-def _name_cell(name: str) -> Markup:
-    """A parameter's symbol as in the equations, and its name as in files."""
-    return Markup('<span class="symbol">{}</span> <code>{}</code>').format(Markup(symbol(name)), name)
 
 
 def _reason(estimate: FittedParameter) -> str:
@@ -132,13 +133,6 @@ def caution(fit: Fit) -> str:
         f"{counted} Standard errors, and the verdicts that follow from them, take the force to be linear in the "
         "parameters over that range, and the model to be right; profiles and posterior draws do without the first."
     ).lstrip()
-
-
-def _relative_error(value: float, error: float | None) -> str:
-    """A standard error as a percentage of its estimate; a dash where there is none."""
-    if error is None or value == 0:
-        return numbers.format_fixed(None, 0)
-    return numbers.significant(100 * error / abs(value), 2)
 
 
 def _align_texts(texts: Sequence[str]) -> list[Markup]:

@@ -29,7 +29,7 @@ def search_section(fit: Fit) -> Section:
     course = panel(
         "search",
         "Misfit during the search",
-        search_figure(fit),
+        convergence(fit.trace, fit.nrmse if fit.refinement_steps else None),
         f"NRMSE of the best and of the median candidate against simulated candidates, "
         f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}",
     )
@@ -46,11 +46,6 @@ def search_section(fit: Fit) -> Section:
         summary=f"{fit.status_in_words}{said}.",
         groups=(Group(panels=tuple(filter(None, (course, waterfall_panel(fit)))), facts=facts),),
     )
-
-
-def search_figure(fit: Fit) -> Figure:
-    """The convergence of a fit's search, with its refined misfit if it was refined."""
-    return convergence(fit.trace, fit.nrmse if fit.refinement_steps else None)
 
 
 @style.drawn_in_style()

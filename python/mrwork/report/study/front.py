@@ -51,8 +51,8 @@ def study_lead(comparison: StudyComparison, found: Fragilities | None = None) ->
     """The front of the page of a study, with the fragilities of its records at several levels."""
     results = comparison.results
     drawn = drawn_rows(comparison)
-    off_balance = [] if results.balanced else [OFF_BALANCE]
-    few = little_said(len(results.judged_motions), "motion")
+    off_balance, count = [] if results.balanced else [OFF_BALANCE], len(results.judged_motions)
+    few = f"{counted(count, 'motion')} {'says' if count == 1 else 'say'} little about the next."
     return Lead(
         eyebrow="Control laws tuned, and the response of the building with them"
         if isinstance(results, TunedStudy)
@@ -68,7 +68,13 @@ def study_lead(comparison: StudyComparison, found: Fragilities | None = None) ->
         panels=(*_building_panel(results), *_profile_panels(results, drawn)),
         table=_table(comparison, drawn),
         cautions=first_sentences(
-            [*off_balance, *results.warnings(), *few, *(() if found is None else found.cautions)], _CAUTIONS
+            [
+                *off_balance,
+                *results.warnings(),
+                *([few] if 0 < count < _ENOUGH else []),
+                *(() if found is None else found.cautions),
+            ],
+            _CAUTIONS,
         ),
         advice=_advice(comparison),
     )
@@ -103,12 +109,6 @@ def _least_to_most(
     return " to ".join(dict.fromkeys((shown(min(values)), shown(max(values)))))
 
 
-def little_said(count: int, noun: str) -> tuple[str, ...]:
-    """A caution on so few motions that a law is judged on."""
-    few = f"{counted(count, noun)} {'says' if count == 1 else 'say'} little about the next."
-    return (few,) if 0 < count < _ENOUGH else ()
-
-
 def _medians(comparison: StudyComparison, found: Fragilities) -> str:
     """The median intensities of the leading arrangement and of what it is compared with."""
     rows = (comparison.leading, comparison.passive, comparison.uncontrolled)
@@ -130,9 +130,8 @@ def _placed(results: StudyResults) -> str:
 
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
     """Relative changes of both peaks under each judged motion."""
-    results = comparison.results
-    ratios = [results.ratios_to(row, motion, reference) for motion in results.judged_motions]
-    return {name: np.array([each[name] for each in ratios]) - 1.0 for name in BOTH}
+    ratios, judged = comparison.results.ratios_over(reference), [*comparison.results.judged_motions]
+    return {name: ratios[name][row, judged] - 1.0 for name in BOTH}
 
 
 def _verdict(comparison: StudyComparison) -> str:

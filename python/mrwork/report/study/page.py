@@ -132,16 +132,13 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
     )
 
 
-def band_section(table: Table, count: int) -> Section | None:
-    """Bands of the score and of its ratios over so many realisations; `None` without any."""
+def _band_section(results: StudyResults, shown: ShownRows) -> Section | None:
+    """Bands of the score and of its ratios over realisations; `None` without any."""
+    count, table = results.n_realisations, bands_of_study(results, shown.listed)
     if not (count and table.rows):
         return None
-    return Section(
-        anchor="bands",
-        title="Under uncertainty",
-        summary=f"{count} realisations of what is not known exactly.",
-        groups=(Group(table=table),),
-    )
+    words = f"{count} realisations of what is not known exactly."
+    return Section(anchor="bands", title="Under uncertainty", summary=words, groups=(Group(table=table),))
 
 
 def study_page(
@@ -162,7 +159,9 @@ def study_page(
     if summary:
         return page_html(lead)
     shown = shown_rows(comparison, results.with_histories)
-    took = [] if seconds is None else [("Runs", f"{results.done} of {results.total} in {seconds:.3g} s")]
+    facts = [*results.facts]
+    facts += [] if seconds is None else [("Runs", f"{results.done} of {results.total} in {seconds:.3g} s")]
+    facts += [("Command", f"`{command}`")] if command else []
     of_row = strokes(results, drawn_rows(comparison))
     first = [row for row in (comparison.leading, comparison.passive) if row is not None]
     bare = [row for row in (comparison.uncontrolled,) if row is not None and row not in first]
@@ -177,19 +176,13 @@ def study_page(
         storey_section(results, [*first, *bare], drawn_rows(comparison)),
         device_section(results, histories, first, of_row),
         energy_section(results, shown),
-        band_section(bands_of_study(results, shown.listed), results.n_realisations),
+        _band_section(results, shown),
         demand_section(results),
         step_section(results, shown),
         motion_section(results),
-        provenance_section([*results.facts, *took], command),
+        Section(anchor="provenance", title="Provenance", groups=(Group(facts=tuple(facts)),)),
     ]
     return page_html(lead, sections)
-
-
-def provenance_section(facts: Sequence[tuple[str, str]], command: str) -> Section:
-    """The last section: what was computed, and by which command."""
-    said = (*facts, *([("Command", f"`{command}`")] if command else []))
-    return Section(anchor="provenance", title="Provenance", groups=(Group(facts=said),))
 
 
 def _change_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
