@@ -30,7 +30,7 @@ def test_a_published_source_names_a_work_with_a_title_and_every_search_has_one()
         works = references_in(SOURCES[name], name)
         assert works, name
         assert all(("title" in work.fields) == (name not in UNTITLED) for work in works), name
-    assert all(references_of([name]) for name in ALL_OPTIMISERS)
+    assert all(references_of(name) for name in ALL_OPTIMISERS)
 
 
 def test_a_source_of_ones_own_is_cited_in_its_words() -> None:
