@@ -79,6 +79,6 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.to == "mat":
         raise SettingError("--to mat writes a file that is no text; give --output FILE")
-    text = exported(options.run_folder, options.to, language="tcl", **wanted).decode()
+    text = exported(options.run_folder, options.to, tcl=True, **wanted).decode()
     print_result(options, document | {"text": text}, text.rstrip("\n"))
     return 0

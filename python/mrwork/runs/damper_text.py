@@ -6,7 +6,7 @@ Of OpenSees these are materials in Tcl, and in Python for openseespy.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from math import ceil
 
 import numpy as np
@@ -164,58 +164,14 @@ _NORMALISED: dict[str, Callable[[Floats], Floats]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Material:
-    """A command `uniaxialMaterial`: kind, tag, and numbers and tags behind it.
-
-    A tag is a whole number, counted from the tag of the damper.
-    """
-
-    kind: str
-    tag: int
-    arguments: tuple[float, ...]
-
-    def words(self, tag: str) -> list[str]:
-        """The tag and the arguments as text, tags in the form `tag`."""
-        return [
-            tag.format(each) if isinstance(each, int) else repr(each) for each in (self.tag, *self.arguments)
-        ]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OpenSeesDamper:
-    """Materials, of which the last is the damper, and `facts` as lines of a comment."""
-
-    facts: tuple[str, ...]
-    materials: tuple[_Material, ...]
-
-    @property
-    def tcl(self) -> str:
-        """Text for OpenSees; `damper TAG` makes the material."""
-        commands = (
-            f"    uniaxialMaterial {each.kind} {' '.join(each.words('[expr {{$tag + {}}}]'))}"
-            for each in self.materials
-        )
-        return "\n".join([*(f"# {fact}" for fact in self.facts), "proc damper {tag} {", *commands, "}", ""])
-
-    @property
-    def python(self) -> str:
-        """Text for openseespy; `damper(tag)` makes the material."""
-        calls = (
-            f'    ops.uniaxialMaterial("{each.kind}", {", ".join(each.words("tag + {}"))})'
-            for each in self.materials
-        )
-        head = [*(f"# {fact}" for fact in self.facts), "import openseespy.opensees as ops", "", ""]
-        return "\n".join([*head, "def damper(tag: int) -> None:", *calls, ""])
-
-
-def opensees_damper(
-    fit: Fit, stated: StatedCommand | None, *, error: float | None, time_step: float | None
-) -> OpenSeesDamper:
+def opensees_text(
+    fit: Fit, stated: StatedCommand | None, *, error: float | None, time_step: float | None, tcl: bool
+) -> str:
     """The damper of a fit at a command, with the strain step and the sub-steps that keep the wanted error.
 
-    The loop is BoucWen with z up to 1, from where the iteration of OpenSees starts near enough; dashpot and spring are
-    materials of their own, the spring with the free length x0 as an initial strain.
+    In Tcl `damper TAG` makes it, for openseespy `damper(tag)`. The loop is BoucWen with z up to 1, from where the
+    iteration of OpenSees starts near enough; dashpot and spring are materials of their own, the spring with the free
+    length x0 as an initial strain.
     """
     if fit.model not in _NORMALISED:
         raise SettingError(
@@ -226,9 +182,9 @@ def opensees_damper(
     normalised = _NORMALISED[fit.model](theta)
     c, k, x0, k_w, rho, sigma, _ = normalised.tolist()
     loop = normalised * np.array([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
-    material, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(loop, A=rho), Ao=rho)
+    bouc_wen, _ = opensees_from_bouc_wen(bouc_wen_from_normalised(loop, A=rho), Ao=rho)
     wanted = USUAL_OPENSEES_ERROR if error is None else error
-    step = material.strain_step(wanted)
+    step = bouc_wen.strain_step(wanted)
     at = "" if command is None else f" at {of_unit(command, fit.spec.command_unit or '')}"
     facts = [
         f"{fit.spec.title}{at}, fit {fit.fit_percent:.2f} %; units N, m, s",
@@ -245,19 +201,33 @@ def opensees_damper(
     facts += _left_out(fit, command)
     if k and x0:
         facts.append(f"the spring is free at {x0:.4g} m: at rest the force is {-k * x0:.4g} N")
-    parts: list[tuple[str, tuple[float, ...]]] = [("BoucWen", astuple(material))]
-    parts += [("Viscous", (c, 1.0))] if c else []
-    parts += [("Elastic", (k,))] if k else []
-    joined = [*range(1, len(parts) + 1)]
-    if k and x0:
-        parts.append(("InitStrainMaterial", (joined[-1], -x0)))
-        joined[-1] = len(parts)
-    materials = [
-        _Material(kind=kind, tag=number, arguments=arguments)
-        for number, (kind, arguments) in enumerate(parts, start=1)
+
+    def tag(number: int) -> str:
+        return f"[expr {{$tag + {number}}}]" if tcl else f"tag + {number}"
+
+    def material(kind: str, number: int, *words: str) -> str:
+        words = (tag(number), *words)
+        if tcl:
+            return f"    uniaxialMaterial {kind} {' '.join(words)}"
+        return f'    ops.uniaxialMaterial("{kind}", {", ".join(words)})'
+
+    parts = [
+        ("BoucWen", astuple(bouc_wen)),
+        ("Viscous", (c, 1.0) if c else ()),
+        ("Elastic", (k,) if k else ()),
     ]
-    whole = _Material(kind="Parallel", tag=0, arguments=tuple(joined))
-    return OpenSeesDamper(facts=tuple(facts), materials=(*materials, whole))
+    present = [(kind, map(repr, arguments)) for kind, arguments in parts if arguments]
+    lines = [material(kind, number, *words) for number, (kind, words) in enumerate(present, start=1)]
+    joined = [*range(1, len(lines) + 1)]
+    if k and x0:
+        lines.append(material("InitStrainMaterial", len(lines) + 1, tag(joined[-1]), repr(-x0)))
+        joined[-1] = len(lines)
+    lines.append(material("Parallel", 0, *map(tag, joined)))
+    if tcl:
+        lines = ["proc damper {tag} {", *lines, "}"]
+    else:
+        lines = ["import openseespy.opensees as ops", "", "", "def damper(tag: int) -> None:", *lines]
+    return "\n".join([*(f"# {fact}" for fact in facts), *lines, ""])
 
 
 def _left_out(fit: Fit, command: float | None) -> list[str]:

@@ -19,7 +19,7 @@ from mrwork.errors import MrworkError, MrworkWarning, SettingError
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.fit_file import reopen
 from mrwork.records.columns import StatedCommand
-from mrwork.runs.damper_text import force_table, opensees_damper
+from mrwork.runs.damper_text import force_table, opensees_text
 from mrwork.runs.load import read_run
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import check_output
@@ -96,7 +96,7 @@ def export(
         command=command,
         error=error,
         time_step=time_step,
-        language="python" if place.suffix == ".py" else "tcl",
+        tcl=place.suffix != ".py",
     )
     with replacing(place) as stream:
         stream.write(content)
@@ -110,7 +110,7 @@ def exported(
     command: str | None,
     error: float | None,
     time_step: float | None,
-    language: Literal["tcl", "python"],
+    tcl: bool,
 ) -> bytes:
     """Content of the file that `export` writes."""
     given = {"command": command, "error": error, "time_step": time_step}
@@ -129,8 +129,7 @@ def exported(
             case "csv":
                 return force_table(opened, stated).encode()
             case "opensees":
-                damper = opensees_damper(opened, stated, error=error, time_step=time_step)
-                return (damper.python if language == "python" else damper.tcl).encode()
+                return opensees_text(opened, stated, error=error, time_step=time_step, tcl=tcl).encode()
             case _:
                 assert_never(to)
     if to == "opensees" or stated is not None:
@@ -142,7 +141,8 @@ def exported(
         named = {name: f"{name} [{unit}]" for name, unit in table.attrs["units"].items()}
         text: str = table.rename(columns=named).reset_index().to_csv(index=False, lineterminator="\n")
         return text.encode()
-    return _matlab_of_groups(opened.title, opened._named_groups())
+    groups = {name: _group(each) for name, each in opened._named_groups().items()}
+    return _file({"title": opened.title, **_rename_keys(groups)})
 
 
 # A MATLAB file of version 5: structs whose arrays have their unit and words beside them.
@@ -227,12 +227,6 @@ def _as_recorded(quality: FitQuality) -> dict[str, Any]:
         "observation": asdict(quality.observation),
         "nuisance": asdict(quality.nuisance),
     }
-
-
-def _matlab_of_groups(title: str, groups: Mapping[str, NamedArrays]) -> bytes:
-    """Groups of arrays, each a struct."""
-    structs = {name: _group(each) for name, each in groups.items()}
-    return _file({"title": title, **_rename_keys(structs)})
 
 
 def _tests(place: Path) -> Any:
