@@ -6,6 +6,7 @@ import argparse
 import json
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from command_line import COMMAND, mrwork, ran
 from refusals import command_refusal
 from verb_folders import COMMANDS
 
-from mrwork.cli.numbers import Listed, OrWord, Range
+from mrwork.cli.numbers import Listed, Range
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import note, show
 
@@ -32,8 +33,8 @@ def named(value: object) -> str:
 @pytest.mark.parametrize(("verb", "action"), DECLARED, ids=named)
 def test_what_it_cannot_be_is_refused_in_one_line(verb: str, action: argparse.Action) -> None:
     match, wrong = "", WRONG if action.choices or not action.option_strings else ()
-    if isinstance(action.type, Range | Listed | OrWord):
-        limits = action.type if isinstance(action.type, Range) else action.type.of
+    if isinstance(action.type, Range | Listed):
+        limits = replace(action.type if isinstance(action.type, Range) else action.type.of, word="")
         least, most, match = limits.within.least, limits.within.most, re.escape(limits.in_words)
         assert action.help is not None
         assert action.type.in_words in action.help

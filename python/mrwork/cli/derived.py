@@ -19,7 +19,7 @@ from mrwork.base import hints as nodes
 from mrwork.base.docstrings import parameter_texts
 from mrwork.base.hints import Node, fields_of, nodes_of
 from mrwork.cli.command_parser import CommandParser
-from mrwork.cli.numbers import Listed, OrWord, Range, finite_number
+from mrwork.cli.numbers import Listed, Range, finite_number
 from mrwork.errors import MrworkError
 
 _FIRST_SENTENCE = re.compile(r".*?(?=(?<!\.)\.(?:\s|$)|$)", re.DOTALL)
@@ -135,7 +135,7 @@ def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
             words = [word for form in forms for word in form.choices]
             numbers = [form.reads for form in forms if isinstance(form.reads, Range)]
             if words and numbers:
-                return _Form(reads=OrWord(words[0], numbers[0]))
+                return _Form(reads=replace(numbers[0], word=words[0]))
             return next((form for form in forms if form.repeated), next(iter(forms), None))
         case nodes.Enumerated(choices):
             return _Form(choices=choices)

@@ -6,6 +6,7 @@ A number outside its range is refused before anything is read, in one sentence t
 from __future__ import annotations
 
 import argparse
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from pathlib import Path
@@ -23,11 +24,12 @@ _NO_LIMIT = 2**53
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Range:
-    """The numbers `within` a range, in `unit`; integers where `whole`."""
+    """The numbers `within` a range, in `unit`, integers where `whole`; or a `word` in the place of one."""
 
     within: Within
     unit: str = ""
     whole: bool = False
+    word: str = ""
 
     @classmethod
     def of(cls, node: Node) -> Range:
@@ -40,27 +42,26 @@ class Range:
     def in_words(self) -> str:
         """The range as the help and messages state it; the largest integers are no limit."""
         within = replace(self.within, most=inf) if self.within.most >= _NO_LIMIT else self.within
-        return f"{within.in_words} {self.unit}".strip()
+        numbers = f"{within.in_words} {self.unit}".strip()
+        return f"{self.word}, or {numbers}" if self.word else numbers
 
     @property
     def metavar(self) -> str:
         """What stands for the number in the help."""
         return self.unit.upper() if self.unit.isalpha() else "N" if self.whole else "NUMBER"
 
-    def __call__(self, text: str) -> float:
-        """The number that a text gives."""
-        try:
+    def __call__(self, text: str) -> float | str:
+        """The number that a text gives, or the word."""
+        if text and text == self.word:
+            return text
+        with suppress(ValueError):
             value = int(text) if self.whole else float(text)
-        except ValueError:
-            raise self._refusal(text) from None
-        if instead_of(value, (self.within,)):
-            raise self._refusal(text)
-        return value
-
-    def _refusal(self, text: str) -> argparse.ArgumentTypeError:
+            if not instead_of(value, (self.within,)):
+                return value
         shown = repr(text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…")
-        kind = "a whole number" if self.whole else "a number"
-        return argparse.ArgumentTypeError(f"{shown} is not {kind} {self.in_words}".rstrip())
+        kind, within = "a whole number" if self.whole else "a number", replace(self, word="").in_words
+        nor = f", nor {self.word}" if self.word else ""
+        raise argparse.ArgumentTypeError(f"{shown} is not {kind} {within}".rstrip() + nor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +75,7 @@ class Listed:
         """The range as the help and messages state it."""
         return f"several with commas between, each {self.of.in_words}"
 
-    def __call__(self, text: str) -> tuple[float, ...]:
+    def __call__(self, text: str) -> tuple[float | str, ...]:
         """The numbers that a text gives."""
         try:
             numbers = tuple(self.of(part.strip()) for part in text.split(",") if part.strip())
@@ -84,30 +85,6 @@ class Listed:
             raise argparse.ArgumentTypeError(f"{text!r} has no number; write {self.in_words}")
         return numbers
 
-
-@dataclass(frozen=True, slots=True)
-class OrWord:
-    """A number of a range, or a word in its place."""
-
-    word: str
-    of: Range
-
-    @property
-    def in_words(self) -> str:
-        """The range as the help and messages state it."""
-        return f"{self.word}, or {self.of.in_words}"
-
-    def __call__(self, text: str) -> float | str:
-        """The number or the word that a text gives."""
-        if text == self.word:
-            return text
-        try:
-            return self.of(text)
-        except argparse.ArgumentTypeError as refusal:
-            raise argparse.ArgumentTypeError(f"{refusal}, nor {self.word}") from None
-
-
-Numeric = Range | Listed | OrWord
 
 SEED = Range(within=Within(least=0, most=LARGEST_SEED), whole=True)
 THREADS = Range.of(node_of(Threads))
@@ -121,14 +98,14 @@ DISPERSION = Range(within=Within(least=0.0, most=10.0))
 def add_number(
     parser: Any,
     option: str,
-    numeric: Numeric,
+    numeric: Range,
     help: str,
     *,
     metavar: str,
-    default: float | tuple[float, ...] | None = None,
+    default: float | None = None,
     dest: str | None = None,
 ) -> None:
-    """Declare an option that takes a number, or several; its help ends with the range."""
+    """Declare an option that takes a number; its help ends with the range."""
     says = f"{help}; {numeric.in_words}"
     parser.add_argument(option, type=numeric, help=says, metavar=metavar, default=default, dest=dest)
 

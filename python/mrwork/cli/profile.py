@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import suppress
 from dataclasses import asdict
-from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of, arguments_of
@@ -22,12 +22,9 @@ from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted, RecordError
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import PROFILES, REPORT
+from mrwork.store.run_folder import PROFILES, REPORT, RunFolder
 from mrwork.store.run_writer import add_to_run, adding
 from mrwork.uncertainty.identifiability.profile import Profiles, profile
-
-if TYPE_CHECKING:
-    from mrwork.identification.fit_file import OpenedRun
 
 
 def add_options(parser: CommandParser) -> None:
@@ -46,15 +43,15 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Profile, write the document and the figure into the run folder, print the table."""
     with adding(options.run_folder, PROFILES):
-        return _profile(opened_run(options), options)
+        return _profile(options)
 
 
-def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
+def _profile(options: argparse.Namespace) -> int:
     # Readers of runs are slow to load.
     from mrwork.runs.load import StoredRun, load
 
-    findings = told_findings("profile", opened.tests, options)
-    place = opened.run.path
+    opened = opened_run(options)
+    findings, place = told_findings("profile", opened.tests, options), opened.run.path
     try:
         with progress_line(in_words, quiet=is_quiet(options)) as line:
             profiles = profile(
@@ -65,7 +62,7 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
                 **arguments_of(options, profile),
             )
     except Interrupted as interrupt:
-        return write_interrupted(opened, interrupt.result, options)
+        return _write_interrupted(opened.run, interrupt.result, options)
     add_to_run(place, {PROFILES: json_document(profiles.document()).encode()})
     fit = load(place, StoredRun).fit
     more = {"directions": [asdict(each) for each in fit.informative], "findings": findings}
@@ -77,24 +74,16 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     return end_addition(options, profiles, more | {"out": str(place / PROFILES)}, below)
 
 
-def write_interrupted(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
+def _write_interrupted(run: RunFolder, profiles: Profiles, options: argparse.Namespace) -> int:
     """Write and print the profiles of an interrupted run, not in place of complete ones; return the exit status."""
-    document, place = profiles.document(), opened.run.path / PROFILES
-    written = not _has_complete(opened)
+    document, place, earlier = profiles.document(), run.path / PROFILES, None
+    # Damaged ones are none, as for a run to its end.
+    with suppress(RecordError):
+        earlier = run.read(Profiles, PROFILES, verb="profile")
+    written = earlier is None or earlier.status != "finished"
     if written:
-        add_to_run(opened.run.path, {PROFILES: json_document(document).encode()})
+        add_to_run(run.path, {PROFILES: json_document(document).encode()})
     show_results(options, profiles, document=document | {"directions": [], "out": str(place)})
     where = "has the profiles so far" if written else "keeps the complete profiles that it has"
     note(f"interrupted; {place} {where}; run the same command again for all")
     return 130
-
-
-def _has_complete(opened: OpenedRun) -> bool:
-    """Whether the run has profiles of its fit that are complete; damaged ones are none, as for a run to its end."""
-    from mrwork.runs.load import read_profiles
-
-    try:
-        earlier = read_profiles(opened.run)
-    except RecordError:
-        return False
-    return earlier is not None and earlier.status == "finished"

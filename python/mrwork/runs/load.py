@@ -199,10 +199,18 @@ def read_run(place: Path) -> Fit | StudyResults:
 
 def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
     """The run of a `fit` that has been read from a folder, with what later verbs have added."""
-    draws, profiles = read_draws(run, fit), read_profiles(run)
+    draws, profiles = read_draws(run, fit), run.read(Profiles, PROFILES, verb="profile")
+    # Intervals of converged draws, else of finished profiles of every free parameter.
+    if draws is not None and draws.status == "converged":
+        fit = fit.with_intervals(draws.intervals)
+    # Profiles of a model with redundant parameters are in other parameters.
+    elif profiles is not None and profiles.model == fit.model and profiles.status == "finished":
+        profiled = {each.name for each in profiles.profiles}
+        if profiled.issuperset(each.name for each in fit.estimates if each.is_free):
+            fit = fit.with_intervals(profiles.intervals)
     return StoredRun(
         place=run.path,
-        fit=_judged(fit, draws, profiles),
+        fit=fit,
         draws=draws,
         profiles=profiles,
         bands=read_bands(run),
@@ -211,23 +219,3 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
         others=read_others(run),
         held_out=read_held_out(run, fit),
     )
-
-
-def read_profiles(run: RunFolder) -> Profiles | None:
-    """The profiles of the run folder of a fit, `None` where there are none."""
-    return run.read(Profiles, PROFILES, verb="profile")
-
-
-def _judged(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Fit:
-    """The fit with the intervals of converged draws, else of finished profiles of every free parameter."""
-    if draws is not None and draws.status == "converged":
-        return fit.with_intervals(draws.intervals)
-    free = {each.name for each in fit.estimates if each.is_free}
-    # Profiles of a model with redundant parameters are in other parameters.
-    if profiles is not None and profiles.model == fit.model and profiles.status == "finished":
-        return (
-            fit.with_intervals(profiles.intervals)
-            if free <= {each.name for each in profiles.profiles}
-            else fit
-        )
-    return fit

@@ -212,10 +212,7 @@ def study_of(
         "places": places,
         "target": target,
     }
-    try:
-        given = {name: _plain(value) for name, value in stated.items() if value is not None}
-    except RecursionError:
-        raise SettingError("a table or list of study_of holds itself; give each without itself") from None
+    given = {name: _plain(value) for name, value in stated.items() if value is not None}
     place = Place(origin="study_of", arguments=_ARGUMENTS)
     return reading.study_of_tables(given, place, Path(), fitted_damper, seed)
 
