@@ -75,7 +75,7 @@ def tests_section(
     said, records = (
         (one, "the record") if len(predictions) == 1 else (spread.in_words, f"{len(predictions)} records")
     )
-    counts = Counter(finding.severity for each in predictions for finding in each.test.findings)
+    counts = Counter[str](finding.severity for each in predictions for finding in each.test.findings)
     kinds = {"warning": "warning", "note": "note", "repaired": "repair"}
     parts = [numbers.counted(counts[kind], noun) for kind, noun in kinds.items() if counts[kind]]
     return Section(
