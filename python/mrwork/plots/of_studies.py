@@ -152,9 +152,9 @@ def storey_profiles(
         factor, symbol = unit.factor, unit.symbol
     axes, heights = axes_for(ax), np.arange(1, len(names) + 1)
     for number, (label, values, stroke) in enumerate(lines):
-        behind = 3.0 - number / len(lines)
+        order = 3.0 - number / len(lines)
         means = factor * values.mean(axis=0)
-        axes.plot(means, heights, label=label, markersize=3.2, zorder=behind, **stroke.marked)
+        axes.plot(means, heights, label=label, markersize=3.2, zorder=order, **stroke.marked)
     first = factor * lines[0][1]
     if len(first) > 1:
         ends = first.min(axis=0), first.max(axis=0)
