@@ -26,7 +26,7 @@ from mrwork.identification.minimise.plain_search import points_from_multistart
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.progress import Identifying, Progress, interruptible
+from mrwork.identification.progress import Identifying, Progress
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import FitSettings, Multistart, UnregisteredSearch
 from mrwork.identification.verdicts import fitted_parameters
@@ -34,6 +34,7 @@ from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.window import middle_excerpt
 from mrwork.store.journal import Journal
+from mrwork.store.long_call import interruptible
 
 # Most iterations of a fit to the tests at one command, from the fit to all tests.
 _ITERATIONS_ALONE = 30

@@ -14,14 +14,12 @@ import numpy as np
 from mrwork.base.numbers import duration_in_words, format_rate
 from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.store.long_call import LongCall
+from mrwork.store.long_call import LongCall, wait_for
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import SearchTrace
 
 T = TypeVar("T")
-# Interval at which Ctrl-C is noticed while compiled code runs [s].
-_POLL_SECONDS = 0.05
 
 
 def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> list[T]:
@@ -61,18 +59,12 @@ def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> 
         share()
         if not any(isinstance(error, KeyboardInterrupt) for error in failures.values()):
             for other in others:
-                _wait_for(other)
+                wait_for(other)
     except KeyboardInterrupt as interrupt:
         failures[-1] = interrupt
     if failures:
         raise min(failures.items(), key=lambda failure: (isinstance(failure[1], Exception), failure[0]))[1]
     return [results[index] for index in range(n_tests)]
-
-
-def _wait_for(thread: threading.Thread) -> None:
-    """Wait until a thread has ended, unless Ctrl-C comes first."""
-    while thread.is_alive():
-        thread.join(_POLL_SECONDS)
 
 
 Stage = Literal["search", "screening", "refinement"]
@@ -202,25 +194,6 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
                 fitted=fitted,
             )
         )
-
-
-def interruptible(work: Callable[[], T]) -> T:
-    """Run `work` on a thread, so that Ctrl-C reaches the caller; an abandoned thread ends with the process."""
-    outcome: list[T] = []
-    failure: list[BaseException] = []
-
-    def body() -> None:
-        try:
-            outcome.append(work())
-        except BaseException as error:  # raised again on the caller's thread
-            failure.append(error)
-
-    thread = threading.Thread(target=body, name="mrwork-refinement", daemon=True)
-    thread.start()
-    _wait_for(thread)
-    if failure:
-        raise failure[0]
-    return outcome[0]
 
 
 # Seconds until the remaining time of a stage is first estimated, and within which it follows the estimate.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +16,38 @@ from mrwork.store.journal import Journal
 T = TypeVar("T")
 Report = TypeVar("Report")
 SoFar = TypeVar("SoFar")
+# Interval at which Ctrl-C is noticed while a thread works [s].
+_POLL_SECONDS = 0.05
+
+
+def interruptible(work: Callable[[], T]) -> T:
+    """Do work on a thread, so that Ctrl-C reaches the caller; an abandoned thread ends with the process.
+
+    Only the main thread hears of Ctrl-C: others do the work themselves.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return work()
+    outcome: list[T] = []
+    failure: list[BaseException] = []
+
+    def body() -> None:
+        try:
+            outcome.append(work())
+        except BaseException as error:  # raised again on the caller's thread
+            failure.append(error)
+
+    thread = threading.Thread(target=body, name="mrwork-work", daemon=True)
+    thread.start()
+    wait_for(thread)
+    if failure:
+        raise failure[0]
+    return outcome[0]
+
+
+def wait_for(thread: threading.Thread) -> None:
+    """Wait until a thread has ended, unless Ctrl-C comes first."""
+    while thread.is_alive():
+        thread.join(_POLL_SECONDS)
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -7,10 +7,9 @@ records are padded to powers of two, so that few shapes are compiled.
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
-from typing import TypeVar, cast
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.base.values import Floats
 from mrwork.dampers.spec import DamperSpec
+from mrwork.store.long_call import interruptible
 from mrwork.twins.models import on_processor, twin_of
 from mrwork.twins.own_stepping import FINER, N_LEVELS, RESOLUTION, Rows, fastest, force_and_bound
 from mrwork.twins.record_arrays import RecordArrays
@@ -165,7 +165,7 @@ def _run(
             if directions is None
             else partial(_slopes, directions=directions)
         )
-        result = interruptible(partial(call, given, spec=spec, n_kept=n_kept))
+        result = computed(partial(call, given, spec=spec, n_kept=n_kept))
         parts.append([np.asarray(each)[: len(rows)] for each in result])
     force, second = (np.concatenate(each) for each in zip(*parts, strict=True))
     return force[:, : history.n_time], second if directions is None else second[..., : history.n_time]
@@ -181,7 +181,7 @@ def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) 
     command = np.asarray(record.command)
     levels = np.linspace(command.min(), command.max(), N_LEVELS if len(command) > 1 else 1)
     given = Rows(padded, record, history.n_time, 1)
-    bound = np.asarray(interruptible(partial(_fastest, given, levels, spec=spec)))
+    bound = np.asarray(computed(partial(_fastest, given, levels, spec=spec)))
     return np.asarray(bound[: len(theta)] * history.dt / RESOLUTION)
 
 
@@ -210,25 +210,12 @@ def _slopes(rows: Rows, *, directions: Array, spec: DamperSpec, n_kept: int) -> 
     return jax.vmap(along, out_axes=(None, 1))(directions)
 
 
-def interruptible(call: Callable[[], T]) -> T:
-    """Do what cannot be interrupted on another thread, so that the main one answers Ctrl-C at once."""
-    if threading.current_thread() is not threading.main_thread():
-        return call()
-    ended: list[tuple[T | None, BaseException | None]] = []
+def computed(call: Callable[[], T]) -> T:
+    """What XLA comes to, which is waited for where Ctrl-C is answered."""
 
-    def end() -> None:
-        try:
-            with on_processor():
-                # What is still computed by XLA would be waited for elsewhere.
-                done: T = jax.block_until_ready(call())  # type: ignore[no-untyped-call] # jax leaves it unannotated
-            ended.append((done, None))
-        except BaseException as error:
-            ended.append((None, error))
+    @on_processor()
+    def ended() -> T:
+        done: T = jax.block_until_ready(call())  # type: ignore[no-untyped-call] # jax leaves it unannotated
+        return done
 
-    thread = threading.Thread(target=end, daemon=True)
-    thread.start()
-    thread.join()
-    result, error = ended[0]
-    if error is not None:
-        raise error
-    return cast("T", result)
+    return interruptible(ended)

@@ -27,7 +27,7 @@ from mrwork.errors import SettingError
 from mrwork.store.function_text import function_text
 from mrwork.store.user_python import file_of, in_words, place_of, place_raised
 from mrwork.twins.models import Twin, on_processor, twin_of, twin_with
-from mrwork.twins.own_batches import interruptible
+from mrwork.twins.own_batches import computed
 
 _Given = ParamSpec | tuple[str, float, float, float]
 _SHORT_FLOATS = ("float16", "bfloat16", "float32")
@@ -149,7 +149,7 @@ def own_damper(
     for role, each in stated.items():
         _refuse_arguments(role, each, name)
     given_check = _Check(spec, twin_with(spec, force, rate, relaxation))
-    interruptible(lambda: given_check.run(stated))
+    computed(lambda: given_check.run(stated))
     text = function_text(
         *stated.values(),
         what=f"the equations of {name} cannot be carried along:",
@@ -162,7 +162,7 @@ def own_damper(
     equations.trust()
     spec = replace(spec, own=equations)
     check = _Check(spec, twin_of(spec))
-    odd, relaxes = interruptible(lambda: check.run(stated))
+    odd, relaxes = computed(lambda: check.run(stated))
     if check.traces != given_check.traces:
         raise SettingError(f"the file of {name} was changed after it was run; run it again")
     final = tuple(

@@ -24,7 +24,7 @@ from mrwork.twins.loop import STRETCH, Devices, LoopDevice, LoopPlant, LoopRun, 
 from mrwork.twins.loop_ground import half_steps, stage_values
 from mrwork.twins.loop_laws import LAWS, Gains
 from mrwork.twins.models import on_processor, parameters_at, twin_of
-from mrwork.twins.own_batches import interruptible, power_of_two
+from mrwork.twins.own_batches import computed, power_of_two
 from mrwork.twins.own_stepping import FINER, RESOLUTION
 
 # As LARGEST_DISPLACEMENT of `respond.rs` [m], COMMAND_LEVELS of `resolution.rs`, and the velocities, displacements and
@@ -199,7 +199,7 @@ def _additions(loop: OwnLoop, theta: Sequence[Floats]) -> list[tuple[float, floa
     for index, device in enumerate(loop.devices):
         least, most = loop.ranges[index].tolist()
         levels = np.linspace(least, most, _LEVELS if device.spec.follows_command else 1)
-        slopes = interruptible(partial(_steepest, device, theta[index], levels))
+        slopes = computed(partial(_steepest, device, theta[index], levels))
         dampers = device.count * (2.0 if device.differential else 1.0)
         added += dampers * np.asarray(slopes) * (np.asarray(device.row) @ inverse @ np.asarray(device.row))
     return [(math.sqrt(stiffening), decay) for stiffening, decay in added.tolist()]
@@ -296,7 +296,7 @@ def _run_group(
         depth=1 + power_of_two(-(-int(delay.max()) // steps), 1) if delay.any() else 1,
         histories=histories,
     )
-    summary, bound, invalid, rows, end = (np.asarray(each)[: len(runs)] for each in interruptible(call))
+    summary, bound, invalid, rows, end = (np.asarray(each)[: len(runs)] for each in computed(call))
     rows = np.concatenate([rows[:, :n_samples], end[:, None]], axis=1)
     # The first signal is the record, which a step finer has other values of.
     rows[:, :, :1] = record[::steps, None]

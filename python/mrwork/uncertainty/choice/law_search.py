@@ -34,13 +34,13 @@ from mrwork.identification.equivalent import identifiable_form, joint_box, searc
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.objective import Objective
-from mrwork.identification.progress import interruptible, on_every_test
+from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
 from mrwork.records.repairs import NONE
 from mrwork.records.window import middle_excerpt, stretches_of
-from mrwork.store.long_call import LongCall
+from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.choice.law_promise import LinearisedTests, plain_curves
 from mrwork.uncertainty.choice.objections import dying_laws, objections_to
 from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_from, laws_in_words
