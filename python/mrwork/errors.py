@@ -8,6 +8,7 @@ sentences quote them as escapes, as in `\x1b`.
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from typing import Any, Generic, TypeVar
 
@@ -16,20 +17,12 @@ ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 # Characters of a sentence: its place stands at the beginning, what to do at the end.
 _LONGEST = 2000
-# Mistakes of a document after which it is read no further, those that are listed, and characters of each.
+# Mistakes of a document after which it is read no further, mistakes that are listed, and characters of each.
 MOST_MISTAKES = 100
 _MOST_LISTED = 20
 _LONGEST_LISTED = 500
 
-# Controls, ends of lines and paragraphs, marks of direction and others without a shape, halves of characters, what no
-# font has, and what no text may hold; the end of a line is hidden where it is not meant.
-_HIDDEN = (
-    "\x00-\x09\x0b-\x1f\x7f-\x9f\xad\u0600-\u0605\u061c\u06dd\u070f\u0890\u0891\u08e2\u180e\u200b-\u200f\u2028-\u202e"
-    "\u2060-\u206f\ud800-\uf8ff\ufdd0-\ufdef\ufeff\ufff0-\ufffb\ufffe\uffff\U000110bd\U000110cd"
-    "\U00013430-\U0001343f\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e00ff\U000f0000-\U0010ffff"
-)
-_ANY = re.compile(f"[\n{_HIDDEN}]")
-_BUT_LINES = re.compile(f"[{_HIDDEN}]")
+_NOT_ASCII = re.compile(r"[^\n -~]")
 
 __all__ = [
     "ArgumentError", "Interrupted", "InvalidSettingError", "JournalError", "LibraryError", "MistakesError",
@@ -44,16 +37,19 @@ def __dir__() -> list[str]:
 
 def escape_text(text: str) -> str:
     """A name or a sentence, which is to stay in its line."""
-    return _ANY.sub(_escape, text)
+    return escaped_lines(text).replace("\n", r"\n")
 
 
 def escaped_lines(text: str) -> str:
     """A text whose ends of lines are meant."""
-    return _BUT_LINES.sub(_escape, text)
+    return _NOT_ASCII.sub(_escape, text)
 
 
-def _escape(character: re.Match[str]) -> str:
-    return character.group().encode("unicode_escape").decode("ascii")
+def _escape(match: re.Match[str]) -> str:
+    """An escape for a control, a mark of direction or what else has no shape; blanks have one."""
+    character = match.group()
+    shown = character.isprintable() or unicodedata.category(character) == "Zs"
+    return character if shown else character.encode("unicode_escape").decode()
 
 
 def _restore(kind: type[ErrorT], args: tuple[Any, ...]) -> ErrorT:
@@ -166,7 +162,7 @@ class UnknownNameError(MrworkError, LookupError):
 
 
 class UnknownChoiceError(SettingError, UnknownNameError):
-    """An argument is none of the names to choose from."""
+    """An argument is not among the names to choose from."""
 
 
 class SimulationError(MrworkError, ArithmeticError):

@@ -173,7 +173,7 @@ def test_an_annotation_of_an_unknown_form_is_an_error_when_the_function_is_defin
         ("pair", (1, 2, 3), ArgumentError, "2 values"),
         ("bounds", {"c": 3}, ArgumentError, r"bounds\['c'\]"),
         ("called", lambda: 3, ArgumentError, "of 1 argument"),
-        ("on_progress", list, ArgumentError, "of 2 arguments"),
+        ("on_progress", lambda: 3, ArgumentError, "of 2 arguments"),
         ("parts", [Part(), 3], ArgumentError, r"parts\[1\]"),
         ("sized", 3, ArgumentError, "a Sized"),
         ("number", np.nan, SettingError, "finite"),

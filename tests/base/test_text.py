@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import unicodedata
+from dataclasses import replace
 
 import pytest
 
@@ -35,8 +36,10 @@ def test_the_unit_of_a_column_is_in_the_headings_of_every_medium() -> None:
 
 
 def test_a_page_leaves_out_what_is_empty_in_every_row() -> None:
-    table = page_table("Tests", COLUMNS, [("a", "1", ""), ("b", "2", "–")], foot=("all", "3", ""))
-    assert (table.columns, table.foot, table.words) == (("Test", "Peak force (N)"), ("all", "3"), (0,))
+    items = [("a", "1", ""), ("b", "2", "–")]
+    table = replace(text_table(COLUMNS, items), foot=("all", "3", "")).filled
+    assert (table.columns, table.foot, table.words) == (("test", "peak force [N]"), ("all", "3"), (0,))
+    assert page_table("Tests", COLUMNS, items).columns == ("Test", "Peak force (N)")
 
 
 def test_lines_are_aligned_with_numbers_to_the_right() -> None:

@@ -43,7 +43,6 @@ from mrwork.base.hints import Shape as Shape
 from mrwork.base.hints import Within as Within
 from mrwork.base.keys import documented, is_table, quote_value, suggestion
 from mrwork.base.numbers import counted
-from mrwork.base.summary import list_names
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats
 from mrwork.errors import (
@@ -53,7 +52,6 @@ from mrwork.errors import (
     Restorable,
     SettingError,
     UnknownChoiceError,
-    escape_text,
 )
 
 Positive = Annotated[float, Within(above=0.0)]
@@ -117,7 +115,7 @@ def takes_fields(
     made = {
         each.name: each.default_factory for each in fields(declaring) if each.default_factory is not MISSING
     }
-    # Names in the annotations are those of the modules of the fields.
+    # The annotations use names of the modules of the fields.
     parameters = [
         each.replace(annotation=hints[name], default=made[name]() if name in made else each.default)
         for name, each in inspect.signature(declaring).parameters.items()
@@ -176,8 +174,7 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
                 except Refusal as refusal:
                     raise _error(parameter, name, refusal, owner) from None
         if missing := [f"`{parameter}`" for parameter in required if parameter not in values]:
-            listed = list_names(missing, len(missing))
-            raise ArgumentError(f"{name} lacks {listed}; give {'them' if missing[1:] else 'it'}")
+            raise ArgumentError(f"{name} lacks {', '.join(missing)}; give {'them' if missing[1:] else 'it'}")
         if shapes:
             _check_shapes(shapes, name, values)
         return function(*call.args, **call.kwargs)
@@ -188,22 +185,20 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
 
 def _misfit(function: str, given: Mapping[str, Any], known: list[str], reason: TypeError) -> ArgumentError:
     """The error of a call whose arguments do not fit the signature."""
-    unknown = next((word for word in given if word not in known), None)
-    if unknown is None:
-        return ArgumentError(f"{function} has {reason}; give each argument once, by name")
-    named = suggestion(unknown, [each for each in known if each not in ("self", "cls")], otherwise="it takes")
-    return ArgumentError(escape_text(f"{function} has no argument `{unknown}`{named}"))
+    for unknown in (word for word in given if word not in known):
+        named = suggestion(
+            unknown, [each for each in known if each not in ("self", "cls")], otherwise="it takes"
+        )
+        return ArgumentError(f"{function} has no argument `{unknown}`{named}")
+    return ArgumentError(f"{function} has {reason}; give each argument once, by name")
 
 
 def _error(parameter: str, function: str, refusal: Refusal, owner: type = object) -> MrworkError:
     name = f"`{parameter}{''.join(f'[{key!r}]' for key in refusal.path)}`"
-    sentence = escape_text(f"{name} of {function} {refusal.in_words()}")
-    if owner is not object and issubclass(refusal.error, SettingError):
-        error: MrworkError = InvalidSettingError(parameter, sentence)
-    else:
-        error = refusal.error(sentence)
-        error.key = parameter
-    error.in_a_file = escape_text(f"{name} {refusal.in_words()}")
+    sentence = f"{name} of {function} {refusal.in_words()}"
+    is_setting = owner is not object and issubclass(refusal.error, SettingError)
+    error = InvalidSettingError(parameter, sentence) if is_setting else refusal.error(sentence)
+    error.key, error.in_a_file = parameter, f"{name} {refusal.in_words()}"
     return error
 
 
@@ -215,9 +210,9 @@ def _check_shapes(shapes: Mapping[str, Shape], function: str, given: Mapping[str
         # A number may stand for an array where the annotation has both.
         if value is None or isinstance(value, int | float):
             continue
-        came = tuple(np.shape(value))
-        wanted = [lengths.get(axis, length) for axis, length in zip(shape.axes, came, strict=False)]
-        if len(came) != len(shape.axes) or wanted != list(came):
+        came = np.shape(value)
+        wanted = tuple(lengths.get(axis, length) for axis, length in zip(shape.axes, came, strict=False))
+        if len(came) != len(shape.axes) or wanted != came:
             axes = (f"{axis} = {lengths[axis]}" if axis in lengths else axis for axis in shape.axes)
             end = f"; give shape ({', '.join(axes)})"
             refusal = Refusal(Node(), value, f"has shape {came}", end, SettingError)
@@ -259,7 +254,7 @@ def accept(node: Node, value: Any) -> Any:
 def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str:
     """What an annotation takes, as "a number", or "anything" where no value is refused; in the plural for `several`.
 
-    The words are those of a document `in_file`, which holds no objects.
+    The words are for a document `in_file`, which holds no objects.
     """
 
     def noun(word: str, rest: str = "") -> str:
@@ -343,29 +338,18 @@ def _whole(node: Node, value: Any) -> int:
     return number
 
 
-def _flag(node: Node, value: Any) -> bool:
-    if not isinstance(value, bool | np.bool_):
-        raise Refusal(node, value)
-    return bool(value)
-
-
 def _instance(node: Node, value: Any) -> Any:
+    value = value.item() if isinstance(value, np.bool_) else value
     is_protocol = getattr(node.kind, "_is_protocol", False)
     if not isinstance(value, node.kind) or (is_protocol and isinstance(value, type)):
         raise Refusal(node, value)
     return value
 
 
-_SCALARS: dict[type, Callable[[Node, Any], Any]] = {
-    float: _number, int: _whole, bool: _flag, str: _instance, NoneType: _instance,
-}  # fmt: skip
-
-
 def _choice(node: Node, value: Any) -> Any:
-    # Not by `in`: an array would be compared element by element, and 1 equals true.
-    for choice in node.kind:
-        if type(value) is type(choice) and value == choice:
-            return choice
+    # An array would be compared element by element, and 1 equals true.
+    if any(type(value) is type(choice) and value == choice for choice in node.kind):
+        return value
     texts = [choice for choice in node.kind if isinstance(choice, str)]
     if isinstance(value, str) and texts:
         raise Refusal(node, value, f"is {quote_value(value)}", suggestion(value, texts), UnknownChoiceError)
@@ -406,11 +390,8 @@ def _check_numbers(node: Node, values: Any) -> None:
     """Refuse numbers that are not finite, and those out of the ranges among the notes."""
     # The limits are beyond single precision.
     size = np.abs(values.astype(np.float64) if values.dtype.itemsize < 8 else values)
-    permitted = size <= LARGEST
-    if May.BE_INFINITE in node.notes:
-        permitted |= size > LARGEST
-    if May.BE_NAN in node.notes:
-        permitted |= np.isnan(values)
+    permitted = (size <= LARGEST) | ((May.BE_INFINITE in node.notes) & (size > LARGEST))
+    permitted |= (May.BE_NAN in node.notes) & np.isnan(size)
     for note in node.notes:
         if isinstance(note, Within):
             permitted &= ~note.excludes(values)
@@ -474,17 +455,15 @@ def _accept_at(node: Node, value: Any, key: Any) -> Any:
 
 
 def _function(node: Node, value: Any) -> Any:
-    takes, returns = node.kind
-    # A class is no callback.
-    if not callable(value) or (isinstance(value, type) and returns in (None, NoneType, bool | None)):
+    if not callable(value):
         raise Refusal(node, value)
-    if takes is not ...:
-        # Some compiled functions have no signature.
-        with suppress(ValueError):
-            try:
-                inspect.signature(value).bind(*takes)
-            except TypeError:
-                raise Refusal(node, value, "is a function of other arguments") from None
+    # Some compiled functions have no signature.
+    with suppress(ValueError):
+        try:
+            if node.kind[0] is not ...:
+                inspect.signature(value).bind(*node.kind[0])
+        except TypeError:
+            raise Refusal(node, value, "is a function of other arguments") from None
     return value
 
 
@@ -504,7 +483,7 @@ def _either(node: Node, value: Any) -> Any:
 
 _CHECKS: dict[type[Node], Callable[[Node, Any], Any]] = {
     Node: lambda _, value: value,
-    nodes.Scalar: lambda node, value: _SCALARS[node.kind](node, value),
+    nodes.Scalar: lambda node, value: {float: _number, int: _whole}.get(node.kind, _instance)(node, value),
     nodes.Enumerated: _choice,
     nodes.Array: _array,
     nodes.Items: _sequence,

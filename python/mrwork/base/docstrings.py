@@ -20,7 +20,7 @@ def before_sections(docstring: str) -> str:
 
 
 def with_parameters(docstring: str, texts: Mapping[str, str]) -> str:
-    """A docstring with texts on parameters, before those that it has of others."""
+    """A docstring with texts on parameters, before its texts on other parameters."""
     text = inspect.cleandoc(docstring)
     before, head, rest = text.partition(PARAMETERS)
     if not head:

@@ -68,7 +68,7 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
 def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
     """The values of the keys that a table gives, in the types of their annotations and in SI.
 
-    They are by the names of the fields of a dataclass, or by those of the document for functions.
+    Names are fields of a dataclass; for functions, keys of the document.
     """
     known, declared = {name_in_file(entry): entry for entry in keys_of(kind)}, _nodes_in_file(kind)
     values = {}
@@ -159,11 +159,10 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
         read = read_each(lambda name: _accept(inner, value[name], place.within(name)), value)
         return dict(zip(value, read, strict=True))
     accepted = _accept(node, value, place)
-    items = accepted if isinstance(accepted, tuple) else (accepted,)
-    _check_rows(items, place)
-    if entry.says.from_one:
-        items = tuple(item - 1 for item in items)
-    return items if isinstance(accepted, tuple) else items[0]
+    if isinstance(accepted, tuple):
+        _check_rows(accepted, place)
+        return tuple(item - 1 for item in accepted) if entry.says.from_one else accepted
+    return accepted - 1 if entry.says.from_one else accepted
 
 
 def _read_inner(table: Table, value: Any, place: Place, entry: Key, *, alone: bool, several: bool) -> Any:
@@ -238,26 +237,30 @@ def prose_of(table: Table) -> str:
 
 def keys_in_words(kind: Table) -> list[KeyInWords]:
     """The keys of a table, in order."""
-    return [_key_in_words(entry) for entry in keys_of(kind)]
-
-
-def _key_in_words(entry: Key) -> KeyInWords:
-    says = entry.says
-    can_be = "" if says.span is None or says.span.free else "can be "
-    most = f"at most {says.most_items} of them" if math.isfinite(says.most_items) else ""
-    file = " or the name of a text file" if says.matrix else ""
-    form = [f"{in_words(_without_arrays(entry.node), in_file=True)}{file}", entry.within.in_words, most]
-    return KeyInWords(
-        name=name_in_file(entry),
-        default="required" if is_required(entry) else _default(entry),
-        meaning=says.words if says.span is None else f"{says.words}; {can_be}searched by mrwork tune",
-        form=", ".join(filter(None, form)),
-        unit=says.unit,
-    )
+    listed = []
+    for entry in keys_of(kind):
+        says = entry.says
+        can_be = "" if says.span is None or says.span.free else "can be "
+        most = f"at most {says.most_items} of them" if math.isfinite(says.most_items) else ""
+        file = " or the name of a text file" if says.matrix else ""
+        form = [f"{in_words(_without_arrays(entry.node), in_file=True)}{file}", entry.within.in_words, most]
+        meaning = says.words if says.span is None else f"{says.words}; {can_be}searched by mrwork tune"
+        listed.append(
+            KeyInWords(
+                name=name_in_file(entry),
+                default=_default(entry),
+                meaning=meaning,
+                form=", ".join(filter(None, form)),
+                unit=says.unit,
+            )
+        )
+    return listed
 
 
 def _default(entry: Key) -> str:
     value = entry.default
+    if is_required(entry):
+        return "required"
     if value is None or value in ("", ()) or is_dataclass(value):
         return "-"
     if isinstance(value, tuple):

@@ -19,13 +19,13 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 import numpy as np
 from numpy.typing import ArrayLike
 
-# Products of three numbers up to this size are finite, and so are those of their inverses.
+# Products of three numbers up to this size are finite, and so are products of their inverses.
 LARGEST = 1e100
 SMALLEST = 1.0 / LARGEST
 """Least positive number of a quantity that is divided by, or of which the logarithm or the square is taken."""
 
 NOTES = "notes"
-"""Name of the notes in the metadata of a field, which hold beside those of its annotation."""
+"""Name of the notes in the metadata of a field, which hold beside the notes of its annotation."""
 
 # Notes
 
@@ -78,17 +78,12 @@ class Within:
             | (values > self.most) | (values >= self.below) & (self.below < math.inf)
         )  # fmt: skip
 
-    def instead_of(self, value: float, kind: str) -> str:
-        """What to give instead of a number out of the range, as "a number above 0"."""
-        words = f"of at least {SMALLEST:g}" if self.above == 0.0 < value < SMALLEST else self.in_words
-        return f"a {kind} {words}"
-
 
 @dataclass(frozen=True, slots=True)
 class Says:
     """What an argument or a field means, which makes it a key of documents, and how a document has it.
 
-    A number with a `unit`, which is that of SI, may be a text with another unit in a document; one beyond the `usual`,
+    A number with a `unit` of SI may be a text with another unit in a document; a number beyond the `usual`,
     of an array the largest, is asked about. `span` is the range in which a search looks for it. A number that counts
     `from_one` in a document counts from 0 in Python; `named` is the name in a document, where it is another one.
     `matrix` permits a matrix, also as the name of a text file with it. A text that may name a `file` is relative to the
@@ -126,8 +121,12 @@ def instead_of(value: float, notes: Notes) -> str:
         ranges.append(_WORD)
     if not whole and not may_be_infinite:
         ranges.append(_FINITE)
-    kind = "whole number" if whole else "number"
-    return next((within.instead_of(value, kind) for within in ranges if within.excludes(value)), "")
+    for within in ranges:
+        if within.excludes(value):
+            is_small = within.above == 0.0 < value < SMALLEST
+            words = f"of at least {SMALLEST:g}" if is_small else within.in_words
+            return f"a {'whole ' * whole}number {words}"
+    return ""
 
 
 NoteT = TypeVar("NoteT")
@@ -165,7 +164,7 @@ class Items(Fixed):
 
 
 class ByName(Node):
-    """Values by name; its parts are those of the names and of the values."""
+    """Values by name; its parts are the nodes of the names and of the values."""
 
 
 class Record(Node):
@@ -218,12 +217,11 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
     if origin in (Union, UnionType):
         members = dict.fromkeys(_members(hint))
         takes_arrays = members.keys() >= _ARRAY_LIKE
-        several = [
-            each for each in members if each is not NoneType and not (takes_arrays and each in _ARRAY_LIKE)
-        ]
-        parts = [node_of(each, notes) for each in several] + [Array(None, (), notes)] * takes_arrays
+        others = [each for each in members if not (takes_arrays and each in _ARRAY_LIKE)]
+        parts = [node_of(each, notes) for each in others if each is not NoneType]
         # NumPy makes an array of what other members are meant for.
         parts.sort(key=lambda part: isinstance(part, Array))
+        parts += [Array(None, (), notes)] * takes_arrays
         return Either(NoneType if NoneType in members else object, tuple(parts), notes)
     if origin is Literal:
         return Enumerated(inner, (), notes)
@@ -254,7 +252,7 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         return Fixed(kind, tuple(node_of(each, notes) for each in inner), notes)
     if inner and (kind is Iterable or issubclass(kind, Sequence)):
         if get_origin(inner[0]) in (tuple, Sequence):
-            # A range is that of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
+            # A range holds for numbers and arrays of numbers, but not for entries beside the diagonal of a matrix.
             notes = tuple(each for each in notes if not isinstance(each, Within))
         return Items(kind, (node_of(inner[0], notes),), notes)
     return Instance(kind, tuple(map(node_of, inner)), notes)

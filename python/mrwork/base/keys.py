@@ -11,7 +11,6 @@ import inspect
 import json
 import math
 import re
-from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
@@ -60,7 +59,7 @@ def check_known(
     otherwise: str = "choose one of",
     kind: type[MrworkError] = UnknownNameError,
 ) -> None:
-    """Refuse a name that is none of those known, by this sentence with a `suggestion` behind it."""
+    """Refuse an unknown name, by this sentence with a `suggestion` behind it."""
     if name not in known:
         raise kind(f"{sentence}{suggestion(name, [*known], otherwise=otherwise)}")
 
@@ -112,8 +111,7 @@ def key(
 ) -> Any:
     """Declare a field of a dataclass as a key, by the notes `Within` and `Says`; without a default it is required."""
     given = locals()
-    says = Says(**{each.name: given[each.name] for each in fields(Says)})
-    within = Within(**{each.name: given[each.name] for each in fields(Within)})
+    within, says = (note(**{each.name: given[each.name] for each in fields(note)}) for note in (Within, Says))
     metadata = {NOTES: (within, says, *([May.BE_NAN] * may_be_nan))}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
@@ -150,10 +148,12 @@ def _keys_of(table: Table) -> tuple[Key, ...]:
     alike: dict[str, list[Key]] = {}
     for each in chain.from_iterable(map(_keys_of_one, functions)):
         alike.setdefault(name_in_file(each), []).append(each)
-    return tuple(
-        keys[0] if len(keys) == len(functions) else replace(keys[0], default=_known_default(keys))
-        for keys in alike.values()
-    )
+    for keys in alike.values():
+        if len(keys) < len(functions):
+            keys[0] = replace(
+                keys[0], default=next((key.default for key in keys if not is_required(key)), None)
+            )
+    return tuple(keys[0] for keys in alike.values())
 
 
 keys_of: Callable[[Table], tuple[Key, ...]] = cache(_keys_of)
@@ -168,11 +168,6 @@ def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
         for name in defaults
         if name in declared and (says := note_of(declared[name], Says))
     )
-
-
-def _known_default(keys: Sequence[Key]) -> Any:
-    """Default of a key that some functions do not have."""
-    return next((each.default for each in keys if not is_required(each)), None)
 
 
 def name_in_file(entry: Key) -> str:
@@ -230,7 +225,7 @@ def refuse_missing(entry: Key, place: Place) -> NoReturn:
 
 
 def own_keys(functions: Sequence[Callable[..., Any]]) -> list[list[str]]:
-    """Names of the keys of each function in a document, without those that all have."""
+    """Names of the keys of each function in a document, without the keys that all functions have."""
     names = [[name_in_file(entry) for entry in keys_of((each,))] for each in functions]
     return [[name for name in keys if any(name not in other for other in names)] for keys in names]
 
@@ -274,28 +269,27 @@ class Arguments:
         """A table with keys of two functions is refused, or with none; keys that all functions have tell nothing."""
         own = own_keys(self.functions)
         given = [[name for name in way if name in self.given] for way in own]
-        used = [number for number, way in enumerate(given) if way]
+        used = [(function, way) for function, way in zip(self.functions, given, strict=True) if way]
         choice = " or by ".join(" and ".join(filter(None, (", ".join(way[:-1]), way[-1]))) for way in own)
         if not used:
-            self.place.refuse(f"{self.place.table} is given by {choice}; here by none of them")
+            self.place.refuse(f"{self.place.table} is given by {choice}; give one of these")
         if len(used) > 1:
-            # The way of which fewer keys are given is the one that was not meant.
-            odd = min(used, key=lambda number: (len(given[number]), -number))
-            self.place.within(given[odd][0]).refuse(f"{self.place.table} is given by {choice}; keep one")
-        return self.functions[used[0]]
+            # Fewer keys are given of the function that was not meant.
+            odd = min(reversed(used), key=lambda each: len(each[1]))[1][0]
+            self.place.within(odd).refuse(f"{self.place.table} is given by {choice}; keep one")
+        return used[0][0]
 
 
 def tables(table: Table, path: str = "") -> Iterator[tuple[str, Table]]:
     """Headings and declarations of a table and all tables in it, outer tables first, each declaration once."""
-    by_heading = {path: table}
+    by_table = {table: path}
     for entry in keys_of(table):
         inner, several = inner_table(entry)
         if inner is not None:
             name = ".".join(filter(None, (path.strip("[]"), name_in_file(entry))))
             for heading, each in tables(inner, f"[[{name}]]" if several else f"[{name}]"):
-                if each not in by_heading.values():
-                    by_heading[heading] = each
-    yield from by_heading.items()
+                by_table.setdefault(each, heading)
+    yield from ((heading, each) for each, heading in by_table.items())
 
 
 def inner_table(entry: Key) -> tuple[Table | None, bool]:
@@ -321,10 +315,9 @@ def refuse_repeated(table: Any) -> None:
     """Refuse a name that stands twice in an array of a table."""
     for entry in fields(table):
         given = getattr(table, entry.name)
-        counts = Counter(each for each in given if isinstance(each, str)) if isinstance(given, tuple) else {}
-        twice = next((name for name, count in counts.items() if count > 1), None)
-        if twice is not None:
-            raise InvalidSettingError(entry.name, f"{entry.name} has {twice!r} twice; give each once")
+        for name in given if isinstance(given, tuple) else ():
+            if isinstance(name, str) and given.count(name) > 1:
+                raise InvalidSettingError(entry.name, f"{entry.name} has {name!r} twice; give each once")
 
 
 def toml_value(value: Any) -> str:
@@ -332,7 +325,7 @@ def toml_value(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        # The escapes of JSON are those of TOML.
+        # JSON and TOML have the same escapes.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):
         return "{ " + ", ".join(toml_lines_of(value)) + " }" if value else "{}"

@@ -6,6 +6,7 @@ the two is called, and nowhere else but for the files of a posterior and the poi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -43,7 +44,7 @@ class NamedArray:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Unit and words by the names that xarray and CF use; without those that are empty."""
+        """Unit and words by the names that xarray and CF use, where they are not empty."""
         named = {"units": self.unit, "long_name": self.long_name}
         return {name: text for name, text in named.items() if text}
 
@@ -62,49 +63,29 @@ class NamedArrays:
     arrays: Mapping[str, NamedArray]
     along: Mapping[str, NamedArray] = field(default_factory=dict)
 
-    def split_axis(
-        self, axis: str, places: NDArray[np.int64], labels: Mapping[str, NamedArray]
+    def taken(
+        self, axis: str, indices: int | NDArray[np.int64], labels: Mapping[str, NamedArray]
     ) -> NamedArrays:
-        """The arrays with axes of these labels in the place of one, at the `places` along that, shape (n, ..., m)."""
+        """The arrays at indices along an axis; the axes of the indices, which have `labels`, replace it."""
 
-        def split(names: tuple[str, ...]) -> tuple[str, ...]:
+        def axes(names: tuple[str, ...]) -> tuple[str, ...]:
             return tuple(new for name in names for new in (labels if name == axis else (name,)))
 
-        def own(arrays: Mapping[str, NamedArray]) -> dict[str, NamedArray]:
-            return {
-                name: replace(
-                    each, values=np.take(each.values, places, each.axes.index(axis)), axes=split(each.axes)
-                )
-                if axis in each.axes
-                else each
-                for name, each in arrays.items()
-            }
+        def arrays(group: Mapping[str, NamedArray]) -> dict[str, NamedArray]:
+            taken = dict(group)
+            for name, each in group.items():
+                if axis in each.axes:
+                    values = np.take(each.values, indices, each.axes.index(axis))
+                    taken[name] = replace(each, values=values, axes=axes(each.axes))
+            return taken
 
         others = {name: each for name, each in self.labels.items() if name != axis}
         return replace(
             self,
-            rows=split(self.rows),
+            rows=axes(self.rows),
             labels={**others, **labels},
-            arrays=own(self.arrays),
-            along=own(self.along),
-        )
-
-    def without_axis(self, axis: str) -> NamedArrays:
-        """The arrays without an axis that has one label."""
-        return replace(
-            self,
-            rows=tuple(each for each in self.rows if each != axis),
-            labels={name: each for name, each in self.labels.items() if name != axis},
-            arrays={
-                name: replace(
-                    each,
-                    values=each.values.squeeze(each.axes.index(axis)),
-                    axes=tuple(own for own in each.axes if own != axis),
-                )
-                if axis in each.axes
-                else each
-                for name, each in self.arrays.items()
-            },
+            arrays=arrays(self.arrays),
+            along=arrays(self.along),
         )
 
     def to_xarray(self) -> Dataset:
@@ -134,21 +115,15 @@ class NamedArrays:
             further = [axis for axis in each.axes if axis not in self.rows]
             own = [axis for axis in self.rows if axis in each.axes]
             values = np.transpose(each.values, [each.axes.index(axis) for axis in (*own, *further)])
-            # A label of some of the rows' axes is that of all rows there.
-            wide = [slice(None) if axis in own else None for axis in self.rows]
-            values = np.broadcast_to(values[(*wide, ...)], (*shape, *values.shape[len(own) :]))
-            flat = values.reshape(int(np.prod(shape)), -1)
-            places = product(*(self.labels[axis].values.tolist() for axis in further))
-            for number, place in enumerate(places):
-                filled = (name, *place, *[""] * (depth - len(further)))
+            # A label along some axes of the rows is repeated along the others.
+            wide = np.expand_dims(values, [n for n, axis in enumerate(self.rows) if axis not in own])
+            flat = np.broadcast_to(wide, (*shape, *wide.shape[len(shape) :])).reshape(math.prod(shape), -1)
+            labels = product(*(self.labels[axis].values.tolist() for axis in further))
+            for number, label in enumerate(labels):
+                filled = (name, *label, *[""] * (depth - len(further)))
                 columns[filled if depth else name] = flat[:, number]
-        rows = [self.labels[axis].values for axis in self.rows]
-        index: Any = (
-            Index(rows[0], name=self.rows[0])
-            if len(rows) == 1
-            else MultiIndex.from_product(rows, names=self.rows)
-        )
-        table = DataFrame(columns, index=index)
+        rows = [Index(self.labels[axis].values, name=axis) for axis in self.rows]
+        table = DataFrame(columns, index=rows[0] if len(rows) == 1 else MultiIndex.from_product(rows))
         if depth:
             table.columns = MultiIndex.from_tuples(list(columns), names=["", *[""] * depth])
         table.attrs = {
@@ -157,21 +132,6 @@ class NamedArrays:
             "long_name": {name: each.long_name for name, each in shown.items() if each.long_name},
         }
         return table
-
-
-def over_axis(
-    title: str, axis: str, labels: NamedArray, columns: Mapping[str, tuple[ArrayLike, str, str]]
-) -> NamedArrays:
-    """Columns over one axis with these labels, each with its unit and words."""
-    return NamedArrays(
-        title=title,
-        rows=(axis,),
-        labels={axis: labels},
-        arrays={
-            name: NamedArray.of(values, axis, unit=unit, long_name=words)
-            for name, (values, unit, words) in columns.items()
-        },
-    )
 
 
 class WithAxes:
@@ -194,6 +154,10 @@ class WithAxes:
         return self._named_arrays().to_pandas()
 
 
+labels_of = NamedArray.of
+"""Labels along an axis: names, or numbers in a unit."""
+
+
 def columns_of(
     records: Sequence[object], axis: str, declared: Mapping[str, tuple[str, str]]
 ) -> dict[str, NamedArray]:
@@ -204,19 +168,9 @@ def columns_of(
     }
 
 
-def time_labels(time: NDArray[np.float64]) -> NamedArray:
-    """Labels along the time [s]."""
-    return labels_of(time, unit="s", long_name="time")
-
-
 def number_labels(count: int) -> NamedArray:
     """Labels of what has no names, such as candidates: their numbers, from 0."""
     return NamedArray.of(np.arange(count))
-
-
-def labels_of(names: Sequence[str] | NDArray[Any], *, unit: str = "", long_name: str = "") -> NamedArray:
-    """Labels along an axis: names, or numbers in a unit."""
-    return NamedArray.of(np.asarray(names), unit=unit, long_name=long_name)
 
 
 def tree_of(title: str, groups: Mapping[str, NamedArrays]) -> DataTree:

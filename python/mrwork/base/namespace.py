@@ -28,7 +28,7 @@ def attach(package: str, file: str) -> tuple[Callable[[str], object], Callable[[
 
 
 def _modules(nodes: Iterable[ast.AST], package: str) -> dict[str, str]:
-    """Path of the module of every imported name; that of a submodule is the package."""
+    """Path of the module of every imported name; a submodule has the path of the package."""
     return {
         alias.name: resolve_name("." * node.level + (node.module or ""), package)
         for node in nodes

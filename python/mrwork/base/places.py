@@ -114,7 +114,7 @@ class Place:
 
     @property
     def line(self) -> int:
-        """The line, or that of what it is in; 0 where it is not known."""
+        """Line of the value, or of the innermost table or array around it that has a line; 0 where no line is known."""
         known = (self.path[:n] for n in range(len(self.path), 0, -1))
         return next((self.lines[path] for path in known if path in self.lines), 0)
 

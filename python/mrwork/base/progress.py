@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import sys
-import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Generic, Protocol, Self, TypeVar, runtime_checkable
+from typing import Any, Generic, Self, TypeVar
 
 from mrwork.base.arguments import NotNegative, checked
 from mrwork.base.numbers import duration_in_words
@@ -24,8 +23,6 @@ Report = TypeVar("Report", contravariant=True)
 Write = Callable[[str], None]
 
 _BAR = 20
-# Seconds between two looks at a report whose time goes on.
-_TICK = 0.2
 # Compilations that are shorter are not told [s].
 _TOLD = 1.0
 _COMPILED = "/jax/core/compile/backend_compile_duration"
@@ -63,27 +60,18 @@ class ProgressReport(ABC):
         return None
 
 
-@runtime_checkable
-class Timed(Protocol):
-    """A report that stays true while no other comes."""
-
-    def later(self, seconds: float) -> Any:
-        """The same after so many seconds."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Display:
-    """A place where progress is shown after `patience` [s], then at most once in `every` [s].
+    """Where progress is shown after `patience` [s], then at most once in `every` [s].
 
     `show` takes a text, and the share that is done where it is known; `close` clears what is shown, and leaves a last
-    sentence behind, if there is one. A report with a time goes on in it, from another thread, where it `ticks`.
+    sentence behind, if there is one.
     """
 
     show: Callable[[str, float | None], None]
     close: Callable[[str], None]
     patience: float = 0.0
     every: float = 0.2
-    ticks: bool = True
 
 
 def terminal_bar(write: Write, note: Write) -> Display:
@@ -133,7 +121,7 @@ def notebook_bar(widgets: Any, display: Callable[[Any], object]) -> Display:
             show(last, None)
         bar.layout.display = "none"
 
-    return Display(show=show, close=close, ticks=False)
+    return Display(show=show, close=close)
 
 
 def display_here(*, write: Write, note: Write) -> Display:
@@ -149,8 +137,7 @@ def display_here(*, write: Write, note: Write) -> Display:
 class ProgressLine(Generic[Report]):
     """Shows the latest report of a computation, `described` in words, in a display; without one nothing.
 
-    It appears after `patience` [s]. A report with a time goes on in the line until the next one comes. In the end it
-    says for how long JAX compiled meanwhile.
+    It appears after `patience` [s]. In the end it says for how long JAX compiled meanwhile.
     """
 
     def __init__(
@@ -159,48 +146,24 @@ class ProgressLine(Generic[Report]):
         self._described, self._display = described, display
         self._next = time.monotonic() + max(patience, display.patience if display is not None else 0.0)
         self._compiled = COMPILE_TIME.seconds
-        self._showing = threading.Lock()
-        self._closed = threading.Event()
-        self._ticking: threading.Thread | None = None
-        self._latest: tuple[Report, float] | None = None
 
     def __call__(self, progress: Report) -> None:
         """Show a progress report."""
         if self._display is None:
             return
-        with self._showing:
-            self._latest = progress, time.monotonic()
-            self._show(progress, self._display)
-        if self._ticking is None and self._display.ticks and isinstance(progress, Timed):
-            self._ticking = threading.Thread(
-                target=self._tick, args=[self._display], name="mrwork-progress", daemon=True
-            )
-            self._ticking.start()
-
-    def _show(self, progress: Report, display: Display) -> None:
         # A description may follow the reports that are not shown.
         text = escape_text(self._described(progress))
         if time.monotonic() < self._next:
             return
-        self._next = time.monotonic() + display.every
+        self._next = time.monotonic() + self._display.every
         share = progress.share if isinstance(progress, ProgressReport) else None
-        display.show(text, None if share is None else min(max(share, 0.0), 1.0))
-
-    def _tick(self, display: Display) -> None:
-        while not self._closed.wait(_TICK):
-            with self._showing:
-                latest, at = self._latest or (None, 0.0)
-                if isinstance(latest, Timed) and not self._closed.is_set():
-                    self._show(latest.later(time.monotonic() - at), display)
+        self._display.show(text, None if share is None else min(max(share, 0.0), 1.0))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         """Clear the line, and say how long JAX compiled."""
-        self._closed.set()
-        if self._ticking is not None:
-            self._ticking.join()
         compiled = COMPILE_TIME.seconds - self._compiled
         if self._display is not None:
             told = f"JAX compiled for {duration_in_words(compiled)}" if compiled >= _TOLD else ""

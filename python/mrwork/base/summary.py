@@ -12,7 +12,7 @@ from textwrap import wrap
 from typing import Any, ClassVar
 
 from mrwork.base.numbers import format_rounded
-from mrwork.base.table import Table, columns_in_words
+from mrwork.base.table import Table, columns_in_words, escape
 
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
@@ -65,17 +65,14 @@ class Summary:
             line = f"  {name:<{longest}}  {value}"
             lines += _lines_of(line, subsequent_indent=" " * (longest + 4)) if whole else [line]
         for table in self.shown_tables:
-            shown = table if whole or len(table.rows) <= _MOST_ROWS else _first_rows(table)
+            shown, more = (table, "") if whole else _first_rows(table)
             lines += ["", *([f"  {table.title}"] if table.title else []), *shown.lines("  ", width=width)]
-            more = len(table.rows) - len(shown.rows)
-            lines += [f"  ... {more} more rows"] if more else []
+            lines += [f"  {more}"] if more else []
             lines += _wrapped(table.note)
         if not whole:
-            lines = [
-                line if len(line) <= _MOST_CHARACTERS else f"{line[: _MOST_CHARACTERS - 3]}..."
-                for line in lines
-            ]
-        if whole and self.sentences and self.shown_tables:
+            most = _MOST_CHARACTERS
+            lines = [line if len(line) <= most else f"{line[: most - 3]}..." for line in lines]
+        elif self.sentences and self.shown_tables:
             lines.append("")
         # A caution must be read to its end.
         lines += [line for sentence in self.sentences for line in _wrapped(sentence)]
@@ -83,19 +80,14 @@ class Summary:
 
     def html(self) -> str:
         """For a notebook."""
-        from html import escape  # loads the table of all entities, which a script does not need
-
         facts = "".join(
             f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(value)}</td></tr>"
             for name, value in self.shown_facts
         )
         parts = [f"<p><strong>{escape(self.title)}</strong></p>"]
         parts += [f"<table>{facts}</table>"] if facts else []
-        for table in self.shown_tables:
-            shown = table if len(table.rows) <= _MOST_ROWS else _first_rows(table)
-            parts.append(shown.html())
-            more = len(table.rows) - len(shown.rows)
-            parts += [f"<p>... {more} more rows</p>"] if more else []
+        for table, more in map(_first_rows, self.shown_tables):
+            parts += [table.html(), *([f"<p>{more}</p>"] if more else [])]
         parts += [f"<p>{escape(sentence)}</p>" for sentence in self.sentences]
         return f"<div class='mrwork-summary'>{''.join(parts)}</div>"
 
@@ -108,8 +100,12 @@ def _wrapped(sentence: str) -> list[str]:
 _lines_of = partial(wrap, width=_MOST_CHARACTERS, break_long_words=False, break_on_hyphens=False)
 
 
-def _first_rows(table: Table) -> Table:
-    return replace(table, rows=table.rows[: _MOST_ROWS - 1])
+def _first_rows(table: Table) -> tuple[Table, str]:
+    """As many rows of a table as are shown on one screen, and how many more there are, in words."""
+    if len(table.rows) <= _MOST_ROWS:
+        return table, ""
+    shown = table.rows[: _MOST_ROWS - 1]
+    return replace(table, rows=shown), f"... {len(table.rows) - len(shown)} more rows"
 
 
 class Summarised:
@@ -162,9 +158,8 @@ def _in_short(value: object) -> str:
         return format_rounded(value, 6)
     if isinstance(value, str):
         return value.partition("\n")[0]
-    shape = getattr(value, "shape", None)
-    if shape:
-        return _array_in_short(value, shape)
+    if getattr(value, "shape", None):
+        return _array_in_short(value)
     if isinstance(value, Mapping):
         return list_names([f"{name} {_in_short(entry)}" for name, entry in value.items()]) or "none"
     if isinstance(value, list | tuple):
@@ -172,14 +167,12 @@ def _in_short(value: object) -> str:
     return type(value).__name__ if is_dataclass(value) or callable(value) else str(value)
 
 
-def _array_in_short(values: Any, shape: tuple[int, ...]) -> str:
-    size = " x ".join(map(str, shape))
-    if not values.size:
-        return f"shape {size}"
-    if values.size <= _FEW_NUMBERS:
+def _array_in_short(values: Any) -> str:
+    size = " x ".join(map(str, values.shape))
+    if 0 < values.size <= _FEW_NUMBERS:
         return f"[{', '.join(f'{each:.4g}' for each in values.ravel().tolist())}]"
-    if values.dtype.kind == "c":
-        return f"shape {size}, of magnitude {abs(values).min():.4g} to {abs(values).max():.4g}"
-    if values.dtype.kind not in "fiu":
+    if not values.size or values.dtype.kind not in "fiuc":
         return f"shape {size}"
-    return f"shape {size}, from {values.min():.4g} to {values.max():.4g}"
+    magnitudes = abs(values) if values.dtype.kind == "c" else values
+    span = f"{magnitudes.min():.4g} to {magnitudes.max():.4g}"
+    return f"shape {size}, {'from' if magnitudes is values else 'of magnitude'} {span}"

@@ -72,17 +72,14 @@ class Table:
         """The table without the columns that are empty in every row; as it is where marks or headings count columns."""
         if self.over or self.strong or self.alarming:
             return self
-        kept = [
-            place
-            for place in range(len(self.columns))
-            if any(row[place] not in ("", NOTHING) for row in self.rows)
-        ]
+        cells = enumerate(zip(*self.rows, strict=True))
+        kept = [number for number, column in cells if {*column} - {"", NOTHING}]
         return replace(
             self,
-            columns=tuple(self.columns[place] for place in kept),
-            rows=tuple(tuple(row[place] for place in kept) for row in self.rows),
-            words=tuple(number for number, place in enumerate(kept) if place in self.words),
-            foot=tuple(self.foot[place] for place in kept) if self.foot else (),
+            columns=tuple(self.columns[number] for number in kept),
+            rows=tuple(tuple(row[number] for number in kept) for row in self.rows),
+            words=tuple(place for place, number in enumerate(kept) if number in self.words),
+            foot=tuple(self.foot[number] for number in kept) if self.foot else (),
         )
 
     def lines(self, indent: str = "", *, width: int | None = None) -> list[str]:
@@ -91,11 +88,8 @@ class Table:
         The last columns are left out, and named in a last line, where the lines would be longer than `width`.
         """
         inset = "  " if self.headings else ""
-        cells = [
-            self.columns,
-            *((f"{inset}{row[0]}", *row[1:]) for row in self.rows),
-            *([self.foot] if self.foot else []),
-        ]
+        rows = [(f"{inset}{row[0]}", *row[1:]) for row in self.rows]
+        cells = [self.columns, *rows, *([self.foot] if self.foot else [])]
         count = len(self.columns)
         lines = _align_rows(cells)
         while width is not None and count > 2 and max(map(len, lines)) > width:
@@ -111,20 +105,16 @@ class Table:
     def __repr__(self) -> str:
         return "\n".join(filter(None, (self.title, *self.lines("  "), self.note)))
 
-    def html(self, symbol: Callable[[str], str] | None = None) -> str:
-        """The table for a page, in a region that scrolls; `symbol` sets headings and names of rows that are symbols."""
-        set_heading, set_name = symbol or _heading, symbol or breakable
-        lines = [
-            *([f"<h3>{escape(self.title)}</h3>"] if self.title else []),
-            f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(self.label or self.title)}">',
-            "<table>",
-            "<thead>",
-        ]
+    def html(self) -> str:
+        """The table for a page, in a region that scrolls."""
+        lines = [f"<h3>{escape(self.title)}</h3>"] if self.title else []
+        region = f'tabindex="0" role="region" aria-label="{escape(self.label or self.title)}"'
+        lines += [f'<div class="scroll" {region}>', "<table>", "<thead>"]
         if self.over:
             spans = (f'<th scope="colgroup" colspan="{n}">{_heading(text)}</th>' for text, n in self.over)
             lines.append(f'<tr class="over">{"".join(spans)}</tr>')
         heads = (
-            f'<th scope="col"{self._class(place) if place else ""}>{set_heading(text)}</th>'
+            f'<th scope="col"{self._class(place) if place else ""}>{_heading(text)}</th>'
             for place, text in enumerate(self.columns)
         )
         lines += [f"<tr>{''.join(heads)}</tr></thead>", "<tbody>"]
@@ -132,15 +122,13 @@ class Table:
             if row in self.headings:
                 heading = f'<th scope="rowgroup" colspan="{len(cells)}">{escape(self.headings[row])}</th>'
                 lines.append(f'<tr class="rank">{heading}</tr>')
-            lines.append(self._row(set_name(cells[0]), cells, row))
+            lines.append(self._row(breakable(cells[0]), cells, row))
         lines.append("</tbody>")
         if self.foot:
             lines += ["<tfoot>", self._row(escape(self.foot[0]), self.foot), "</tfoot>"]
-        lines += [
-            "</table>",
-            "</div>",
-            *([f'<p class="note">{format_code(self.note)}</p>'] if self.note else []),
-        ]
+        lines += ["</table>", "</div>"]
+        if self.note:
+            lines.append(f'<p class="note">{format_code(self.note)}</p>')
         return "\n".join(lines)
 
     # A template shows a table by its name, and so does a notebook.
@@ -197,19 +185,11 @@ def page_table(
     columns: Sequence[TableColumn],
     items: Iterable[Any],
     *,
-    foot: tuple[str, ...] = (),
     note: str = "",
 ) -> Table:
     """A table for a page, with a row for each item, without the columns that are empty in every row."""
-    table = Table(
-        label=label,
-        columns=tuple(each.on_page for each in columns),
-        rows=tuple(tuple(each.cell(item) for each in columns) for item in items),
-        words=tuple(number for number, each in enumerate(columns) if each.words),
-        foot=foot,
-        note=note,
-    )
-    return table.filled
+    table, headings = text_table(columns, items), tuple(each.on_page for each in columns if each.heading)
+    return replace(table, label=label, columns=headings, note=note).filled
 
 
 def csv_text(rows: Iterable[Sequence[str]]) -> str:

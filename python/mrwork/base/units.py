@@ -141,7 +141,7 @@ _WORDS: Final = {
 def _unit_of(text: str, pound: str = "lbf") -> _Unit | None:
     """The unit of a text as "kN s/mm", symbols with blanks between and at most one slash; `None` if it is not known.
 
-    A `pound` is that of force, "lbf", or of mass, "lbm".
+    `pound`: whether a pound is a force, "lbf", or a mass, "lbm".
     """
     factor, powers = 1.0, Counter[str]()
     for sign, part in zip((1, -1), text.split("/", 1), strict=False):
@@ -184,7 +184,7 @@ FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyTyp
         for quantity, names in _KNOWN.items()
     }
 )
-"""Factor to SI of each unit of a quantity that records have; the first unit is that of SI."""
+"""Factor to SI of each unit of a quantity that records have; the first is the SI unit."""
 
 # Units of weight, in which masses are given: the mass is the weight over standard gravity.
 _OF_WEIGHT: Final = ("lbf", "kip", "kgf", "tf")
@@ -293,19 +293,26 @@ def question_on(
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
-    measured = _measured(unit)
-    return measured[1] if measured is not None and measured[0] == quantity else None
+    known, factor = _measured(unit)
+    return factor if known == quantity else None
 
 
 def quantity_of(unit: str) -> MeasuredQuantity | None:
     """Quantity that a unit measures, `None` for an unknown unit."""
-    measured = _measured(unit)
-    return None if measured is None else measured[0]
+    return _measured(unit)[0]
 
 
-def _measured(unit: str) -> tuple[MeasuredQuantity, float] | None:
-    symbol, spelled = _symbol_of(unit)
-    return _MEASURED.get(symbol) or _MEASURED.get(spelled)
+def _measured(unit: str) -> tuple[MeasuredQuantity | None, float]:
+    """Quantity and factor of a unit as it is written, or else without its case and spelling."""
+    text = unit.strip()
+    symbol = _INCH.sub("in", text, count=1) if _INCH.match(text) else text.strip("'\"")
+    if len(symbol) > _LONGEST:
+        return None, 0.0
+    text = symbol.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").casefold()
+    text = "/".join(_WORDS.get(part, part) for part in text.split("/")).casefold()
+    if match := _RATE.fullmatch(text):
+        text = f"{match[1]}/s{'2' if match[2] or match[3] else ''}"
+    return _MEASURED.get(symbol) or _MEASURED.get(text) or (None, 0.0)
 
 
 def command_unit_of(unit: str) -> CommandUnit | None:
@@ -319,7 +326,7 @@ def known_units(quantity: MeasuredQuantity) -> str:
 
 
 def scale_of(unit: str) -> float | None:
-    """Factor of any unit or product of units to SI; `None` of a text that is none."""
+    """Factor of any unit or product of units to SI; `None` for another text."""
     known = _unit_of(unit)
     return None if known is None else known.factor
 
@@ -335,16 +342,3 @@ def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> floa
     other = quantity_of(unit)
     says = f"is no unit of {quantity}" if other is None else f"is a unit of {other}, no unit of {quantity}"
     raise UnitError(f"{context}: '{unit}' {says}; give one of {known_units(quantity)}")
-
-
-def _symbol_of(unit: str) -> tuple[str, str]:
-    """Symbol of a unit as it is written, and without its case and spelling; empty where it is none."""
-    text = unit.strip()
-    symbol = _INCH.sub("in", text, count=1) if _INCH.match(text) else text.strip("'\"")
-    if len(symbol) > _LONGEST:
-        return "", ""
-    text = symbol.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").casefold()
-    text = "/".join(_WORDS.get(part, part) for part in text.split("/")).casefold()
-    if match := _RATE.fullmatch(text):
-        text = f"{match[1]}/s{'2' if match[2] or match[3] else ''}"
-    return symbol, text

@@ -145,7 +145,6 @@ class Identification:
                 manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
                 documents=documents,
                 grown=grown,
-                flush=finished,
             )
         if not self.is_step:
             self._show(results or (fit,), fit.document() if document is None else document)

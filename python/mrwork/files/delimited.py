@@ -11,7 +11,9 @@ import io
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from copy import copy
+from datetime import date
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
@@ -34,9 +36,10 @@ from mrwork.files.layout import (
     without_remark,
 )
 from mrwork.files.named_columns import ASIAN_WORDS, ColumnTable, unused_parts
-from mrwork.files.stamps import LONGEST, has_date, nanoseconds, seconds_since_first, stamps_of
 from mrwork.store.input_file import RECORD, bytes_of, start_of
 
+# Characters of a time of the day with its date.
+_LONGEST_STAMP: Final = 60
 # Rows that are read at once.
 _BLOCK: Final = 4096
 # NumPy reads decimal points only. It refuses the comma that a decimal point among decimal commas becomes.
@@ -45,7 +48,7 @@ _NAN: Final = "nan"
 # Types with which NumPy reads numbers, times of the day, which may be too long, and other texts, of which it keeps the
 # first characters: enough to tell whether they are `_NAN`.
 _NUMBER: Final = "f8"
-_STAMP: Final = f"U{LONGEST + 1}"
+_STAMP: Final = f"U{_LONGEST_STAMP + 1}"
 _TEXT: Final = f"U{len(_NAN) + 1}"
 
 
@@ -94,7 +97,7 @@ class DelimitedTable(ColumnTable):
         # Fields at the end of a row may have no name.
         raw = split(without_remark(lines[self._data[0]]), layout.delimiter)
         self._width = max(len(self.names), len(raw))
-        self.stamps = stamps_of(layout.names, self._first)
+        self.stamps = _stamps_of(layout.names, self._first)
         # Times of the day are read as seconds.
         self.units = dict(zip(layout.names, layout.units, strict=False)) | dict.fromkeys(self.stamps, "s")
 
@@ -102,23 +105,21 @@ class DelimitedTable(ColumnTable):
         """Parse the requested columns, each of shape (n_time,)."""
         places = {name: self.names.index(name) for name in wanted}
         kinds = {place: _STAMP if name in self.stamps else _NUMBER for name, place in places.items()}
-        numbers = {place: np.empty(len(self._data)) for place, kind in kinds.items() if kind == _NUMBER}
-        times: dict[int, list[int | None]] = {place: [] for place in kinds if place not in numbers}
-        with_commas = self._has_decimal_commas(list(numbers))
+        columns = {place: np.empty(len(self._data)) for place, kind in kinds.items() if kind == _NUMBER}
+        times: dict[int, list[int | None]] = {place: [] for place in kinds if place not in columns}
+        with_commas = self._has_decimal_commas(list(columns))
         for start in range(0, len(self._data), _BLOCK):
             rows = self._data[start : start + _BLOCK]
             block = self._by_numpy(rows, kinds, with_commas=with_commas)
             if block is None:
                 block = self._cell_by_cell(rows, kinds, with_commas=with_commas)
-            for place, column in numbers.items():
+            for place, column in columns.items():
                 column[start : start + len(rows)] = block[place]
             for place, since in times.items():
                 since += [self._time(row, place, text) for row, text in zip(rows, block[place], strict=True)]
-        seconds = {
-            place: seconds_since_first(since, with_dates=has_date(self._first[place]))
-            for place, since in times.items()
-        }
-        return {name: (numbers | seconds)[place] for name, place in places.items()}
+        for place, since in times.items():
+            columns[place] = _seconds_since_first(since, with_dates=_has_date(self._first[place]))
+        return {name: columns[place] for name, place in places.items()}
 
     def locate(self, row: int) -> str:
         """Line of a row; blank lines, comments and headers count as lines but not as rows."""
@@ -184,10 +185,10 @@ class DelimitedTable(ColumnTable):
             if len(fields) != len(self.names):
                 self._refuse_width(row, len(fields))
             for place, kind in kinds.items():
-                cell: str | float = fields[place]
-                if kind == _NUMBER:
-                    cell = self._number(row, place, fields[place], with_commas=with_commas)
-                cells[place].append(cell)
+                text = fields[place]
+                cells[place].append(
+                    self._number(row, place, text, with_commas=with_commas) if kind == _NUMBER else text
+                )
         return cells
 
     def _split(self, row: int) -> list[str]:
@@ -198,12 +199,12 @@ class DelimitedTable(ColumnTable):
         return fields
 
     def _refuse_width(self, row: int, width: int) -> NoReturn:
-        hint = (
-            "these may be decimal commas between commas: export with decimal points, or with semicolons between "
-            "the columns"
-            if self._delimiter == "," and width > len(self.names)
-            else "complete or delete the line"
-        )
+        hint = "complete or delete the line"
+        if self._delimiter == "," and width > len(self.names):
+            hint = (
+                "these may be decimal commas between commas: export with decimal points, or with semicolons between "
+                "the columns"
+            )
         raise RecordError(
             f"{self._source}: line {row + 1} has {counted(width, 'field')} where the header "
             f"names {counted(len(self.names), 'column')}; {hint}"
@@ -226,7 +227,7 @@ class DelimitedTable(ColumnTable):
 
     def _time(self, row: int, place: int, text: str) -> int | None:
         """Time of a stamp [ns]; `None` where it is missing."""
-        time = nanoseconds(text)
+        time = _nanoseconds(text)
         if time is None and text.strip().casefold() not in MISSING:
             raise self._unexpected(row, place, text, "a time such as 2024-05-01 12:00:00.010")
         return time
@@ -249,23 +250,22 @@ class DelimitedTable(ColumnTable):
                     return False
                 if not doubt and DECIMAL_COMMA.fullmatch(text):
                     doubt = self._holds(row, place, text)
-        if doubt and not any(
+        if not doubt or any(
             SURELY_DECIMAL.fullmatch(text) for row in self._data for text in self._split(row)
         ):
-            raise RecordError(
-                f"{doubt} with a decimal comma or a comma between thousands, and no number of the file tells which; "
-                "export without commas in numbers"
-            )
-        return bool(doubt)
+            return bool(doubt)
+        raise RecordError(
+            f"{doubt} with a decimal comma or a comma between thousands, and no number of the file tells which; "
+            "export without commas in numbers"
+        )
 
     def _holds(self, row: int, place: int, text: str) -> str:
         shown = text if len(text) <= 40 else text[:40] + "..."
         return f"{self._source}: line {row + 1}, column '{self.names[place]}' holds '{shown}'"
 
     def _unexpected(self, row: int, place: int, text: str, expected: str) -> RecordError:
-        return RecordError(
-            f"{self._holds(row, place, text)} where {expected} was expected; correct or delete the line"
-        )
+        where = self._holds(row, place, text)
+        return RecordError(f"{where} where {expected} was expected; correct or delete the line")
 
 
 # Codecs of texts that are not UTF-8, as sentences call them.
@@ -286,16 +286,15 @@ def encoding_of(data: bytes) -> str:
     """
     if data.startswith(_WIDE):
         return "utf-16"
-    try:
+    with suppress(UnicodeDecodeError):
         data.decode("utf-8")
-    except UnicodeDecodeError:
-        head = data[:_HEAD]
-        texts = {name: head.decode(name, errors="ignore") for name in ("cp932", "gb18030")}
-        found = {name: sum(map(text.count, ASIAN_WORDS)) for name, text in texts.items()}
-        likely = max(found, key=lambda name: found[name])
-        not_in_1252 = any(byte in head for byte in (0x81, 0x8D, 0x8F, 0x90, 0x9D))
-        return likely if found[likely] else "latin-1" if not_in_1252 else "cp1252"
-    return "utf-8-sig"
+        return "utf-8-sig"
+    head = data[:_HEAD]
+    texts = {name: head.decode(name, errors="ignore") for name in ("cp932", "gb18030")}
+    found = {name: sum(map(text.count, ASIAN_WORDS)) for name, text in texts.items()}
+    likely = max(found, key=lambda name: found[name])
+    not_in_1252 = any(byte in head for byte in b"\x81\x8d\x8f\x90\x9d")
+    return likely if found[likely] else "latin-1" if not_in_1252 else "cp1252"
 
 
 def decode_text(data: bytes) -> str:
@@ -309,8 +308,7 @@ def read_text_bytes(path: Path) -> bytes:
     if not head.strip():
         raise RecordError(f"{path}: the file is empty; a header line and data lines were expected")
     is_wide = head.startswith(_WIDE)
-    byte = None if is_wide else _BINARY.search(head)
-    if byte is not None:
+    if not is_wide and (byte := _BINARY.search(head)) is not None:
         raise RecordError(
             f"{path}: byte {byte.start()} is {byte[0][0]:#04x}, so this is a binary file under the "
             "name of a text file; export the record as text"
@@ -326,3 +324,58 @@ def read_text_bytes(path: Path) -> bytes:
             f"{path}: byte {zero} is 0x00, which no text has; the file is damaged, export the record again"
         )
     return data
+
+
+# Times of the day: 2024-05-01 12:00:00.010, with T, / or a zone; 01.05.2024 12:00:00; 12:00:00,010.
+_STAMP_FORM: Final = re.compile(
+    r"(?:(?:(?P<year>[0-9]{4})([-/])(?P<month>[0-9]{1,2})\2(?P<day>[0-9]{1,2})"
+    r"|(?P<day_first>[0-9]{1,2})\.(?P<month_then>[0-9]{1,2})\.(?P<year_last>[0-9]{4}))(?:[T ]\s*|$))?"
+    r"(?:(?P<hour>[0-9]{1,4}):(?P<minute>[0-5][0-9]):(?P<second>[0-5][0-9]|60)(?:[.,](?P<fraction>[0-9]{1,9}))?"
+    r"\s*(?P<zone>Z|[+-][0-9]{2}:?[0-9]{2})?)?"
+)
+_DAY: Final = 86_400 * 10**9
+_HOUR: Final = 3600 * 10**9
+
+
+def _stamps_of(names: Sequence[str], row: Sequence[str]) -> frozenset[str]:
+    """The columns that have times of the day, by themselves or with dates, of which the first row is given."""
+    pairs = zip(names, row, strict=False)
+    return frozenset(name for name, text in pairs if ":" in text and _nanoseconds(text) is not None)
+
+
+def _nanoseconds(text: str) -> int | None:
+    """Time of a stamp [ns], since the year 1 if it has a date, which alone is its midnight; `None` of another text."""
+    match = _STAMP_FORM.fullmatch(text.strip()) if 0 < len(text) <= _LONGEST_STAMP else None
+    if match is None or not match[0]:
+        return None
+    clock = 3600 * int(match["hour"] or 0) + 60 * int(match["minute"] or 0) + int(match["second"] or 0)
+    time = clock * 10**9 + int((match["fraction"] or "").ljust(9, "0"))
+    if match["zone"] not in (None, "Z"):
+        sign, digits = match["zone"][0], match["zone"][1:].replace(":", "")
+        offset = 60 * int(digits[:2]) + int(digits[2:])
+        time -= (offset if sign == "+" else -offset) * 60 * 10**9
+    year = match["year"] or match["year_last"]
+    if year is None:
+        return time
+    month, day = match["month"] or match["month_then"], match["day"] or match["day_first"]
+    try:
+        return time + date(int(year), int(month), int(day)).toordinal() * _DAY
+    except ValueError:
+        return None
+
+
+def _seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Floats:
+    """Seconds since the first of times [ns], NaN where one is missing; without dates, a new day begins at midnight."""
+    seconds = np.full(len(times), np.nan)
+    known = [row for row, time in enumerate(times) if time is not None]
+    first = next((time for time in times if time is not None), 0)
+    clock = np.array([time - first for time in times if time is not None], dtype=np.int64)
+    days = np.cumsum(np.diff(clock, prepend=clock[:1]) < -12 * _HOUR) * (not with_dates)
+    seconds[known] = (clock + days * _DAY) * 1e-9
+    return seconds
+
+
+def _has_date(text: str) -> bool:
+    """Whether a stamp has a date."""
+    match = _STAMP_FORM.fullmatch(text.strip())
+    return match is not None and (match["year"] or match["year_last"]) is not None

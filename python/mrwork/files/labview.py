@@ -19,7 +19,7 @@ _SEPARATORS: Final[Mapping[str, str]] = {"tab": "\t", "comma": ",", "semicolon":
 
 
 def is_labview(lines: Sequence[str]) -> bool:
-    """Whether the first line is that of a LabVIEW measurement file."""
+    """Whether the lines begin a LabVIEW measurement file."""
     return bool(lines) and lines[0].startswith(_FIRST_WORDS)
 
 
@@ -56,11 +56,11 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
             place += 1
         step = _step(entries, comma, source) if columns == "no" else None
         is_time = _first(entries, "X_Dimension").casefold() in ("", "time")
-        labels = entries.get("Y_Unit_Label", [])
         start = _number(_first(entries, "X0") or "0", comma, "X0", source)
         names = ("Time" if is_time else header[0], *channels)
         if layout is None:
-            units = ("s" if is_time else "", *(labels + [""] * len(channels))[: len(channels)])
+            labels = entries.get("Y_Unit_Label", []) + [""] * len(channels)
+            units = ("s" if is_time else "", *labels[: len(channels)])
             layout = Layout(delimiter="\t", names=names, units=units, data=())
         elif names != layout.names:
             raise RecordError(
@@ -82,7 +82,6 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
 
 
 def _with_one_time(fields: list[str], where: str) -> list[str]:
-    """The time that all channels of a row share, and their samples."""
     times = {field for field in fields[::2] if field}
     if len(times) > 1:
         raise RecordError(

@@ -11,7 +11,7 @@ import csv
 import re
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Final
@@ -62,19 +62,10 @@ class Layout:
     data: Sequence[int]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Header:
-    """Lines of the names, of the units, and of other texts between them and the numbers."""
-
-    names: int
-    units: int | None = None
-    others: tuple[int, ...] = ()
-
-
 def layout_of(lines: Sequence[str], source: str) -> Layout:
     """Find delimiter, names, units and rows of a text table."""
-    # `is_data` of each line, without a call.
-    filled = _indices(index for index, line in enumerate(lines) if line.lstrip()[:1] not in ("", "#"))
+    # Indices of lines that are neither blank nor a comment; a list of them would take five times the memory.
+    filled = array("q", (index for index, line in enumerate(lines) if line.lstrip()[:1] not in ("", "#")))
     if not filled:
         raise RecordError(f"{source}: the file holds no header and no data; check the export")
     half = len(filled) // 2
@@ -88,21 +79,16 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
 
 
 def _layout_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Layout:
-    header = _names_above(lines, filled, rows)
-    if header is None:
+    nearest = list(islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN))
+    if not nearest:
         return _named_by_comment(lines, filled, rows)
-    units = () if header.units is None else _texts(lines[header.units], rows)
+    names, units, others = _header(nearest, lines, rows)
     return Layout(
         delimiter=rows.delimiter,
-        names=_texts(lines[header.names], rows),
-        units=tuple(text.strip(_BRACKETS) for text in units),
-        data=_below(lines, filled, rows, header),
+        names=_texts(lines[names], rows),
+        units=tuple(text.strip(_BRACKETS) for line in units for text in _texts(lines[line], rows)),
+        data=_below(lines, filled, rows, names, (*units, *others)),
     )
-
-
-def _indices(lines: Iterable[int]) -> Sequence[int]:
-    """Indices of lines; a list of them would take five times the memory."""
-    return array("q", lines)
 
 
 def is_data(line: str) -> bool:
@@ -150,10 +136,7 @@ def reads_as_float(text: str) -> bool:
 
 
 def _run(lines: Sequence[str], filled: Sequence[int], *, like: _Run | None = None) -> _Run | None:
-    """The first run of rows of numbers that is long enough, or else the longest; `None` where there are none.
-
-    Rows with numbers only are looked for first, then rows that also have texts; with `like`, rows as wide as its.
-    """
+    """The first run of rows that is long enough, or the longest, of numbers or else with texts; as wide as `like`."""
     delimiters = ("\t", ";", None, ",") if like is None else (like.delimiter,)
     longest: _Run | None = None
     for only_numbers in (True, False):
@@ -202,30 +185,28 @@ def _width_of_row(fields: Sequence[str], *, only_numbers: bool) -> int:
     return len(fields) if others == 0 or (not only_numbers and numbers >= others) else 0
 
 
-def _names_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> _Header | None:
-    """Names and units above the first row of numbers; `None` where there are no names.
-
-    The names are next above a row of units, else the nearest; units may also stand above them.
-    """
-    nearest = list(islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN))
+def _header(
+    nearest: Sequence[int], lines: Sequence[str], rows: _Run
+) -> tuple[int, Sequence[int], Sequence[int]]:
+    """Line of the names, next above a row of units or else the nearest, line of units, and lines of texts below it."""
     fitting = [
         index
         for index in nearest
         for texts in [_texts(lines[index], rows)]
         # A line such as "Start,," marks an event.
         if rows.width <= len(texts) <= rows.raw_width and 2 * sum(map(bool, texts)) >= rows.width
-    ]
-    are_units = [_are_units(_texts(lines[index], rows)) for index in fitting]
-    if not fitting:
-        return _Header(names=nearest[0]) if nearest else None
-    place = are_units.index(True) if True in are_units else _MOST_BELOW
-    if place + 1 < len(fitting) and place < _MOST_BELOW:
-        return _Header(names=fitting[place + 1], units=fitting[place], others=tuple(fitting[:place]))
-    return _Header(names=fitting[0], units=fitting[1] if place == 1 else None)
+    ] or nearest[:1]
+    of_units = next(
+        (number for number, index in enumerate(fitting) if _are_units(_texts(lines[index], rows))),
+        _MOST_BELOW,
+    )
+    if of_units + 1 < len(fitting) and of_units < _MOST_BELOW:
+        return fitting[of_units + 1], [fitting[of_units]], fitting[:of_units]
+    return fitting[0], fitting[1:2] if of_units == 1 else [], []
 
 
 def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Iterator[int]:
-    """Lines above the rows that have texts and no number, the nearest first; incomplete rows are none of them."""
+    """Lines above the rows that have texts and no number, the nearest first."""
     for index in reversed(filled[: bisect_left(filled, rows.first)]):
         if not _RULE.fullmatch(lines[index]):
             fields = _texts(lines[index], rows)
@@ -254,13 +235,15 @@ def _are_units(fields: Sequence[str]) -> bool:
     return any(known) and (2 * units > len(texts) or 2 * bracketed > len(texts))
 
 
-def _below(lines: Sequence[str], filled: Sequence[int], rows: _Run, header: _Header) -> Sequence[int]:
-    """Lines of data below the names, without the units and without header blocks that are repeated."""
-    last = max(header.names, header.units or 0, *header.others)
-    others = {lines[index].strip() for index in (header.units, *header.others) if index is not None}
-    names = lines[header.names].strip()
+def _below(
+    lines: Sequence[str], filled: Sequence[int], rows: _Run, header: int, more: Sequence[int]
+) -> Sequence[int]:
+    """Lines of data below the names, without `more` of the header and without header blocks that are repeated."""
+    last = max(header, *more, 0)
+    others = {lines[index].strip() for index in more}
+    names = lines[header].strip()
     texts = {names, *others}
-    below = filled[bisect_right(filled, header.names) :]
+    below = filled[bisect_right(filled, header) :]
     skipped: set[int] = set()
     for place, index in enumerate(below):
         line = lines[index].strip()
@@ -280,7 +263,7 @@ def _below(lines: Sequence[str], filled: Sequence[int], rows: _Run, header: _Hea
                 if _width_of_row(fields, only_numbers=False) == rows.width or lines[each].strip() == names:
                     break
                 skipped.add(each)
-    return _indices(index for index in below if index not in skipped) if skipped else below
+    return array("q", (index for index in below if index not in skipped)) if skipped else below
 
 
 def without_remark(line: str) -> str:
@@ -290,14 +273,9 @@ def without_remark(line: str) -> str:
 
 def _of_first_line(lines: Sequence[str], filled: Sequence[int]) -> Layout:
     """Layout of a file in which no row of numbers was found: the first line is the header."""
-    header = lines[filled[0]]
-    delimiter = delimiter_of(header)
-    return Layout(
-        delimiter=delimiter,
-        names=tuple(name.strip() for name in without_empty_end(split(header, delimiter))),
-        units=(),
-        data=filled[1:],
-    )
+    delimiter = delimiter_of(lines[filled[0]])
+    names = without_empty_end(split(lines[filled[0]], delimiter))
+    return Layout(delimiter=delimiter, names=tuple(name.strip() for name in names), units=(), data=filled[1:])
 
 
 def _named_by_comment(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Layout:
@@ -306,14 +284,10 @@ def _named_by_comment(lines: Sequence[str], filled: Sequence[int], rows: _Run) -
         (above.strip().lstrip("# ") for above in reversed(lines[: rows.first]) if above.strip()), ""
     )
     named = tuple(name.strip() for name in split(comment, rows.delimiter))
-    if len(named) != rows.width or any(is_number(name) for name in named):
+    if len(named) != rows.width or any(map(is_number, named)):
         named = numbered_names(rows.width)
-    return Layout(
-        delimiter=rows.delimiter,
-        names=named,
-        units=(),
-        data=filled[bisect_left(filled, rows.first) :],
-    )
+    data = filled[bisect_left(filled, rows.first) :]
+    return Layout(delimiter=rows.delimiter, names=named, units=(), data=data)
 
 
 def numbered_names(count: int) -> tuple[str, ...]:

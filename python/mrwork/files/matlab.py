@@ -1,4 +1,4 @@
-"""Numeric vectors and matrices of MATLAB .mat files, versions 4 to 7; those of version 7.3 are HDF5.
+"""Numeric vectors and matrices of MATLAB .mat files, versions 4 to 7; files of version 7.3 are HDF5.
 
 SciPy reads these files too, but a damaged type tag ends the whole process in its reader (1.17), and it allocates the
 size that a header claims before it checks whether the file can hold it. Here every size is counted first.
@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
-from mrwork.errors import RecordError, reason_of
+from mrwork.errors import RecordError
 from mrwork.files.layout import numbered_names
 from mrwork.files.named_columns import ColumnTable, VectorTable, unused_parts
 from mrwork.store.input_file import LEAST, MATRIX, RECORD, Allowance, FileKind, bytes_of
-from mrwork.store.members import Member, members_of
+from mrwork.store.members import members_of, readable
 
 _DAMAGED: Final = "it is cut off or damaged, save it again"
 # A test has as many samples at least.
@@ -93,7 +93,7 @@ def open_matlab(path: Path) -> ColumnTable:
 
 
 def read_matlab_matrices(path: Path, kind: FileKind = MATRIX) -> dict[str, Floats]:
-    """Read the real matrices of a .mat file by name, or those of its only struct; sparse ones become dense."""
+    """Read the real matrices of a .mat file, or of its only struct, by name; sparse matrices become dense."""
     _, variables = _variables(path, kind)
     return {
         name: array.astype(np.float64, copy=False)
@@ -111,14 +111,10 @@ def _variables(path: Path, kind: FileKind) -> tuple[bytes, Variables]:
         return data, _version_73(data, path)
     size, least = (0, _FOR_MATRICES) if kind is MATRIX else (len(data), LEAST)
     allowance = Allowance(path, size, least=least)
-    try:
-        # A version 4 file starts with a small integer, a version 5 file with text.
-        read = _version_4 if 0 in data[:4] else _version_5
+    # A version 4 file starts with a small integer, a version 5 file with text.
+    read = _version_4 if 0 in data[:4] else _version_5
+    with readable(path, ".mat file", _DAMAGED):
         return data, read(memoryview(data), allowance)
-    except (RecordError, MemoryError):
-        raise
-    except Exception as error:  # whatever a damaged size or index leads to
-        raise RecordError(f"{path}: not a readable .mat file ({reason_of(error)}); {_DAMAGED}") from error
 
 
 def _version_73(data: bytes, path: Path) -> Variables:
@@ -129,15 +125,14 @@ def _version_73(data: bytes, path: Path) -> Variables:
     if len(names) == 1 and members[names[0]].is_group:
         prefix = f"{names[0]}/"
         names = [each.removeprefix(prefix) for each in members if each.startswith(prefix)]
-    return {each: _values(members[f"{prefix}{each}"]) for each in names}
-
-
-def _values(member: Member) -> NDArray[np.generic] | None:
-    """An array of real numbers as MATLAB shows it; MATLAB stores columns one after the other."""
-    is_text = member.attributes.get("MATLAB_class", "double") == "char"
-    if member.array is None or is_text or "MATLAB_empty" in member.attributes:
-        return None
-    return member.array.T
+    variables: Variables = dict.fromkeys(names)
+    for name in names:
+        member = members[f"{prefix}{name}"]
+        is_text = member.attributes.get("MATLAB_class", "double") == "char"
+        if member.array is not None and not is_text and "MATLAB_empty" not in member.attributes:
+            # MATLAB stores columns one after the other.
+            variables[name] = member.array.T
+    return variables
 
 
 def _version_4(data: Block, allowance: Allowance) -> Variables:
@@ -156,8 +151,13 @@ def _version_4(data: Block, allowance: Allowance) -> Variables:
         name = _text(data[start - name_length : start])
         variables[name] = None
         if kind % 10 in (0, 2) and not is_complex:
-            stored = _array(data[start : start + size], item, (n_rows, n_columns))
-            variables[name] = stored if kind % 10 == 0 else _from_triplets(stored, name, allowance)
+            variables[name] = stored = _array(data[start : start + size], item, (n_rows, n_columns))
+            if kind % 10 == 2:
+                # A sparse matrix as rows of row, column (from 1) and item; the last row has the size.
+                rows, columns = stored[:, :2].astype(np.int64).T
+                shape = int(rows[-1]), int(columns[-1])
+                items = stored[:-1, 2]
+                variables[name] = _dense(items, rows[:-1] - 1, columns[:-1] - 1, shape, name, allowance)
     return variables
 
 
@@ -277,13 +277,6 @@ def _array(items: Block, item: str, shape: tuple[int, ...]) -> NDArray[np.generi
     if len(items) != math.prod(shape) * np.dtype(item).itemsize:
         raise ValueError(f"a matrix of shape {shape} has {len(items)} bytes of {item[1:]} items")
     return np.frombuffer(items, dtype=item).reshape(shape, order="F")
-
-
-def _from_triplets(triplets: NDArray[np.generic], name: str, allowance: Allowance) -> Floats:
-    """Dense matrix from rows of row, column (from 1) and value, shape (n_items + 1, 3); the last row has the size."""
-    rows, columns = triplets[:, 0].astype(np.int64), triplets[:, 1].astype(np.int64)
-    shape = (int(rows[-1]), int(columns[-1]))
-    return _dense(triplets[:-1, 2], rows[:-1] - 1, columns[:-1] - 1, shape, name, allowance)
 
 
 def _dense(

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.base.keys import quote_value
 from mrwork.base.values import Floats
 from mrwork.errors import RecordError, reason_of
 from mrwork.files.layout import reads_as_float
@@ -25,7 +26,13 @@ def read_matrix(path: Path) -> Floats:
     """
     suffix = path.suffix.lower()
     if suffix == ".mat":
-        return _only_matrix(path)
+        matrices = read_matlab_matrices(path)
+        if len(matrices) == 1:
+            return next(iter(matrices.values()))
+        listed = ", ".join(matrices) or "none"
+        raise RecordError(
+            f"{path}: one matrix was expected, and the file has {listed}; save the matrix alone"
+        )
     if suffix == ".npy":
         return _matrix_of_array(path)
     if suffix not in _SUFFIXES:
@@ -58,22 +65,11 @@ def _fault_of(lines: list[str], delimiter: str | None) -> str:
         width = width or len(fields)
         for field in fields:
             if not reads_as_float(field):
-                shown = field if len(field) <= 40 else field[:40] + "..."
                 expected = "a number was expected; a matrix has decimal points and no header"
-                return f"line {number} holds '{shown}' where {expected}"
+                return f"line {number} holds {quote_value(field)} where {expected}"
         if len(fields) != width:
             return f"line {number} has {len(fields)} numbers where the first row has {width}; complete it"
     return ""
-
-
-def _only_matrix(path: Path) -> Floats:
-    matrices = read_matlab_matrices(path)
-    if len(matrices) != 1:
-        listed = ", ".join(matrices) or "none"
-        raise RecordError(
-            f"{path}: one matrix was expected, and the file has {listed}; save the matrix alone"
-        )
-    return next(iter(matrices.values()))
 
 
 def _matrix_of_array(path: Path) -> Floats:

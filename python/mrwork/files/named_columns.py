@@ -87,7 +87,7 @@ _OF_COMMAND: Final = frozenset({
     "spulen", "steuer", "treiber", "dämpfer", "erreger", "bobine", "コイル", "励磁", "線圈", "线圈",
     "制御", "控制", "駆動", "驱动", "阻尼器", "減振器", "ダンパ", "ダンパー",
 })  # fmt: skip
-# With these words a voltage is that of the coil, and not the signal of a sensor.
+# With these words a voltage is the voltage of the coil, and not the signal of a sensor.
 _OF_DRIVER: Final = frozenset(
     {"coil", "driver", "spule", "spulen", "bobina", "bobine", "コイル", "線圈", "线圈"}
 )
@@ -108,15 +108,9 @@ def plain_name(name: str) -> str:
 
 def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
     """Unit text of a column whose name means the quantity, alone or among words, empty if none; else `None`."""
+    if (unit := _unit_of_word(name, _STEMS[quantity] | _OF_SENSORS[quantity])) is not None:
+        return unit
     words, at_end = _words_and_unit(name)
-    match = _NAME.fullmatch(plain_name(name))
-    if match is not None and match[1].casefold() in _STEMS[quantity] | _OF_SENSORS[quantity]:
-        unit = (match[2] or "").strip()
-        in_words = (
-            re.search(r"[\s(\[]", unit) or _words(unit) & _NOT_MEASURED or quantity_of(at_end) is not None
-        )
-        if quantity_of(unit) is not None or not in_words:
-            return unit
     said = _words(words)
     stems = _long_stems(quantity) | _OF_SENSORS[quantity]
     others = said - stems
@@ -149,7 +143,7 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
 
 
 def is_second_choice(quantity: TestQuantity, name: str) -> bool:
-    """Whether a name that means the quantity counts only where no other does: that of a sensor, or as I_set."""
+    """Whether a name that means the quantity counts only where no other does: the name of a sensor, or as I_set."""
     return not (is_plain(quantity, name) or _words(_words_and_unit(name)[0]) & _long_stems(quantity))
 
 
@@ -163,7 +157,7 @@ def unit_at_end(name: str) -> str:
 
 
 def find_column(column: str, names: Sequence[str], source: str) -> str:
-    """Return the one name equal to `column`, or else except for case, or except for its unit; or that of its number."""
+    """The one name equal to `column`, or else equal except for case, or for its unit; or the name with that number."""
     wanted = plain_name(column).casefold()
     alike = (
         [name for name in names if name == column]
@@ -207,15 +201,19 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(parts - {""})
 
 
+def _unit_of_word(name: str, stems: frozenset[str]) -> str | None:
+    """Unit text of a name of one word, which is one of the stems; `None` for other names."""
+    match = _NAME.fullmatch(plain_name(name))
+    if match is None or match[1].casefold() not in stems:
+        return None
+    rest = (match[2] or "").strip()
+    words = re.search(r"[\s(\[]", rest) or _words(rest) & _NOT_MEASURED or quantity_of(unit_at_end(name))
+    return rest if quantity_of(rest) is not None or not words else None
+
+
 def is_plain(quantity: TestQuantity, name: str) -> bool:
     """Whether a name has one word, besides a unit."""
-    match = _NAME.fullmatch(plain_name(name))
-    if match is None or match[1].casefold() not in _STEMS[quantity]:
-        return False
-    rest = (match[2] or "").strip()
-    if quantity_of(rest) is not None:
-        return True
-    return not (" " in rest or _words(rest) & _NOT_MEASURED or quantity_of(unit_at_end(name)) is not None)
+    return _unit_of_word(name, _STEMS[quantity]) is not None
 
 
 ReadColumn = Callable[[str], Floats | None]
@@ -323,7 +321,7 @@ def _likely_column(
 class ColumnTable(ABC):
     """Columns of a file: their names, their values on request, and the location of a row in the file.
 
-    `names` are in file order, `units` those that the file states apart from the names, `sha256` is the hash of the
+    `names` are in file order, `units` are stated by the file apart from the names, `sha256` is the hash of the
     bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
     parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
     record of their own. `encoding` is that of a text which is not UTF-8.

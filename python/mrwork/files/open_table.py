@@ -16,12 +16,12 @@ from warnings import warn
 
 import numpy as np
 
-from mrwork.errors import MrworkWarning, RecordError, reason_of
+from mrwork.errors import MrworkWarning, RecordError
 from mrwork.files.delimited import DelimitedTable, open_delimited
 from mrwork.files.matlab import open_matlab
 from mrwork.files.named_columns import ColumnTable, VectorTable, unit_in_name, unused_parts
 from mrwork.store.input_file import RECORD, bytes_of, check_file, exists
-from mrwork.store.members import sheets_of
+from mrwork.store.members import readable, sheets_of
 
 
 def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> ColumnTable:
@@ -73,7 +73,7 @@ def open_tdms(path: Path) -> ColumnTable:
     reports = io.StringIO()
     usual = log_manager.console_handler.setStream(reports)
     try:
-        with TdmsFile.open(io.BytesIO(data)) as file:
+        with readable(path, ".tdms file", "save it again"), TdmsFile.open(io.BytesIO(data)) as file:
             channels = [channel for group in file.groups() for channel in group.channels()]
             # No sample takes less than a byte, whatever a damaged header claims.
             if sum(len(channel) for channel in channels) > len(data):
@@ -85,8 +85,6 @@ def open_tdms(path: Path) -> ColumnTable:
             read = {name: np.asarray(each[:]) for name, each in zip(names, channels, strict=True)}
             units = {name: _unit(each) for name, each in zip(names, channels, strict=True)}
             steps = {_waveform(each) for each in channels if len(each)}
-    except Exception as error:  # the library raises whatever a damaged file leads it to
-        raise RecordError(f"{path}: not a readable .tdms file ({reason_of(error)}); save it again") from error
     finally:
         log_manager.console_handler.setStream(usual)
     if report := reports.getvalue().partition("\n")[0]:

@@ -25,17 +25,14 @@ def write_run(
     manifest: Mapping[str, Any],
     documents: Mapping[str, object] | None = None,
     grown: Collection[str] = (JOURNAL,),
-    flush: bool = True,
 ) -> None:
     """Commit the run folder of a fit, in place of an earlier run; files of the user stay.
 
     `manifest` are facts about the run, `documents` further JSON documents by path inside the folder, `grown` the
-    journals that are kept. `flush`: wait until the files are on the disk, unless the fit was interrupted.
+    journals that are kept.
     """
     contents = {name: json_document(document).encode() for name, document in (documents or {}).items()}
-    # After Ctrl-C the command must return at once; the operating system flushes the files later.
-    flush = flush and fit.status != "interrupted"
-    work.commit(contents | {FIT: fit_content(fit)}, manifest, grown=grown, flush=flush)
+    work.commit(contents | {FIT: fit_content(fit)}, manifest, grown=grown)
 
 
 def fit_content(fit: Fit) -> bytes:

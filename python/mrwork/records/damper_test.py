@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.hints import Within
-from mrwork.base.labelled import NamedArrays, WithAxes, over_axis, time_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
@@ -363,7 +363,15 @@ class DamperTest(Plotted, WithAxes, Summarised):
         for command in self.commands:
             held = np.broadcast_to(command.values, self.force.shape)
             columns[command.quantity] = held, command.unit, words
-        return over_axis(f"Damper test {self.name}", "time", time_labels(self.time), columns)
+        return NamedArrays(
+            title=f"Damper test {self.name}",
+            rows=("time",),
+            labels={"time": labels_of(self.time, unit="s", long_name="time")},
+            arrays={
+                name: NamedArray.of(values, "time", unit=unit, long_name=says)
+                for name, (values, unit, says) in columns.items()
+            },
+        )
 
     def document(self) -> dict[str, Any]:
         """What `mrwork check --json` prints of a record; a command that varies has its range."""

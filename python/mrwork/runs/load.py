@@ -176,7 +176,7 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
             raise RecordError(
                 f"{place} has another fit than that of the draws; save their fit in a folder, then them"
             )
-        if run.has(DRAWS):
+        if run.file(DRAWS).exists():
             raise OutputError(f"{place} has draws, which are not replaced; choose another folder")
         add_to_run(place, {DRAWS: draws_content(result)})
     return place

@@ -60,11 +60,8 @@ def array_of(numbers: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
     if isinstance(numbers, Mapping):
         table = np.frombuffer(bytes.fromhex(numbers[_HEX]), dtype=_LITTLE_ENDIAN)
         return table.astype(np.float64).reshape(numbers["shape"])
-    return np.array(_floats(numbers), dtype=np.float64)
-
-
-def _floats(value: Any) -> Any:
-    return [_floats(entry) for entry in value] if isinstance(value, list) else float(value)
+    # NumPy reads the texts of numbers that JSON lacks.
+    return np.array(numbers, dtype=np.float64)
 
 
 def built(kind: Any, value: Any) -> Any:
@@ -102,7 +99,7 @@ def _built(node: Node, value: Any) -> Any:
 
 
 def _takes(node: Node, value: Any) -> bool:
-    """Whether a member of a union is that of a value, by what it is in JSON."""
+    """Whether a value, as it is in JSON, belongs to a member of a union."""
     match node:
         case nodes.Record(kind):
             return isinstance(value, Mapping) and value.keys() <= fields_of(kind).keys()

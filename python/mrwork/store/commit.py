@@ -26,23 +26,17 @@ FILES, REPLACED, OWN = "files", "replaced", "digest"
 """Keys of a manifest: digests of the files by name; of those before, until each file has its name; its own digest."""
 
 _TEXTS: Final = frozenset({".json", ".jsonl", ".toml", ".csv", ".html", ".svg"})
-_DIGEST: Final = "sha256"
-# Bytes up to which a file is read whole.
-_SMALL: Final = 4 << 20
 
 
 def digest_of(name: str, content: bytes) -> str:
     """Digest of the content of a file; of a text it does not depend on how lines end, which some programs change."""
     whole = content.replace(b"\r\n", b"\n") if PurePath(name).suffix in _TEXTS else content
-    return f"{_DIGEST}:{hashlib.new(_DIGEST, whole).hexdigest()}"
+    return f"sha256:{hashlib.sha256(whole).hexdigest()}"
 
 
 def digest_at(name: str, path: Path) -> str:
     """Digest of a file that has, or will have, a name."""
-    if path.stat().st_size <= _SMALL:
-        return digest_of(name, path.read_bytes())
-    with path.open("rb") as stream:
-        return f"{_DIGEST}:{hashlib.file_digest(stream, _DIGEST).hexdigest()}"
+    return digest_of(name, path.read_bytes())
 
 
 def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:
@@ -111,7 +105,7 @@ def end_commit(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
             _keep_changed(path := make_folders(folder, name), name, replaced)
             path.unlink(missing_ok=True)
             with suppress(OSError):
-                # A folder that is empty now, and not that of the run, which has a manifest.
+                # A folder that is empty now; the folder of the run has a manifest.
                 path.parent.rmdir()
     ended = {key: value for key, value in manifest.items() if key not in (REPLACED, OWN)}
     _replace_manifest(folder, ended)

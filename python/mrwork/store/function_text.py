@@ -125,5 +125,5 @@ def _is_installed(module: ModuleType) -> bool:
     file, package = getattr(module, "__file__", None), module.__name__.partition(".")[0]
     if package == "__main__" or file is None or package in ("mrwork", *sys.stdlib_module_names):
         return package != "__main__"
-    # Packages may be those of the system or of the user, beside those of an environment.
+    # Packages of the system and of the user count, beside packages of an environment.
     return bool({"site-packages", "dist-packages"} & {*Path(file).parts})

@@ -144,16 +144,5 @@ def _refusal(path: Path, reason: OSError | ValueError) -> RecordError:
     return RecordError(f"{path}: cannot be read ({reason.strerror}); check the file and its permissions")
 
 
-def is_file(path: str | Path) -> bool:
-    """Whether a name is that of an ordinary file, also where it is a name that no file can have."""
-    return os.path.isfile(path)  # noqa: PTH113 - `Path.is_file` raises errors for some names
-
-
-def is_folder(path: str | Path) -> bool:
-    """Whether a name is that of a folder, also where it is a name that no folder can have."""
-    return os.path.isdir(path)  # noqa: PTH112 - as in `is_file`
-
-
-def exists(path: str | Path) -> bool:
-    """Whether there is anything at a name, also where it is a name that nothing can have."""
-    return os.path.exists(path)  # noqa: PTH110 - as in `is_file`
+# Unlike methods of `Path`, these raise no error for a name that nothing can have.
+exists, is_file, is_folder = os.path.exists, os.path.isfile, os.path.isdir

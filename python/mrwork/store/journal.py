@@ -32,7 +32,7 @@ T = TypeVar("T")
 _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
 
 # Largest share of the run time spent waiting for the disk. Lines that were written survive the death of the process;
-# only a power cut loses those that have not reached the disk.
+# only a power cut loses lines that have not reached the disk.
 _DISK_SHARE = 0.01
 _SHOWN = 3
 _NOT_LOST = "make room and resume, nothing in it is lost"
@@ -78,15 +78,15 @@ class Journal:
         self._begin(Path(path))
         if resume:
             self._resume(self.path, note)
-        else:
-            refuse_path_in_run(self.path)
-            if is_there(self.path, JOURNAL_FILE) and not is_journal(self.path):
-                raise JournalError(f"{self.path} is no journal, so it is left as it is; choose another name")
-            if not replace and (steps := n_steps(self.path)):
-                raise JournalError(
-                    f"{self.path} has {counted(steps, 'step')} of an earlier run; continue it with resume=True, or "
-                    "begin anew with replace=True"
-                )
+            return
+        refuse_path_in_run(self.path)
+        if is_there(self.path, JOURNAL_FILE) and not is_journal(self.path):
+            raise JournalError(f"{self.path} is no journal, so it is left as it is; choose another name")
+        if not replace and (steps := n_steps(self.path)):
+            raise JournalError(
+                f"{self.path} has {counted(steps, 'step')} of an earlier run; continue it with resume=True, or "
+                "begin anew with replace=True"
+            )
 
     def _begin(self, path: Path, *, locks: bool = True) -> None:
         self.path = path
@@ -101,7 +101,7 @@ class Journal:
         # The lock, and the file above it.
         self._held = ExitStack()
         self._file: int | None = None
-        self._synced, self._pause, self._began = 0.0, 0.0, time.perf_counter()
+        self._next_sync, self._began = 0.0, time.perf_counter()
         self.lines = b""
         """The lines that were there when a file was resumed."""
 
@@ -128,8 +128,7 @@ class Journal:
         if recorded is None:
             self._append(subject, {"facts": stated})
             return
-        differing = differences(recorded.get("facts"), stated)
-        if differing:
+        if differing := differences(recorded.get("facts"), stated):
             more = f" and {len(differing) - _SHOWN} more" if len(differing) > _SHOWN else ""
             raise JournalError(
                 f"{self.path} is of another {subject}: {'; '.join(differing[:_SHOWN])}{more}; "
@@ -143,11 +142,9 @@ class Journal:
         `inputs` is the digest of its inputs, and `read` makes the result from its record. Another step, or the same
         step with other inputs, is refused.
         """
-        recorded = self._next(step)
+        recorded = self._next(step, inputs)
         if recorded is None:
             return None
-        if recorded.get("inputs") != inputs:
-            raise self._mismatch(recorded, step)
         if self._counters is not None and "counters" in recorded:
             self._counters.restore(recorded["counters"])
         return read(recorded["result"])
@@ -155,10 +152,8 @@ class Journal:
     @checked
     def record(self, step: str, inputs: str, result: Mapping[str, object]) -> None:
         """Record the result of a step for which `recall` has returned `None`."""
-        entry: dict[str, object] = {"inputs": inputs, "result": result}
-        if self._counters is not None:
-            entry["counters"] = self._counters.as_record()
-        self._append(step, entry)
+        counters = {} if self._counters is None else {"counters": self._counters.as_record()}
+        self._append(step, {"inputs": inputs, "result": result, **counters})
 
     @checked
     def once(self, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
@@ -172,7 +167,7 @@ class Journal:
 
     @checked
     def adopt(self, lines: bytes) -> None:
-        """Take the lines of this run that were made elsewhere, after those of this journal."""
+        """Append lines of this run that were made elsewhere; they begin with the lines of this journal."""
         if new := lines[len(self.lines) :]:
             self._write(new)
 
@@ -182,24 +177,20 @@ class Journal:
             self._closed, self._file = True, None
             self._held.close()
 
-    def _next(self, step: str) -> dict[str, Any] | None:
-        """Next recorded line, which must be of this step; `None` after the last."""
+    def _next(self, step: str, inputs: str = "") -> dict[str, Any] | None:
+        """Next recorded line, which must be of this step with these inputs; `None` after the last."""
         if not self.recalling:
             return None
         recorded = self._recorded[self.n_asked]
         self.n_asked += 1
-        if recorded.get("step") != step:
-            raise self._mismatch(recorded, step)
+        if (recorded.get("step"), recorded.get("inputs", "")) != (step, inputs):
+            raise JournalError(
+                f"line {recorded['line']} of {self.path} is a {recorded.get('step')} where this run comes to another "
+                f"{step}: the program or the machine has changed since; {_ANEW}"
+            )
         return recorded
 
-    def _mismatch(self, recorded: Mapping[str, Any], step: str) -> JournalError:
-        return JournalError(
-            f"line {recorded['line']} of {self.path} is a {recorded.get('step')} where this run comes to another "
-            f"{step}: the program or the machine has changed since; {_ANEW}"
-        )
-
     def _resume(self, path: Path, note: Callable[[str], None] | None) -> None:
-        """Read the steps of the file at `path`, which is not damaged before its end."""
         if not is_there(path, JOURNAL_FILE):
             raise JournalError(f"there is no journal at {path} to resume; run without --resume")
         self._take_lock()
@@ -220,7 +211,7 @@ class Journal:
             self._locks = False
 
     def _open(self) -> int:
-        """Open the file, which has the lines that were resumed and no others."""
+        """Open the file, which keeps the lines that were resumed."""
         self._take_lock()
         with explain_failure(f"write {self.path}", "choose another folder"):
             self._file = file = open_to_write(self.path, _FLAGS)
@@ -234,8 +225,11 @@ class Journal:
     def _append(self, step: str, entry: Mapping[str, object]) -> None:
         self.n_asked += 1
         first = {"format": FORMAT} if self.n_asked == 1 else {}
-        numbered = {"line": self.n_asked, "step": step, **first, **entry}
-        self._write(line_of(numbered | {"seconds": time.perf_counter() - self._began}))
+        seconds = time.perf_counter() - self._began
+        numbered = {"line": self.n_asked, "step": step, **first, **entry, "seconds": seconds}
+        text = json.dumps(plain(numbered), allow_nan=False, ensure_ascii=False)[:-1].encode()
+        # The last key is the CRC-32 of the text before it.
+        self._write(b'%s%s%08x"}\n' % (text, _SUM, zlib.crc32(text)))
 
     def _write(self, lines: bytes) -> None:
         with self._writing:
@@ -248,14 +242,10 @@ class Journal:
                 # A single call writes all or nothing, except on a full disk.
                 if os.write(file, lines) < len(lines):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-                self._sync(file)
-
-    def _sync(self, file: int) -> None:
-        began = time.perf_counter()
-        if began - self._synced >= self._pause:
-            os.fsync(file)
-            self._synced = time.perf_counter()
-            self._pause = (self._synced - began) / _DISK_SHARE
+                if (began := time.perf_counter()) >= self._next_sync:
+                    os.fsync(file)
+                    took = time.perf_counter() - began
+                    self._next_sync = began + took + took / _DISK_SHARE
 
 
 def journal_in_run(path: Path, *, committed: Path, resume: bool, note: Callable[[str], None]) -> Journal:
@@ -278,12 +268,6 @@ JOURNAL_FILE: Final = FileKind(
 )
 _START = b'{"line": '
 _SUM = b', "crc32": "'
-
-
-def line_of(entry: Mapping[str, object]) -> bytes:
-    """Line of an entry; its last key is the CRC-32 of the text before it."""
-    text = json.dumps(plain(entry), allow_nan=False, ensure_ascii=False)[:-1].encode()
-    return b'%s%s%08x"}\n' % (text, _SUM, zlib.crc32(text))
 
 
 def is_journal(path: Path) -> bool:

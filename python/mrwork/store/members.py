@@ -7,7 +7,7 @@ import io
 import math
 import zipfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -48,7 +48,7 @@ def members_of(
     import h5py
 
     allowance = Allowance(path, len(data))
-    with _refused(path, name, remedy), h5py.File(io.BytesIO(data), "r") as file:
+    with readable(path, name, remedy), h5py.File(io.BytesIO(data), "r") as file:
         members = [("", file), *_members(file, "", 1)]
         for label, member in members:
             if _is_numeric(member):
@@ -64,7 +64,8 @@ def members_of(
 
 
 @contextmanager
-def _refused(path: Path, name: str, remedy: str) -> Iterator[None]:
+def readable(path: Path, name: str, remedy: str) -> Iterator[None]:
+    """Refuse the file at `path` as no readable `name` where the block ends in an error."""
     try:
         yield
     except (RecordError, MemoryError, KeyboardInterrupt, SystemExit):
@@ -102,18 +103,11 @@ def _is_numeric(member: Any) -> bool:
 def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
     """Attributes that are a number or a text."""
     for name in member.attrs:
-        identifier = member.attrs.get_id(name)
-        if math.prod(identifier.shape or ()) != 1 or identifier.dtype.kind not in "iufSO":
-            continue
-        try:
-            value = np.ravel(member.attrs[name])[0]
-        except OSError:
-            # References to what is not there.
-            continue
-        value = value.decode(errors="replace") if isinstance(value, bytes) else value
-        value = value.item() if isinstance(value, np.generic) else value
-        if isinstance(value, int | float | str):
-            yield name, value
+        # A reference to what is not there is an error of the system.
+        with suppress(OSError):
+            values = np.ravel(member.attrs[name]).tolist()
+            if len(values) == 1 and isinstance(values[0], int | float | str | bytes):
+                yield name, values[0].decode(errors="replace") if isinstance(values[0], bytes) else values[0]
 
 
 def sheets_of(data: bytes, path: Path) -> dict[str, list[str]]:
@@ -121,7 +115,7 @@ def sheets_of(data: bytes, path: Path) -> dict[str, list[str]]:
     import python_calamine
 
     unpacked = Allowance(path, _MARKUP * len(data), least=_MARKUP * LEAST)
-    with _refused(path, ".xlsx workbook", "save it again, without a password, or as CSV"):
+    with readable(path, ".xlsx workbook", "save it again, without a password, or as CSV"):
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             if _WORKBOOK not in archive.namelist():
                 raise ValueError("it holds no workbook")

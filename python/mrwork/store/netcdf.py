@@ -19,7 +19,7 @@ _UNITS, _WORDS, _TITLE = "units", "long_name", "title"
 
 
 def netcdf_of(groups: Mapping[str, NamedArrays], *, checksums: bool = False) -> bytes:
-    """The content of a file with these groups, each complete with its axes; that of the name "" is the root.
+    """The content of a file with these groups, each complete with its axes; the name "" stands for the root.
 
     Arrays over an axis without labels are left out, and so is the axis. Reading compares `checksums`.
     """
@@ -57,7 +57,7 @@ def _write(group: Any, name: str, array: NamedArray, *, checksums: bool) -> None
 
 
 def read_netcdf(file: Path | bytes, path: Path) -> dict[str, NamedArrays]:
-    """The groups of the file at `path` as `netcdf_of` has written them; other errors are those of h5py."""
+    """The groups of the file at `path` as `netcdf_of` has written them; h5py raises errors on other contents."""
     import h5py
 
     size = len(file) if isinstance(file, bytes) else file.stat().st_size

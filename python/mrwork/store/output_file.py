@@ -51,7 +51,7 @@ def explain_failure(what: str, remedy: str) -> Iterator[None]:
 
 
 def check_name(path: Path) -> None:
-    """Refuse a name that no file has, and that of a pipe, a device or a socket, which a file would replace."""
+    """Refuse a name that no file can have, and a pipe, a device or a socket, which a file would replace."""
     if "\0" in str(path):
         raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
     if exists(path) and not (path.is_file() or path.is_dir()):

@@ -178,8 +178,7 @@ class RunFolder:
                 f"{folder} is a run of `mrwork {run.kind.verb}`, where one of {verbs[0]} was expected; give the folder "
                 "of one, or read this one back with `mr.load`"
             )
-        if run.format != FORMAT:
-            raise RecordError(run.of_before)
+        run.check_format()
         if not (run.is_as_written or _reads_changed.get()):
             raise RecordError(_not_as_written(folder / MANIFEST, run.kind.verb))
         if REPLACED in run.manifest:
@@ -190,7 +189,7 @@ class RunFolder:
 
     @classmethod
     def to_write(cls, path: Path) -> RunFolder | None:
-        """The run in a folder that will be written; `None` where there is no manifest, or that of another program."""
+        """The run in a folder that will be written; `None` where there is no manifest, or another program wrote it."""
         return cls._at(path, OutputError) if is_file(path / MANIFEST) else None
 
     @classmethod
@@ -228,18 +227,13 @@ class RunFolder:
             return run or self
         return replace(run, manifest=end_commit(run.real_path, run.manifest))
 
-    @property
-    def format(self) -> object:
-        """Format of the folder; `None` of those that were written before there was a number."""
-        return self.manifest.get("format")
-
-    @property
-    def of_before(self) -> str:
-        """What is said of a folder in another format."""
-        return (
-            f"{self.path} was written by another version of mrwork (format {self.format}, not {FORMAT}); "
-            f"run `mrwork {self.kind.verb} ... --out {self.path} --replace` again"
-        )
+    def check_format(self, error: type[MrworkError] = RecordError) -> None:
+        """Refuse a folder in another format."""
+        if (found := self.manifest.get("format")) != FORMAT:
+            raise error(
+                f"{self.path} was written by another version of mrwork (format {found}, not {FORMAT}); "
+                f"run `mrwork {self.kind.verb} ... --out {self.path} --replace` again"
+            )
 
     @property
     def is_complete(self) -> bool:
@@ -249,10 +243,6 @@ class RunFolder:
     def owns(self, name: str) -> bool:
         """Whether a name in the folder is of the run, or one that later verbs use."""
         return name.removesuffix(NEW) in OWN_NAMES | {each.partition("/")[0] for each in self.files}
-
-    def has(self, name: str) -> bool:
-        """Whether there is a file of that name, of the run or put there."""
-        return name in self.files or exists(self.path / name)
 
     def file(self, name: str) -> Path:
         """Path of a file of the run, which does not have its name yet where a commit was cut off."""
@@ -308,7 +298,7 @@ def refuse_path_in_run(path: Path) -> None:
     real = real_path(path.parent) / path.name
     for folder in real.parents:
         run = None
-        # A damaged manifest may be that of any program.
+        # A damaged manifest may belong to any program.
         with suppress(MrworkError):
             run = RunFolder.to_write(folder)
         if run is not None and run.owns(real.relative_to(folder).parts[0]):

@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path, PurePath
 from types import TracebackType
 from typing import Final
@@ -37,17 +38,13 @@ from mrwork.store.commit import (
 )
 from mrwork.store.input_file import exists
 from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
-from mrwork.store.output_file import (
-    Lock,
-    check_name,
-    explain_failure,
-    is_lock,
-)
+from mrwork.store.output_file import Lock, check_name, explain_failure, is_lock
 from mrwork.store.run_folder import (
     ADDITIONS,
     CHAIN,
     FORMAT,
     HISTORIES,
+    INTERRUPTED,
     JOURNAL,
     JOURNALS,
     MODELS,
@@ -105,8 +102,7 @@ class Destination:
         run = self.run()
         if run is None or self.replace:
             return
-        if run.format != FORMAT:
-            raise OutputError(run.of_before)
+        run.check_format(OutputError)
         names = _files_in(run.real_path, run.owns)
         if run.kind != self.kind:
             lost = {f", the results of `mrwork {run.kind.verb}`": _entries_of(names)}
@@ -129,35 +125,24 @@ class Destination:
             if exists(folder):
                 raise OutputError(f"{self.path} is a file, a run needs a folder; choose another name")
             return None
-        run = RunFolder.to_write(folder)
-        if run is None and exists(folder / MANIFEST):
-            raise OutputError(
-                f"the {MANIFEST} of {self.path} is not that of a run of mrwork, so the folder is left as it is; "
-                "choose another folder"
-            )
-        if run is None and not _is_free(folder):
-            raise OutputError(
-                f"{self.path} holds files but no {MANIFEST}, so it is not a run folder and is left as it is; "
-                "choose another folder"
-            )
-        return run
-
-
-def _is_free(folder: Path) -> bool:
-    """Whether a folder without manifest is empty, or has the journal of an unfinished run."""
-    journals = (path for pattern in JOURNALS for path in folder.glob(pattern))
-    return any(map(is_journal, journals)) or all(is_lock(entry.name) for entry in folder.iterdir())
+        if (run := RunFolder.to_write(folder)) is not None:
+            return run
+        journals = chain.from_iterable(map(folder.glob, JOURNALS))
+        if exists(folder / MANIFEST):
+            fault = f"has a {MANIFEST} that is not that of a run of mrwork"
+        elif any(map(is_journal, journals)) or all(is_lock(entry.name) for entry in folder.iterdir()):
+            return None
+        else:
+            fault = f"holds files but no {MANIFEST}, so it is not a run folder"
+        raise OutputError(f"{self.path} {fault}, and is left as it is; choose another folder")
 
 
 def _files_in(folder: Path, owned: Callable[[str], bool]) -> list[str]:
     """Paths of the files in a folder, and below it, whose first name is an `owned` one; links are not followed."""
-    owned_entries = [entry for entry in folder.iterdir() if owned(entry.name)]
-    paths = [
-        path for entry in owned_entries for path in (entry, *(() if entry.is_symlink() else entry.rglob("*")))
-    ]
-    return sorted(
-        path.relative_to(folder).as_posix() for path in paths if path.is_symlink() or not path.is_dir()
-    )
+    entries = [entry for entry in folder.iterdir() if owned(entry.name)]
+    below = chain.from_iterable(entry.rglob("*") for entry in entries if not entry.is_symlink())
+    paths = {path for path in chain(entries, below) if path.is_symlink() or not path.is_dir()}
+    return sorted(path.relative_to(folder).as_posix() for path in paths)
 
 
 def _entries_of(names: Iterable[str]) -> list[str]:
@@ -180,12 +165,7 @@ def _changes(run: RunFolder) -> list[str]:
 class RunAtWork:
     """A run that is made in its folder, which is locked until `commit`, or the end of the block.
 
-    Parameters
-    ----------
-    destination
-        The folder, and whether the run there is resumed or replaced.
-    note
-        Called with a sentence where the end of a journal is damaged and ignored.
+    `note` is called with a sentence where the end of a journal is damaged and ignored.
     """
 
     def __init__(self, destination: Destination, *, note: Callable[[str], None] = lambda _: None) -> None:
@@ -206,12 +186,16 @@ class RunAtWork:
             locked.callback(_remove_if_empty, folder)
             locked.enter_context(_lock_of(folder))
             for name in ADDITIONS:
+                # Refused where a verb is adding it; what a killed verb has left is removed.
                 Lock(folder, name).release()
-            self._earlier = self.destination.run()
-            if self._earlier is not None:
-                self._earlier = self._earlier.settled()
+            if (run := self.destination.run()) is not None:
+                self._earlier = run.settled()
             self.destination.check_losses()
-            self._refuse_unfinished()
+            if not (self.destination.resume or self.destination.replace):
+                # Steps beside a complete run, or in an unfinished one.
+                endings = (NEW,) if run is not None and run.is_complete else (NEW, "")
+                names = (f"{pattern}{ending}" for pattern in JOURNALS for ending in endings)
+                _refuse_steps(self.destination.path, chain.from_iterable(map(folder.glob, names)))
             if not self.destination.resume:
                 _sweep(folder, self._listed)
             self._locked = locked.pop_all()
@@ -224,13 +208,11 @@ class RunAtWork:
             journal.close()
         if isinstance(error, KeyboardInterrupt):
             error.add_note(_TO_RESUME)
-        elif error is not None and not (self.destination.resume or self._committing or self._has_steps):
+        elif error is not None and not (
+            self.destination.resume or self._committing or any(n_steps(each.path) for each in self._journals)
+        ):
             _sweep(self._folder, self._listed)
         self._locked.close()
-
-    @property
-    def _has_steps(self) -> bool:
-        return any(n_steps(each.path) for each in self._journals)
 
     def journal(self, name: str = JOURNAL) -> Journal:
         """The journal of the run, or of a step of it such as `models/dahl/fit.jsonl`, begun or resumed."""
@@ -252,9 +234,8 @@ class RunAtWork:
     def grown(self, name: str) -> Path:
         """Path of a file that has grown in this run, or is in the run that is resumed; it need not be there."""
         path = self.growing(name)
-        committed = self._folder / name
-        listed = self._earlier is not None and name in self._earlier.files
-        return committed if self.destination.resume and listed and not path.is_file() else path
+        is_before = self.destination.resume and name in self._listed and not path.is_file()
+        return self._folder / name if is_before else path
 
     def step_journal(self, step: str) -> Journal:
         """The journal of a step of a comparison, such as `dahl/fit`."""
@@ -278,12 +259,11 @@ class RunAtWork:
         facts: Mapping[str, object],
         *,
         grown: Collection[str] = (JOURNAL,),
-        flush: bool = True,
     ) -> None:
         """Write the files of the run, its manifest last, in place of the run before; the folder is then unlocked.
 
         By path inside the folder: `contents`, and files that have `grown`, of which one that is not there is left out.
-        `facts` of the manifest. `flush`: whether to wait until all is on the disk.
+        `facts` of the manifest. An interrupted run does not wait until all is on the disk: Ctrl-C returns at once.
         """
         self._committing = True
         for journal in self._journals:
@@ -292,8 +272,13 @@ class RunAtWork:
             self.destination.check_losses()
             paths = {name: path for name in grown if (path := self.grown(name)).is_file()}
             listed = {name: digest_at(name, path) for name, path in paths.items()}
-            stated = _stated(facts, self.destination.kind)
-            commit(self._folder, stated, contents, grown=listed, replaced=self._replaced(), flush=flush)
+            replaced: dict[str, str | None] = {}
+            if self._earlier is not None:
+                # Files of the run before with their digests, and what else has a name of such a file.
+                named = {entry.name for entry in self._folder.iterdir() if not entry.is_dir()}
+                replaced = dict.fromkeys(named & OWN_NAMES - {MANIFEST}) | dict(self._earlier.files)
+            stated, flush = _stated(facts, self.destination.kind), facts.get("status") != INTERRUPTED
+            commit(self._folder, stated, contents, grown=listed, replaced=replaced, flush=flush)
             _sweep(self._folder, {**listed, **contents})
         self._locked.close()
 
@@ -301,22 +286,8 @@ class RunAtWork:
     def _listed(self) -> Mapping[str, str]:
         return {} if self._earlier is None else self._earlier.files
 
-    def _replaced(self) -> dict[str, str | None]:
-        """Files of the run before with their digests, and what else has a name of such a file."""
-        if self._earlier is None:
-            return {}
-        named = [entry.name for entry in self._folder.iterdir() if not entry.is_dir()]
-        return dict.fromkeys({*named} & OWN_NAMES - {MANIFEST}) | dict(self._earlier.files)
 
-    def _refuse_unfinished(self) -> None:
-        """Refuse to begin where an unfinished run has steps, beside a run or in the one of an interrupted run."""
-        endings = (NEW,) if self._earlier is not None and self._earlier.is_complete else (NEW, "")
-        names = [f"{pattern}{ending}" for pattern in JOURNALS for ending in endings]
-        if not (self.destination.resume or self.destination.replace):
-            _refuse_steps(self.destination.path, [path for name in names for path in self._folder.glob(name)])
-
-
-def _refuse_steps(path: Path, journals: Sequence[Path]) -> None:
+def _refuse_steps(path: Path, journals: Iterable[Path]) -> None:
     if steps := sum(map(n_steps, journals)):
         raise JournalError(
             f"{path} has an unfinished run of {counted(steps, 'step')}; run the same command with --resume to "
@@ -390,7 +361,6 @@ def add_to_run(path: str | Path, contents: Mapping[str, bytes], *, grown: Collec
         replaced = {name: run.files.get(name) for name in (*contents, *listed)}
         stated = _stated(run.manifest, run.kind)
         commit(folder, stated, contents, grown={**run.files, **listed}, replaced=replaced, flush=False)
-        _sweep(folder)
 
 
 def with_manifest(
@@ -408,26 +378,19 @@ def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:
     return {**given, "kind": kind.kind, "verb": kind.verb, "format": FORMAT}
 
 
-def _sweep(folder: Path, listed: Collection[str] | None = None) -> None:
-    """Remove what a commit that was cut off has left; of what grows all that is not `listed`, by default nothing."""
+def _sweep(folder: Path, listed: Collection[str]) -> None:
+    """Remove what a run that was cut off has left: every NAME.new, and what grows and is not `listed`."""
     with suppress(OSError):
         for name in _files_in(folder, lambda name: name.removesuffix(NEW) in OWN_NAMES):
             # Journals grow, and histories; a copy that is kept of a changed one is the owner's.
-            kind = PurePath(name.removesuffix(NEW))
+            kind = PurePath(name)
             grows = kind.suffix == ".jsonl" or (kind.suffix == ".nc" and kind.parts[0] == HISTORIES)
-            at_work = name.endswith(NEW) or (grows and name != CHAIN)
-            if at_work and (not grows if listed is None else name not in listed):
+            if name.endswith(NEW) or (grows and name != CHAIN and name not in listed):
                 (folder / name).unlink(missing_ok=True)
-        for name in ADDITIONS:
-            if exists(folder / f".{name}.lock"):
-                # It is that of a verb at work, or was left by one that was killed.
-                with suppress(JournalError):
-                    Lock(folder, name).release()
-        if listed is not None:
-            shutil.rmtree(chunks_beside(folder / JOURNAL), ignore_errors=True)
-            for name in (HISTORIES, MODELS):
-                for path in sorted((folder / name).glob("**"), reverse=True):
-                    _remove_if_empty(path)
+        shutil.rmtree(chunks_beside(folder / JOURNAL), ignore_errors=True)
+        for name in (HISTORIES, MODELS):
+            for path in sorted((folder / name).glob("**"), reverse=True):
+                _remove_if_empty(path)
 
 
 def _explained(path: str | Path) -> AbstractContextManager[None]:

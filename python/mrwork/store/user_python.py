@@ -21,24 +21,27 @@ from mrwork.store.input_file import FileKind, text_of
 
 def place_of(function: Callable[..., object]) -> str:
     """File and line in which a function begins, as "my_law.py, line 3"; empty if it is not written in Python."""
-    code = _code_of(function)
-    return "" if code is None else f"{code.co_filename}, line {code.co_firstlineno}"
+    while isinstance(function, functools.partial):
+        function = function.func
+    unwrapped = inspect.unwrap(function)
+    # An object that is called has its code in its class.
+    code = getattr(unwrapped, "__code__", None) or getattr(type(unwrapped).__call__, "__code__", None)
+    return f"{code.co_filename}, line {code.co_firstlineno}" if isinstance(code, CodeType) else ""
 
 
 def file_of(function: Callable[..., object]) -> str:
     """File of a function; empty if it is not written in Python."""
-    code = _code_of(function)
-    return "" if code is None else code.co_filename
+    return place_of(function).rpartition(", line ")[0]
 
 
 def place_raised(error: BaseException, file: str) -> str:
-    """File and line that raised an error: the last ones in `file`; without any, those that were called first.
+    """File and line that raised an error: the last ones in `file`, or else the first call; empty without Python.
 
-    Call it in the function that caught the error. Empty if the error comes from no Python.
+    The function that caught the error calls this one.
     """
     if isinstance(error, SyntaxError) and error.filename == file and error.lineno:
         return f"{file}, line {error.lineno}"
-    # The first entry is that of the function that caught the error.
+    # The first entry is the function that caught the error.
     called = [(frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)][1:]
     raised = [each for each in called if each[0] == file] or called[:1]
     return f"{raised[-1][0]}, line {raised[-1][1]}" if raised else ""
@@ -49,33 +52,15 @@ def in_words(error: BaseException) -> str:
     return f"{type(error).__name__}: {reason_of(error)}"
 
 
-def _code_of(function: Callable[..., object]) -> CodeType | None:
-    """The code of a function; `None` if it is not written in Python."""
-    while isinstance(function, functools.partial):
-        function = function.func
-    unwrapped = inspect.unwrap(function)
-    # An object that is called has its code in its class.
-    code = getattr(unwrapped, "__code__", None) or getattr(type(unwrapped).__call__, "__code__", None)
-    return code if isinstance(code, CodeType) else None
-
-
 def run_file(path: Path, *, what: str) -> tuple[ModuleType, str]:
-    """Run the Python file at `path`, which is that of `what`; return its module and its text."""
+    """Run the Python file of `what` at `path`; return its module and its text."""
     file = f"the Python file of {what}"
     text = text_of(path, FileKind(name=file, largest=1 << 20, remedy=f"give {file}"))
     return run_text(text, str(path)), text
 
 
 def run_text(text: str, name: str) -> ModuleType:
-    """Run a text as Python; `name` stands for its file in messages.
-
-    The working directory is that of before when it ends.
-
-    Raises
-    ------
-    SettingError
-        Where it ends in an error, with its line.
-    """
+    """Run a text as Python in the working directory, which it leaves as it is; `name`: its file in messages."""
     module = ModuleType(f"mrwork_user_{digest_of(text)}")
     module.__file__ = name
     # Dataclasses look for the module of their class.

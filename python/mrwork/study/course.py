@@ -7,7 +7,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
@@ -52,11 +52,6 @@ class StudyProgress(ProgressReport):
     def share(self) -> float | None:
         """Share of the time that has passed; `None` if unknown."""
         return None if self.left is None else self.seconds / max(self.seconds + self.left, 1e-9)
-
-    def later(self, seconds: float) -> StudyProgress:
-        """The same after some time without a report [s]; what takes longer than expected has no time left to tell."""
-        left = None if self.left is None or self.left <= seconds else self.left - seconds
-        return replace(self, seconds=self.seconds + seconds, left=left)
 
 
 class Course:

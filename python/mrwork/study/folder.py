@@ -147,7 +147,7 @@ def runs_content(results: StudyResults) -> bytes:
     steps = [
         results.quantities.part(realisations=slice(number, number + 1))
         ._named_arrays()
-        .without_axis("realisation")
+        .taken("realisation", 0, {})
         for number in range(results.quantities.shape[2])
     ]
     named = dict(zip(("", _HALF), steps, strict=False))
@@ -167,7 +167,7 @@ def write_study(
     files = study_files(results, study_file)
     if further and "ensemble" in further:
         files[ENSEMBLE] = json_document(further["ensemble"]).encode()
-    work.commit(files, manifest, grown=(JOURNAL, *histories.names), flush=results.complete)
+    work.commit(files, manifest, grown=(JOURNAL, *histories.names))
 
 
 def study_files(results: StudyResults, study_file: StudyFile) -> dict[str, bytes]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.base.labelled import NamedArray, NamedArrays, labels_of, time_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, labels_of
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.responses import History, Labelled, Quantity, history_signals, in_command_unit
 from mrwork.errors import RecordError
@@ -92,7 +92,7 @@ class Histories:
         """Store the history of a run, whole or not at all."""
         study = self._study
         labels = {
-            "time": time_labels(history.time),
+            "time": labels_of(history.time, unit="s", long_name="time"),
             "floor": labels_of(study.building.floor_names),
             "storey": labels_of(study.building.drift_names),
             "device": labels_of(study.device_names[: history.force.shape[1]]),

@@ -419,7 +419,7 @@ class StudyResults(Plotted, Summarised):
                 "record": labels_of(at.records),
                 "intensity": labels_of(at.levels, unit="m/s^2", long_name=at.measure),
             }
-            groups = {name: each.split_axis("motion", at.places, axes) for name, each in groups.items()}
+            groups = {name: each.taken("motion", at.places, axes) for name, each in groups.items()}
         return tree_of(self.title, groups)
 
     def to_pandas(self) -> DataFrame:

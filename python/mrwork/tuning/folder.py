@@ -44,7 +44,6 @@ def write_tuning(
         study_files(results, study_file) | {name: text.encode() for name, text in own.items()},
         manifest,
         grown=(JOURNAL, *histories.names),
-        flush=results.complete,
     )
 
 

@@ -21,7 +21,7 @@ _SAME = ("mrwork", "numpy")
 
 @contextmanager
 def cluster_workers(scheduler: str) -> Iterator[Executor]:
-    """The workers of a scheduler; security is that of Dask's own configuration.
+    """The workers of a scheduler, with the security of Dask's own configuration.
 
     Raises
     ------
