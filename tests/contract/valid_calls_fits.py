@@ -83,7 +83,7 @@ def identification_calls(_: Path) -> Calls:
     yield from calls_with(asked, fit.observed, fit.seen, fit.other_condition, fit.outside)
     settings = identification.FitSettings(nuisances=("offset",), force_exponent=0.5)
     yield call(identification.Objective.of, spec=_BINGHAM, tests=(test,), settings=settings, threads=1)
-    yield call(objective, theta=start[None], thresholds=np.array([9.0]))
+    yield call(objective, theta=start[None], shares=np.array([[1.0]]))
     yield from calls_with({"theta": start[None]}, objective.misfits, objective.residuals)
     yield call(mr.simulate, model="bingham", theta=theta[None], record=test, threads=1)
     yield call(mr.sensitivities, model=_BINGHAM, theta=theta, record=test, threads=1)

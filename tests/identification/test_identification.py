@@ -184,26 +184,14 @@ def test_the_search_box_lies_inside_the_bounds_and_scales_with_the_record(spec, 
         assert scaled.upper[index] == pytest.approx(expected), parameter.name
 
 
-def test_thresholds_spare_steps_and_change_no_misfit_below_them(record: DamperTest) -> None:
+def test_rows_weigh_the_tests_in_their_own_way(record: DamperTest) -> None:
     tests = (record, synthetic_test("rd1005_1a"), replace(record, force=0.9 * record.force))
     objective = Objective.of(damper("normalised_bouc_wen"), tests, threads=1)
-    box = search_box(objective.spec, Box.of(objective.spec), tests)
-    rng = np.random.default_rng(5)
-    theta = np.asarray(box.theta_from_unit(rng.random((200, len(box.free)))))
-    full = objective(theta)
-    whole = objective.tally.steps
-    # Each row's own misfit, a hair above it, and the quantiles of all; twice, for the order of the tests may differ.
-    spread = np.quantile(full[np.isfinite(full)], rng.random(200))
-    for thresholds in (full, np.nextafter(full, np.inf), spread, spread):
-        before = objective.tally.steps
-        limited = objective(theta, thresholds)
-        below = full < thresholds
-        np.testing.assert_array_equal(limited[below], full[below])
-        assert np.all(limited[~below] >= thresholds[~below])
-        done = objective.tally.steps - before
-        assert 0 < done <= whole
-    # A threshold that is reached only at the very end spares nothing; the last ones are reached on the way.
-    assert done < 0.8 * whole
+    theta = np.tile(objective.spec.nominal, (4, 1))
+    shares = np.array([[1 / 3, 1 / 3, 1 / 3], [1.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]])
+    squared = objective.squared_nrmse(theta)
+    np.testing.assert_allclose(objective(theta, shares) ** 2, np.sum(shares * squared, axis=1), rtol=1e-14)
+    assert objective(theta, shares)[0] == objective(theta)[0]
 
 
 def test_standard_errors_cover_the_truth_of_a_linear_model() -> None:

@@ -125,8 +125,6 @@ def test_a_force_exponent_of_zero_compares_errors_in_newtons(test: DamperTest) -
     weighted = Objective.of(SPEC, tests, FitSettings(force_exponent=0.0))
     ratio = weighted(theta) ** 2 / in_newtons
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-12)
-    limits = 1.01 * weighted(theta)
-    assert np.array_equal(weighted(theta, limits), weighted(theta))
     assert np.array_equal(weighted.on(SPEC, tests[:1])(theta), Objective.of(SPEC, tests[:1])(theta))
 
 
@@ -163,9 +161,7 @@ def test_threads_change_no_bit_of_an_objective(n_tests: int, nuisances: tuple[Nu
     )
     for objective in several:
         np.testing.assert_array_equal(objective(theta), alone(theta))
-        np.testing.assert_array_equal(
-            objective(theta, 1.01 * alone(theta)), alone(theta, 1.01 * alone(theta))
-        )
+        np.testing.assert_array_equal(objective.squared_nrmse(theta), alone.squared_nrmse(theta))
         np.testing.assert_array_equal(objective.residuals(theta), alone.residuals(theta))
         for run, expected in zip(objective.misfits(theta), alone.misfits(theta), strict=True):
             np.testing.assert_array_equal(run.squared_error, expected.squared_error)

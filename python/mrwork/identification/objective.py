@@ -13,7 +13,7 @@ from mrwork.base.arguments import AnyNumbers, Shape, Threads, checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.simulation import Misfits, Outcome, simulate_misfits
+from mrwork.dampers.simulation import Misfits, simulate_misfits
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError
 from mrwork.identification.progress import Tally, on_every_test
@@ -31,10 +31,6 @@ _MOST_A_SECOND = 4000.0
 _MOST_A_RADIAN = 640.0
 # Number of rows whose residuals are in memory at once where a misfit needs the whole history.
 _ROWS = 64
-# Factor between limits and thresholds: limits allow for sums that are rounded in another order than the misfit.
-_MARGIN = 1.0 + 1e-9
-# Parts in which tests are simulated one after the other where candidates have thresholds.
-_STAGES = 8
 
 T = TypeVar("T")
 _Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
@@ -177,85 +173,31 @@ class Objective(Summarised):
 
     @checked
     def __call__(
-        self, theta: _Rows, thresholds: Annotated[AnyNumbers, Shape(("n_batch",))] | None = None
+        self, theta: _Rows, shares: Annotated[AnyNumbers, Shape(("n_batch", "n_tests"))] | None = None
     ) -> Floats:
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
-        With `thresholds`, shape (n_batch,), the simulation of a row ends when its misfit reaches its threshold, and the
-        misfit is infinite; other rows have the same bits as without thresholds. Where the force is not compared
-        directly, the whole of it is needed: thresholds then have no effect.
+        `shares` are weights of the tests for each row, shape (n_batch, n_tests); 0 leaves a test out. By default they
+        are those of the objective.
         """
-        below = self._is_below(theta)
-        if below.all():
-            return self._misfits_of(theta, thresholds)
-        misfit = np.full(len(theta), np.inf)
-        if below.any():
-            misfit[below] = self._misfits_of(theta[below], None if thresholds is None else thresholds[below])
-        return misfit
+        n_tests = len(self.compared)
+        if shares is None:
+            weights = np.tile([each.share for each in self.compared], (len(theta), 1))
+        else:
+            weights = n_tests * shares
+        counted = weights > 0.0
+        squared = self.squared_nrmse(theta, counted & self._is_below(theta)[:, None])
+        total = np.zeros(len(theta))
+        # One test after the other: NumPy sums a single column in another order than several.
+        for index in range(n_tests):
+            total += weights[:, index] * np.where(counted[:, index], squared[:, index], 0.0)
+        return np.asarray(np.sqrt(total / n_tests))
 
     def _is_below(self, theta: Floats) -> NDArray[np.bool_]:
         """Whether rows are below the limit of stiffness, shape (n_batch,)."""
         if self.stiffest == np.inf:
             return np.ones(len(theta), dtype=np.bool_)
         return np.asarray(np.all([each.stiffness(theta) <= 1.0 for each in self.compared], axis=0))
-
-    def _misfits_of(self, theta: Floats, thresholds: Floats | None) -> Floats:
-        if not self.is_direct:
-            shares = np.array([[each.share] for each in self.compared])
-            return self._mean(shares * self.squared_nrmse(theta).T)
-        if thresholds is not None:
-            return self._misfits_below(theta, thresholds)
-        own = [each.weight(1) ** 2 for each in self.compared]
-        squared = [run.squared_error * weight for run, weight in zip(self.misfits(theta), own, strict=True)]
-        return self._mean(np.array(squared))
-
-    def _misfits_below(self, theta: Floats, thresholds: Floats) -> Floats:
-        """Misfits with thresholds.
-
-        The tests are simulated in descending order of what they have added to the misfit per step, an eighth of them at
-        once; the mean is taken in the order of the tests.
-        """
-        n_tests = len(self.tests)
-        self.tally.simulations += len(theta)
-        squared = np.zeros((n_tests, len(theta)))
-        remaining = np.arange(len(theta))
-        # Amount that the remaining tests may still add to the sum of squares of the NRMSE.
-        allowance = n_tests * thresholds**2
-        order = sorted(range(n_tests), key=lambda index: -self.tally.added_per_step.get(index, np.inf))
-        at_once = -(-n_tests // _STAGES)
-        for some in (order[first : first + at_once] for first in range(0, n_tests, at_once)):
-            allowed = np.maximum(allowance[remaining], 0.0)
-            runs = self._with_limits(some, theta[remaining], allowed)
-            finite = np.ones(remaining.size, dtype=np.bool_)
-            for index, run in zip(some, runs, strict=True):
-                self.tally.steps += int(run.steps.sum())
-                reached = np.where(
-                    run.outcome == Outcome.ABANDONED,
-                    allowed,
-                    run.squared_error * self.compared[index].weight(1) ** 2,
-                )
-                added = float(np.sum(reached, where=np.isfinite(reached)))
-                self.tally.added_per_step[index] = added / max(int(run.steps.sum()), 1)
-                squared[index, remaining] = reached
-                finite &= np.isfinite(run.squared_error)
-                with np.errstate(invalid="ignore"):
-                    allowance[remaining] -= reached
-            remaining = remaining[finite]
-        misfit = np.full(len(theta), np.inf)
-        misfit[remaining] = self._mean(squared[:, remaining])
-        # Tests that run at once may reach a threshold together only.
-        misfit[misfit > _MARGIN * thresholds] = np.inf
-        return misfit
-
-    def _with_limits(self, tests: Sequence[int], theta: Floats, allowed: Floats) -> list[Misfits]:
-        """Misfits of each row of `theta` in these tests, up to its `allowed` squared NRMSE."""
-
-        def run(number: int, threads: int) -> Misfits:
-            index = tests[number]
-            limits = allowed * (_MARGIN / self.compared[index].weight(1) ** 2)
-            return self._simulate_test(index, theta, limits=limits, threads=threads)
-
-        return on_every_test(len(tests), self.threads, run)
 
     @property
     def shares(self) -> Floats:
@@ -268,49 +210,42 @@ class Objective(Summarised):
 
         Infinite where a simulation failed, and where the row of `included`, of that shape, leaves the test out.
         """
-        self.tally.simulations += len(theta)
-        squared = np.full((len(theta), len(self.compared)), np.inf)
+        if included is None:
+            included = np.ones((len(theta), len(self.compared)), dtype=np.bool_)
+        self.tally.simulations += int(np.count_nonzero(included.any(axis=1)))
+        squared = np.full(included.shape, np.inf)
 
-        def fill(index: int, threads: int) -> None:
-            rows = np.arange(len(theta)) if included is None else np.flatnonzero(included[:, index])
-            if rows.size:
-                squared[rows, index] = self.squared_nrmse_of(index, theta[rows], threads=threads)
+        def fill(index: int, threads: int) -> int:
+            rows = np.flatnonzero(included[:, index])
+            if not rows.size:
+                return 0
+            squared[rows, index], steps = self._squared_nrmse(index, theta[rows], threads=threads)
+            return steps
 
-        self._on_every_test(fill)
+        self.tally.steps += sum(self._on_every_test(fill))
         return squared
 
     @checked
     def squared_nrmse_of(self, index: int, theta: Floats, *, threads: int = 0) -> Floats:
         """Squared NRMSE of one test, shape (n_batch,), as in `squared_nrmse`."""
+        return self._squared_nrmse(index, theta, threads=threads)[0]
+
+    def _squared_nrmse(self, index: int, theta: Floats, *, threads: int) -> tuple[Floats, int]:
+        """Squared NRMSE of one test, and the time steps that it took, which are counted where they are known."""
         each = self.compared[index]
+        if self.is_direct:
+            run = self._simulate_test(index, theta, threads=threads)
+            return run.squared_error * each.weight(1) ** 2 / each.share, int(run.steps.sum())
         squared = []
-        for some in np.array_split(theta, -(-len(theta) // _ROWS)):
-            if self.is_direct:
-                squared.append(self._simulate_test(index, some, threads=threads).squared_error)
-            else:
-                residuals, failed = each.residuals(some, threads=threads)
-                squared.append(np.where(failed, np.inf, np.einsum("bt,bt->b", residuals, residuals)))
-        return np.concatenate(squared) / (each.variance * each.measured.size)
+        for some in np.array_split(theta, range(_ROWS, len(theta), _ROWS)):
+            residuals, failed = each.residuals(some, threads=threads)
+            squared.append(np.where(failed, np.inf, np.einsum("bt,bt->b", residuals, residuals)))
+        return np.concatenate(squared) / (each.variance * each.measured.size), 0
 
     @checked
     def nrmse_of_tests(self, theta: _Rows) -> Floats:
         """NRMSE of each test, shape (n_tests, n_batch), whatever its share; infinite where a simulation failed."""
         return np.asarray(np.sqrt(self.squared_nrmse(theta).T))
-
-    @checked
-    def weighted(self, theta: Floats, shares: Floats) -> Floats:
-        """Misfit of each row of `theta` by its own weights of the tests, shape (n_batch, n_tests); 0 leaves one out."""
-        squared = self.squared_nrmse(theta, shares > 0.0)
-        misfit = np.sqrt(np.sum(shares * np.where(shares > 0.0, squared, 0.0), axis=1))
-        return np.where(self._is_below(theta), misfit, np.inf)
-
-    def _mean(self, squared: Floats) -> Floats:
-        """Root mean square of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
-        total = np.zeros(squared.shape[1])
-        # One test after the other: NumPy sums a single column in another order than several.
-        for each in squared:
-            total += each
-        return np.asarray(np.sqrt(total / len(squared)))
 
     @checked
     def misfits(self, theta: _Rows) -> tuple[Misfits, ...]:
@@ -324,9 +259,7 @@ class Objective(Summarised):
         """Results of `work(index, threads)` in the order of the tests, several of which run at once."""
         return on_every_test(len(self.tests), self.threads, work)
 
-    def _simulate_test(
-        self, index: int, theta: Floats, *, limits: Floats | None = None, threads: int
-    ) -> Misfits:
+    def _simulate_test(self, index: int, theta: Floats, *, threads: int) -> Misfits:
         each = self.compared[index]
         return simulate_misfits(
             self.spec,
@@ -334,7 +267,6 @@ class Objective(Summarised):
             each.history,
             each.test.force,
             first=each.test.n_settle,
-            limits=limits,
             threads=threads,
         )
 
@@ -363,7 +295,7 @@ def up_to(objective: Objective, stiffest: float) -> Objective:
     return replace(objective, compared=tuple(replace(each, stiffest=stiffest) for each in objective.compared))
 
 
-# Largest block of a Jacobian, in numbers, that is in memory beside the whole: 64 MiB.
+# Largest Jacobian of which sums are taken at once, in numbers: 64 MiB.
 _BLOCK_SIZE = 1 << 23
 
 
@@ -373,33 +305,18 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
     Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; derivatives are zero
     where a simulation failed. They include the observation model and the nuisance parameters.
     """
-    n_rows = max(1, _BLOCK_SIZE // (objective.n_time * max(len(columns), 1)))
-    starts = range(0, len(theta) or 1, n_rows)
-    blocks = [_block(objective, theta[at : at + n_rows], columns) for at in starts]
-    if len(blocks) == 1:
-        return blocks[0]
-    residuals, jacobians = zip(*blocks, strict=True)
-    return np.concatenate(residuals), np.concatenate(jacobians)
-
-
-def _block(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
     objective.tally.simulations += len(theta)
-    residuals = np.empty((len(theta), objective.n_time))
-    jacobian = np.empty((len(theta), len(columns), objective.n_time))
-    lengths = [each.measured.size for each in objective.compared]
-    ends = np.cumsum(lengths)
-    slices = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
 
-    def fill(index: int, threads: int) -> None:
+    def part(index: int, threads: int) -> tuple[Floats, Floats]:
         each = objective.compared[index]
-        own, derivative, failed = each.linearise_residuals(theta, columns, threads=threads)
+        residuals, jacobian, failed = each.linearise_residuals(theta, columns, threads=threads)
         weight = each.weight(len(objective.compared))
-        np.multiply(own, weight, out=residuals[:, slices[index]])
-        np.multiply(derivative, weight, out=jacobian[..., slices[index]])
-        residuals[failed, slices[index]] = 1.0
+        residuals *= weight
+        residuals[failed] = 1.0
+        return residuals, np.multiply(jacobian, weight, out=jacobian)
 
-    on_every_test(len(objective.tests), objective.threads, fill)
-    return residuals, jacobian
+    residuals, jacobians = zip(*on_every_test(len(objective.tests), objective.threads, part), strict=True)
+    return np.concatenate(residuals, axis=-1), np.concatenate(jacobians, axis=-1)
 
 
 @array_dataclass()

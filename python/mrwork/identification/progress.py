@@ -73,15 +73,10 @@ Unit = Literal["simulations", "steps"]
 
 @dataclass(slots=True)
 class Tally:
-    """How many candidates have been simulated, in how many time steps.
-
-    A candidate that was simulated with its derivatives counts once. `added_per_step` is what each test has added to
-    squared misfits per step.
-    """
+    """How many candidates have been simulated, with or without their derivatives, and in how many time steps."""
 
     simulations: int = 0
     steps: int = 0
-    added_per_step: dict[int, float] = field(default_factory=dict)
 
     def as_record(self) -> Mapping[str, object]:
         """The counts, for a journal."""
@@ -90,7 +85,6 @@ class Tally:
     def restore(self, record: Mapping[str, Any]) -> None:
         """Set the counts to those of a journal."""
         self.simulations, self.steps = int(record["simulations"]), int(record["steps"])
-        self.added_per_step = {int(index): float(each) for index, each in record["added_per_step"].items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import Count
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.errors import JournalError
 from mrwork.identification.minimise.stiffness import is_at_stiffness_limit, within_stiffness
 from mrwork.identification.objective import NormalEquations, Objective
 
@@ -127,7 +126,6 @@ def find_minima(
     courses = [state.misfit]
     while iterations < max_iterations and state.running.any():
         iterations += 1
-        before = state.latent
         state = objective.once(
             "iteration",
             _State,
@@ -140,7 +138,6 @@ def find_minima(
             state.damping,
             state.running,
         )
-        _check_recalled(state.latent, before)
         courses.append(state.misfit)
         if hopeless is not None:
             given_up = hopeless.of(courses, state.arrived, max_iterations - iterations)
@@ -171,7 +168,7 @@ class _State:
 def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | None) -> _State:
     latent = np.asarray(box.latent_from_theta(box.inside(starts)))
     theta = np.asarray(box.theta_from_latent(latent))
-    misfit = objective(theta) if shares is None else objective.weighted(theta, shares)
+    misfit = objective(theta, shares)
     n_starts, n_free = latent.shape
     return _State(
         latent=latent,
@@ -184,15 +181,6 @@ def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | No
         arrived=np.zeros(n_starts, dtype=np.bool_),
         running=np.isfinite(misfit),
     )
-
-
-def _check_recalled(recalled: Floats, expected: Floats) -> None:
-    """Refuse a recalled result of the wrong shape."""
-    if recalled.shape != expected.shape:
-        raise JournalError(
-            f"the journal holds a minimum of the shape {recalled.shape} where {expected.shape} was expected; "
-            "run again with --replace, not --resume"
-        )
 
 
 def _iterate_once(
@@ -225,11 +213,8 @@ def _iterate_once(
     before = misfit[active]
     theta = np.asarray(box.theta_from_latent(tried.reshape(-1, latent.shape[1])))
     n_tried = len(_DAMPING_FACTORS)
-    if shares is None:
-        after = objective(theta, np.repeat(before, n_tried))
-    else:
-        after = objective.weighted(theta, np.repeat(shares[active], n_tried, axis=0))
-    after = after.reshape(-1, n_tried)
+    own = None if shares is None else np.repeat(shares[active], n_tried, axis=0)
+    after = objective(theta, own).reshape(-1, n_tried)
     best = np.argmin(after, axis=1)
     each = np.arange(active.size)
     better = after[each, best] < before
