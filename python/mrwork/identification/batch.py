@@ -38,6 +38,25 @@ class FitTask:
     examines: bool = True
     step: str = ""
 
+    def fit(
+        self,
+        journal: Journal | None,
+        *,
+        threads: int,
+        on_progress: Callable[[Progress], None] | None = None,
+    ) -> Fit:
+        """The fit of the task."""
+        return identify_with(
+            self.spec,
+            self.tests,
+            self.settings,
+            threads=threads,
+            on_progress=on_progress,
+            journal=journal,
+            warns=False,
+            examines=self.examines,
+        )
+
 
 @dataclass(slots=True, kw_only=True)
 class FitBatch:
@@ -62,42 +81,25 @@ class FitBatch:
         if self._made is None and present_workers() is not None and len(self.tasks) > 1:
             self._made = self._made_elsewhere()
         if self._made is None:
-            fit = self._made_here(number)
+            task = self.tasks[number]
+            report = partial(self.on_progress, number)
+            fit = with_journal(
+                self.journal_of, task.step, partial(task.fit, threads=self.threads, on_progress=report)
+            )
             self.on_fit(number, fit)
             return fit
-        while True:
-            future, self._asked = next(self._made), self._asked + 1
-            if self._asked > number:
-                return self._whole(number, future.result()[0])
-
-    def _made_here(self, number: int) -> Fit:
-        task = self.tasks[number]
-
-        def identify(journal: Journal | None) -> Fit:
-            return identify_with(
-                task.spec,
-                task.tests,
-                task.settings,
-                threads=self.threads,
-                on_progress=partial(self.on_progress, number),
-                journal=journal,
-                warns=False,
-                examines=task.examines,
-            )
-
-        return with_journal(self.journal_of, task.step, identify)
+        while self._asked < number:
+            next(self._made)
+            self._asked += 1
+        future = next(self._made)
+        self._asked += 1
+        return self._whole(number, future.result()[0])
 
     def _made_elsewhere(self) -> Iterator[Future[tuple[Fit, bytes]]]:
         workers = present_workers()
         assert workers is not None
         chunks = [
-            (
-                task.spec,
-                task.settings,
-                task.examines,
-                task.tests,
-                with_journal(self.journal_of, task.step, lambda journal: journal and journal.lines),
-            )
+            (task, with_journal(self.journal_of, task.step, lambda journal: journal and journal.lines))
             for task in self.tasks
         ]
 
@@ -126,27 +128,19 @@ def with_journal(journal_of: JournalOf | None, step: str, work: Callable[[Journa
         return work(journal)
 
 
-def fit_on_worker(
-    _: object,
-    spec: DamperSpec,
-    settings: FitSettings,
-    examines: bool,
-    tests: tuple[DamperTest, ...],
-    lines: bytes | None,
-) -> tuple[Fit, bytes]:
+def fit_on_worker(_: object, task: FitTask, lines: bytes | None) -> tuple[Fit, bytes]:
     """The fit of a task on one thread, and the lines of its journal, which go on after `lines`."""
 
-    def identify(journal: Journal | None) -> Fit:
-        fit = identify_with(spec, tests, settings, threads=1, journal=journal, warns=False, examines=examines)
-        same = len(fit.tests) == len(tests) and all(map(is_, fit.tests, tests))
+    def without_tests(fit: Fit) -> Fit:
+        same = len(fit.tests) == len(task.tests) and all(map(is_, fit.tests, task.tests))
         return replace(fit, tests=()) if same else fit
 
     if lines is None:
-        return identify(None), b""
+        return without_tests(task.fit(None, threads=1)), b""
     with TemporaryDirectory(prefix="mrwork-") as folder:
         path = Path(folder) / "fit.jsonl"
         with closing(Journal(path)) as journal:
             journal.adopt(lines)
         with closing(Journal(path, resume=bool(lines))) as journal:
-            fit = identify(journal)
-        return fit, bytes_of(path, JOURNAL_FILE)
+            fit = task.fit(journal, threads=1)
+        return without_tests(fit), bytes_of(path, JOURNAL_FILE)

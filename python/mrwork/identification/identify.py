@@ -19,10 +19,9 @@ from mrwork.identification.commands import PER_CYCLE, has_levels, levels_of
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
-from mrwork.identification.minimise.by_optimiser import points_from_optimiser
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
-from mrwork.identification.minimise.plain_search import points_from_multistart
+from mrwork.identification.minimise.plain_search import points_from_multistart, points_from_optimiser
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -134,49 +133,36 @@ def identify_with(
     journal: Journal | None = None,
     warns: bool = True,
     examines: bool = True,
+    searched: tuple[Box, SearchTrace] | None = None,
 ) -> Fit:
     """`identify` with its settings as one value.
 
     Without `warns` its warnings are with the fit only. Without `examines` nothing is looked for that speaks against a
-    fit which has converged.
+    fit which has converged. Where the search was made before, `searched` are the box of the final fit and the trace
+    that led to the first start of the settings, from which it begins.
     """
-    problem = Problem.of(
-        damper(model) if isinstance(model, str) else model,
-        as_tests(tests),
-        settings,
-        threads=threads,
-        journal=journal,
-    )
+    spec = damper(model) if isinstance(model, str) else model
+    problem = Problem.of(spec, as_tests(tests), settings, threads=threads, journal=journal)
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=6)
-    identification = _Identification.of(problem, on_progress, examines=examines)
-    return identification.fit(
-        lambda: starting_points(problem, identification.call).with_given(problem.spec, settings.starts)
-    )
+    if searched is not None:
+        problem = replace(problem, form=replace(problem.form, box=searched[0]))
+    tally = problem.objective.tally
+    call = Identifying(journal=journal, on_progress=on_progress, tally=tally)
+    if journal is not None:
+        journal.agree("identification", fingerprint_of(problem))
+        journal.carry(tally)
 
+    def find_points() -> StartingPoints:
+        if searched is None:
+            return starting_points(problem, call).with_given(spec, settings.starts)
+        start = problem.inside([settings.starts[0][name] for name in spec.names])
+        return StartingPoints(
+            objective=problem.objective, form=problem.form, theta=start[None], trace=searched[1], minima=True
+        )
 
-@on_one_blas_thread
-def identify_from(
-    model: DamperSpec,
-    tests: DamperTest | Sequence[DamperTest],
-    settings: FitSettings,
-    *,
-    box: Box,
-    trace: SearchTrace,
-    threads: int = 0,
-    on_progress: Callable[[Progress], bool | None] | None = None,
-    journal: Journal | None = None,
-    examines: bool = True,
-) -> Fit:
-    """The final fit of `identify` inside `box` from the first start of the settings; `trace` has led to it."""
-    problem = Problem.of(model, as_tests(tests), settings, threads=threads, journal=journal)
-    problem = replace(problem, form=replace(problem.form, box=box))
-    start = problem.inside([settings.starts[0][name] for name in model.names])
-    points = StartingPoints(
-        objective=problem.objective, form=problem.form, theta=start[None], trace=trace, minima=True
-    )
-    return _Identification.of(problem, on_progress, examines=examines).fit(lambda: points)
+    return _Identification(problem=problem, call=call, examines=examines).fit(find_points)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -188,23 +174,7 @@ class _Identification:
 
     problem: Problem
     call: Identifying
-    examines: bool = True
-
-    @classmethod
-    def of(
-        cls,
-        problem: Problem,
-        on_progress: Callable[[Progress], bool | None] | None,
-        *,
-        examines: bool,
-    ) -> _Identification:
-        """One whose journal agrees with the problem."""
-        tally, journal = problem.objective.tally, problem.objective.journal
-        call = Identifying(journal=journal, on_progress=on_progress, tally=tally)
-        if journal is not None:
-            journal.agree("identification", fingerprint_of(problem))
-            journal.carry(tally)
-        return cls(problem=problem, call=call, examines=examines)
+    examines: bool
 
     def fit(self, find_points: Callable[[], StartingPoints]) -> Fit:
         """The fit from the starting points that are found; where it is stopped, that at the best point so far.

@@ -142,17 +142,6 @@ class Misfit:
         return jnp.where(failed, jnp.inf, jnp.where(failed, 1.0, _root(jnp.mean(jnp.stack(squared)))))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Force:
-    """The force as a function of parameters and a record."""
-
-    kernel: Kernel
-
-    def __call__(self, theta: Array, record: RecordArrays) -> Array:
-        """Force [N], shape (n_time,)."""
-        return self.kernel(theta, record)
-
-
 def _root(value: Array) -> Array:
     """The square root, with a derivative of zero at zero."""
     positive = value > 0.0
@@ -244,7 +233,7 @@ def force(
     spec = damper(model) if isinstance(model, str) else model
     return TracedFunction.of(
         f"Force of {spec.name}",
-        Force(kernel=Kernel.of(spec, substeps=_substeps(substeps), threads=threads)),
+        Kernel.of(spec, substeps=_substeps(substeps), threads=threads),
         box=Box.of(spec),
         units=tuple(each.unit for each in spec.parameters),
         coordinates=coordinates,

@@ -15,7 +15,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import LibraryError, MrworkError, SettingError, SimulationError
 from mrwork.identification.candidates import objective, simulate
 from mrwork.identification.fit import Fit, SearchTrace
-from mrwork.identification.identify import identify_from
+from mrwork.identification.identify import identify_with
 from mrwork.identification.settings import FitSettings
 from mrwork.plots import style
 from mrwork.plots.canvas import png_bytes
@@ -101,12 +101,15 @@ class Explorer:
         start = dict(zip(self.spec.names, self.theta.tolist(), strict=True))
         self._status.value = "fitting ..."
         try:
-            self.fit = identify_from(
+            self.fit = identify_with(
                 self.spec,
                 self.test,
                 FitSettings(starts=(start,)),
-                box=self._objective.box,
-                trace=SearchTrace(evaluations=(), best=(), median=(), stop_reason="given"),
+                warns=False,
+                searched=(
+                    self._objective.box,
+                    SearchTrace(evaluations=(), best=(), median=(), stop_reason="given"),
+                ),
             )
         except MrworkError as reason:
             self._status.value = str(reason)

@@ -38,7 +38,6 @@ from mrwork.identification.equivalent import (
     with_other_laws,
     within_range,
 )
-from mrwork.identification.minimise.by_optimiser import optimise
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.multistart import (
     EXCERPTS,
@@ -48,6 +47,7 @@ from mrwork.identification.minimise.multistart import (
     trace_of,
 )
 from mrwork.identification.minimise.nested import doubts_about, nested_fit
+from mrwork.identification.minimise.plain_search import optimise
 from mrwork.identification.minimise.starting_points import StartingPoints, no_simulation
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem

@@ -17,10 +17,10 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.commands import excerpts_of_laws, refuse_few_levels, tested_commands
 from mrwork.identification.equivalent import joint_box, plain_of, search_box
-from mrwork.identification.minimise.by_optimiser import optimise, trace_of_generations
 from mrwork.identification.minimise.friction import examine_limit, friction_warning
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima
 from mrwork.identification.minimise.multistart import EXCERPTS, minima_from
+from mrwork.identification.minimise.plain_search import optimise, trace_of_generations
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem

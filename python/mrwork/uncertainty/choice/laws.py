@@ -23,7 +23,7 @@ from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.batch import JournalOf
 from mrwork.identification.fit import Fit, FitStatus
-from mrwork.identification.identify import identify_from, identify_with
+from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
@@ -123,15 +123,15 @@ class _ChoosingLaws(Choosing):
 
     def _final_fit(self, search: LawSearch, laws: FittedLaws, journal: Journal | None) -> Fit:
         """The fit of laws to the whole tests, from their fit to the excerpts."""
-        return identify_from(
+        return identify_with(
             laws.spec,
             self.tests,
             replace(search.settings, starts=(laws.start,)),
-            box=laws.box,
-            trace=self.firsts[search.name].trace,
             threads=self.threads,
             on_progress=partial(self._report, search, "all tests"),
             journal=journal,
+            warns=False,
+            searched=(laws.box, self.firsts[search.name].trace),
         )
 
     def _fit_to_excerpts(self, search: LawSearch, laws: FittedLaws, status: FitStatus = "converged") -> Fit:
