@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrwork.dampers import damper
-from mrwork.dampers.conversions import NESTINGS, Scales, nesting_of
+from mrwork.dampers.conversions import NESTINGS, Scales
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SimulationError
 
@@ -182,8 +182,8 @@ def test_the_nearest_point_has_nearly_the_force_of_the_simpler_model(model: str)
 def test_chains_end_at_models_that_contain_none() -> None:
     for model in NESTINGS:
         seen = [model]
-        while (nesting := nesting_of(damper(seen[-1]))) is not None:
+        while (nesting := NESTINGS.get(seen[-1])) is not None:
             assert nesting.model not in seen
             assert set(nesting.shared) <= set(damper(nesting.model).names) & set(damper(seen[-1]).names)
             seen.append(nesting.model)
-        assert nesting_of(damper(seen[-1])) is None
+        assert NESTINGS.get(seen[-1]) is None

@@ -1,4 +1,4 @@
-"""Parameters of a Bouc-Wen damper in a named convention: those of Spencer, normalised, or of OpenSees."""
+"""Parameters of a Bouc-Wen damper in a named convention: Spencer's, normalised, or OpenSees'."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def convert(
     to
         The other convention.
     scale
-        A of spencer or Ao of opensees, a scale that does not affect the force; default: that of the source, 120 from
+        A of spencer or Ao of opensees, a scale that does not affect the force; default: as in the source, 120 from
         normalised, Ao 1.
     error
         Wanted error of BoucWen in OpenSees, a share of the largest value of z, for which the strain step is stated;
@@ -136,7 +136,7 @@ def _complete(convention: Convention, values: Mapping[str, float]) -> dict[str, 
 
 
 def _spencer(convention: Convention, values: dict[str, float], scale: float | None) -> Floats:
-    """The given parameters as those of `bouc_wen`, shape (8,)."""
+    """The given parameters as a `bouc_wen` has them, shape (8,)."""
     if convention == "opensees":
         c0 = values.pop("c0")
         return bouc_wen_from_opensees(OpenSeesBoucWen(**values), c0=c0)

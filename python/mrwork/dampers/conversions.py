@@ -16,7 +16,6 @@ import numpy as np
 from mrwork.base.arguments import AnyArray, Positive, Shape, checked
 from mrwork.base.hints import Within
 from mrwork.base.values import Floats
-from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
 # NumPy or JAX.
@@ -76,8 +75,14 @@ def _refuse_infinite(theta: Array) -> Array:
     return theta
 
 
+@checked
 @_QUIET
-def _normalised_from_bouc_wen(theta: Array) -> Array:
+def normalised_from_bouc_wen(theta: AnyArray) -> Array:
+    """Parameters of `normalised_bouc_wen`, shape (..., 7), equal in force to a `bouc_wen`, shape (..., 8).
+
+    With z_max = (A/(beta+gamma))^(1/n): rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max
+    (Ikhouane, Rodellar 2007).
+    """
     _check_columns(theta, 8)
     xp = theta.__array_namespace__()
     c0, k0, x0, alpha, gamma, beta, A, n = (theta[..., index] for index in range(8))
@@ -87,8 +92,13 @@ def _normalised_from_bouc_wen(theta: Array) -> Array:
     )
 
 
+@checked
 @_QUIET
-def _bouc_wen_from_normalised(theta: Array, A: float) -> Array:
+def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
+    """Parameters of `bouc_wen`, shape (..., 8), equal in force to a `normalised_bouc_wen`, shape (..., 7).
+
+    The Spencer form has one redundant scale parameter, which `A` fixes.
+    """
     _check_columns(theta, 7)
     xp = theta.__array_namespace__()
     c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
@@ -99,27 +109,8 @@ def _bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     )
 
 
-@checked
-def normalised_from_bouc_wen(theta: AnyArray) -> Array:
-    """Parameters of `normalised_bouc_wen`, shape (..., 7), equal in force to those of `bouc_wen`, shape (..., 8).
-
-    With z_max = (A/(beta+gamma))^(1/n): rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max
-    (Ikhouane, Rodellar 2007).
-    """
-    return _normalised_from_bouc_wen(theta)
-
-
-@checked
-def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
-    """Parameters of `bouc_wen`, shape (..., 8), equal in force to those of `normalised_bouc_wen`, shape (..., 7).
-
-    The Spencer form has one redundant scale parameter, which `A` fixes.
-    """
-    return _bouc_wen_from_normalised(theta, A)
-
-
-NORMALISED_FROM_BOUC_WEN: Final = Conversion.of(_normalised_from_bouc_wen)
-BOUC_WEN_FROM_NORMALISED: Final = Conversion.of(_bouc_wen_from_normalised)
+NORMALISED_FROM_BOUC_WEN: Final = Conversion.of(normalised_from_bouc_wen)
+BOUC_WEN_FROM_NORMALISED: Final = Conversion.of(bouc_wen_from_normalised)
 
 
 @_QUIET
@@ -207,8 +198,8 @@ class OpenSeesBoucWen:
         return error / (rho * largest)
 
 
-# Largest error of irregular motions over that of a full reversal, measured: sums of four sines, sigma from 0.1 to 1.3
-# and n from 1 to 5.
+# Largest error of irregular motions over the error of a full reversal, measured with sums of four sines, sigma from 0.1
+# to 1.3 and n from 1 to 5.
 _MARGIN_PASSIVE = 1.1
 _MARGIN = 1.5
 # Start of the iteration of OpenSees, and how many of its 20 iterations may pass far from the root.
@@ -330,7 +321,7 @@ def convention_remarks(theta: Floats) -> tuple[str, ...]:
 
 
 def of_modified(plain: Conversion) -> Conversion:
-    """The conversion for modified Bouc-Wen models: c0, k0, c1, k1 and x0 stay, the loop is that of the plain ones."""
+    """The conversion for modified Bouc-Wen models: c0, k0, c1, k1 and x0 stay, the loop is converted."""
 
     def without_series(theta: Array) -> Array:
         """Parameters that a modified Bouc-Wen model shares with the plain one: c0, k0, x0 and the loop."""
@@ -363,8 +354,8 @@ class Scales:
 class Nesting:
     """A simpler `model` in the limit of a larger one, with the parameters that they share.
 
-    `near`: the other parameters of the larger one, from those of the simpler one in the scales of the tests, as a
-    distance of at least 1 grows.
+    `near`: the other parameters of the larger one, from the parameters of the simpler one in the scales of the tests,
+    as a distance of at least 1 grows.
     """
 
     model: str
@@ -377,11 +368,6 @@ class Nesting:
             {**{name: simpler[name] for name in self.shared}, **self.near(simpler, scales, distance)}
             for distance in _DISTANCES
         )
-
-
-def nesting_of(spec: DamperSpec) -> Nesting | None:
-    """The simpler model that a model contains; `None` for the simplest of a family."""
-    return NESTINGS.get(spec.name)
 
 
 def _series_dashpot(p: Values, scales: Scales, distance: float) -> Values:

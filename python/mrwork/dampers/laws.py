@@ -78,7 +78,7 @@ class CommandLaw:
     ) -> Any:
         """The parameter at commands, perhaps beyond its range, of NumPy or, with `xp`, of JAX.
 
-        The first axis of `coefficients` is that of the coefficients; the others broadcast with `command`. `positive`
+        The first axis of `coefficients` counts them; the others broadcast with `command`. `positive`
         says whether the scale of the parameter is logarithmic.
         """
         if self.nodes:
@@ -276,7 +276,7 @@ def laws_in_order(
 class CurrentLaws:
     """Laws of a model as files have them: text of the law of each plain parameter, unit of the command, lag or not.
 
-    The laws are those of `DamperSpec.with_current_laws`.
+    `DamperSpec.with_current_laws` takes these laws.
     """
 
     _made_by: ClassVar[str] = "fit.current"

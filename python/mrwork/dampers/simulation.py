@@ -156,18 +156,14 @@ def simulate_misfits(
     force: Annotated[AnyNumbers, Shape(("n_time",))],
     *,
     first: int = 0,
-    limits: Annotated[AnyNumbers, Shape(("n_batch",))] | None = None,
-    substep_factor: Count = 1,
     threads: Threads = 0,
 ) -> Misfits:
     """Misfits of a batch of parameters in spec order, shape (n_batch, n_params), to a measured `force` [N], (n_time,).
 
-    Samples before `first` are simulated and not compared. `limits`, shape (n_batch,), are sums of squared residuals
-    [N^2] at which a candidate is abandoned; since the sum only increases, the others have the same bits as without
-    limits. `substep_factor`, a power of two up to 64, multiplies the number of sub-steps from the stiffness bound.
+    Samples before `first` are simulated and not compared.
     """
     if spec.own is not None:
-        run = simulate_forces(spec, theta, history, substep_factor=substep_factor, threads=threads)
+        run = simulate_forces(spec, theta, history, threads=threads)
         with np.errstate(invalid="ignore"):
             squared_error = np.sum((run.force - force)[:, first:] ** 2, axis=1)
         squared_error[run.outcome != Outcome.FINISHED] = np.inf
@@ -181,9 +177,7 @@ def simulate_misfits(
             force,
             first,
             *_laws(spec),
-            substep_factor,
-            threads,
-            limits,
+            threads=threads,
         )
     return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
 
@@ -197,7 +191,10 @@ def simulate_forces(
     substep_factor: Count = 1,
     threads: Threads = 0,
 ) -> ForceHistories:
-    """Simulate a batch and return its force histories; parameters as in `simulate_misfits`."""
+    """Simulate a batch and return its force histories; parameters as in `simulate_misfits`.
+
+    `substep_factor`, a power of two up to 64, multiplies the number of sub-steps from the stiffness bound.
+    """
     rows = _rows(spec, theta)
     if spec.own is not None:
         force, substeps = _own_batches().forces(spec, rows, history, substep_factor, most=MOST_SUBSTEPS)
@@ -216,14 +213,13 @@ def simulate_sensitivities(
     history: _rust.LoadingHistory,
     *,
     columns: Sequence[int] | None = None,
-    substep_factor: Count = 1,
     threads: Threads = 0,
 ) -> Sensitivities:
     """Simulate a batch with the exact derivatives of its forces; other parameters as in `simulate_misfits`.
 
-    The forces have the same bits as those of `simulate_forces`. The derivatives are exact up to rounding for the
-    discrete equations with the same sub-steps; at a kink they are those of the branch that the value takes. They are
-    with respect to `columns` of `theta`, counted from 0; all if `None`.
+    The forces have the same bits as from `simulate_forces`. The derivatives are exact up to rounding for the discrete
+    equations with the same sub-steps; at a kink the branch that the value takes is differentiated. They are with
+    respect to `columns` of `theta`, counted from 0; all if `None`.
 
     Examples
     --------
@@ -238,13 +234,13 @@ def simulate_sensitivities(
     wanted = None if columns is None else [int(column) for column in columns]
     if spec.own is not None:
         force, jacobian, substeps = _own_batches().sensitivities(
-            spec, rows, history, wanted, substep_factor, most=MOST_SUBSTEPS
+            spec, rows, history, wanted, 1, most=MOST_SUBSTEPS
         )
         outcome = _outcome_of(force, substeps)
         return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
     with core_refusals():
         force, jacobian, outcome, substeps = _rust.sensitivities(
-            spec.name, rows, history, wanted, *_laws(spec), substep_factor, threads
+            spec.name, rows, history, wanted, *_laws(spec), threads=threads
         )
     return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
 
@@ -280,11 +276,16 @@ def simulate_force(
     histories = simulate_forces(
         spec, np.reshape(theta, (1, -1)), loading.history(), substep_factor=substep_factor
     )
-    outcome = Outcome(histories.outcome[0])
-    if outcome is not Outcome.FINISHED:
-        raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")
+    refuse_failure(spec.name, histories.outcome[0])
     force: Floats = histories.force[0]
     return force
+
+
+def refuse_failure(what: str, outcome: int) -> None:
+    """Refuse a simulation that did not finish."""
+    ended = Outcome(outcome)
+    if ended is not Outcome.FINISHED:
+        raise SimulationError(f"{what} ended as {ended.name.lower()}: {ended.remedy}")
 
 
 @checked
@@ -336,13 +337,10 @@ def _rows(spec: DamperSpec, theta: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class InstructionSets(Summarised):
-    """Vector instructions of the compiled module and of this processor; results have the same bits with each.
+    """Vector instructions by name, as `"avx512"`, `"avx2"` or `"plain"`; results have the same bits with each.
 
-    Attributes
-    ----------
-    used : name of the set that simulations run on, `"avx512"`, `"avx2"` or `"plain"`.
-    built : names of those in the compiled module, fastest first.
-    machine : names of those that this processor has, fastest first.
+    Simulations run on the set `used`; the compiled module has those `built`, this processor those of the `machine`,
+    fastest first.
     """
 
     used: str
@@ -392,14 +390,9 @@ def fma_peak(threads: Threads = 1, seconds: NotNegative = 0.04) -> float:
     Parameters
     ----------
     threads
-        Threads that compute at once, 0 for all; the rate is that of all together.
+        Threads that compute at once, 0 for all; the rate is for all together.
     seconds
         Time of the measurement [s].
-
-    Raises
-    ------
-    SettingError
-        Where so many threads, or so long a measurement, are refused.
 
     Examples
     --------
@@ -416,7 +409,7 @@ def flops_per_step(model: DamperSpec | str, theta: Annotated[AnyNumbers, Shape((
     """Count the floating-point operations of one Runge-Kutta step of a damper model and of its residual.
 
     Additions, multiplications and divisions are counted by running them; a fused multiply-add counts as two. A model
-    without states has no step: then they are those of the force and the residual.
+    without states has no step: then the operations of force and residual are counted.
 
     Parameters
     ----------
@@ -428,7 +421,7 @@ def flops_per_step(model: DamperSpec | str, theta: Annotated[AnyNumbers, Shape((
     Raises
     ------
     SettingError
-        Where the parameters are not those of the model, it has current laws, or it is a damper of your own.
+        Where the parameters do not fit the model, it has current laws, or it is a damper of your own.
 
     Examples
     --------

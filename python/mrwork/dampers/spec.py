@@ -328,7 +328,7 @@ def _published(
 ) -> Preset:
     """A published set from the value of each parameter, or the coefficients of a polynomial in the command.
 
-    `eta` [1/s] is the rate of the lag of the driver; without a command the `note` has that of the set.
+    `eta` [1/s] is the rate of the lag of the driver; without a command the `note` tells it.
     """
     spec = damper(model)
     listed = [each if isinstance(each, tuple) else (each,) for each in map(values.__getitem__, spec.names)]
@@ -353,7 +353,7 @@ def _published(
 def _with_loop(
     others: Mapping[str, _Value], alpha: _Value, *, gamma: float, A: float, n: float
 ) -> dict[str, _Value]:
-    """Values with those of a Bouc-Wen loop whose gamma and beta are equal."""
+    """Values with a Bouc-Wen loop whose gamma and beta are equal."""
     return {**others, "alpha": alpha, "gamma": gamma, "beta": gamma, "A": A, "n": n}
 
 
@@ -456,7 +456,7 @@ class LawLimit:
 def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]) -> tuple[LawLimit, ...]:
     """Parameters whose law leaves its admissible range, or vanishes, between the smallest and the largest command.
 
-    There the damper is not the one that was identified: a stiffness or yield force of next to nothing, or an equation
+    There the damper differs from what was identified: a stiffness or yield force of next to nothing, or an equation
     too stiff to be solved. A number without a unit is a shape, which does not vanish.
     """
     if spec.command_unit is None:

@@ -52,7 +52,7 @@ _NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Exceedance(Summarised):
-    """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or that of the command.
+    """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or the unit of the command.
 
     A command between `lowest` and `highest` is in a gap of the tested ones. `extrapolated` are the parameters whose
     laws are used at a command that was not tested. A demand beyond what the damper is `rated` for has no tested range.
@@ -133,7 +133,7 @@ class OperatingRange(Summarised):
     `stroke` is half the peak-to-peak elongation [m], or its peak from rest; half cycles of the amplitude `least_stroke`
     [m] and smaller make a fifth of the travel, `None` if unknown, of several tests the least; `velocity` [m/s] and
     `force` [N] are peaks; `power` is the largest mean dissipated power of a test [W], which heats the damper.
-    `frequency` [Hz] is that of the cycles, without the slowest and the fastest tenth; `command`, in
+    `frequency` [Hz] counts the cycles, without the slowest and the fastest tenth; `command`, in
     `command_unit`, is the lowest and the highest, `None` if unknown, and `levels` are those at which it stays, lowest
     first, empty if unknown.
     """
@@ -222,7 +222,7 @@ class OperatingRange(Summarised):
 class Outside(Summarised):
     """Demand on a damper outside its tested ranges, and laws that leave their admissible range under that demand.
 
-    `known` is false where the damper has no tested ranges, as that of a published set.
+    `known` is false where the damper has no tested ranges, as one of a published set.
     """
 
     _made_by: ClassVar[str] = "fit.outside(test)"

@@ -116,7 +116,7 @@ class FitBatch:
         return workers.futures(tuple, fit_on_worker, (), chunks, on_done=arrived)
 
     def _whole(self, number: int, fit: Fit) -> Fit:
-        """A fit with its tests, which come back only where they are not those of its task."""
+        """A fit with its tests, which a worker leaves out where they are the tests of the task."""
         return fit if fit.tests else replace(fit, tests=self.tasks[number].tests)
 
 

@@ -22,13 +22,13 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.dampers.simulation import (
     Loading,
-    Outcome,
+    refuse_failure,
     refuse_other_unit,
     simulate_forces,
     simulate_sensitivities,
 )
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import SettingError
 from mrwork.identification.equivalent import search_box
 from mrwork.identification.objective import Objective, linearise_residuals, ties_of
 from mrwork.identification.residual import (
@@ -54,8 +54,8 @@ def simulate(
 ) -> Floats:
     """Forces [N] of candidates of a damper model under the motion and command of a record.
 
-    The states of the damper begin at zero, and the current in the coil at the first command. The force is that of the
-    damper; `predict` also applies the observation model of a test.
+    The states of the damper begin at zero, and the current in the coil at the first command. The force is at
+    the damper; `predict` also applies the observation model of a test.
 
     Parameters
     ----------
@@ -92,7 +92,8 @@ def simulate(
     spec = damper(model) if isinstance(model, str) else model
     rows, one = _rows_of(theta, spec.names, f"{spec.name} takes")
     run = simulate_forces(spec, rows, loading_for(record, spec).history(), threads=threads)
-    _refuse_failure(spec, run.outcome, one)
+    if one:
+        refuse_failure(spec.name, run.outcome[0])
     return np.asarray(run.force[0] if one else run.force)
 
 
@@ -151,8 +152,8 @@ def sensitivities(
 ) -> ForceSensitivities:
     """Forces of candidates with their exact derivatives by every parameter; arguments as in `simulate`.
 
-    The forces have the same bits as those of `simulate`. The derivatives are exact up to rounding for the discrete
-    equations; at a kink they are those of the branch that the value takes.
+    The forces have the same bits as from `simulate`. The derivatives are exact up to rounding for the discrete
+    equations; at a kink the branch that the value takes is differentiated.
 
     Raises
     ------
@@ -171,7 +172,8 @@ def sensitivities(
     rows, one = _rows_of(theta, spec.names, f"{spec.name} takes")
     loading = loading_for(record, spec)
     run = simulate_sensitivities(spec, rows, loading.history(), threads=threads)
-    _refuse_failure(spec, run.outcome, one)
+    if one:
+        refuse_failure(spec.name, run.outcome[0])
     # The compiled module has the derivatives of a parameter one after the other.
     jacobian = np.moveaxis(run.jacobian, 1, 2)
     start = record.start_time if isinstance(record, DamperTest) else 0.0
@@ -191,7 +193,7 @@ class CandidateObjective(Summarised):
 
     A point has shape (n_free,), many have (n_batch, n_free): values of `names` in `units`, or, with the coordinates
     "unit", places between their `bounds` from 0 to 1, on the scale of each parameter, linear or logarithmic, or, with
-    "latent", the logits of these places. Other parameters are held. The `objective` is that of `mr.identify`.
+    "latent", the logits of these places. Other parameters are held. `mr.identify` minimises the same `objective`.
     """
 
     _made_by: ClassVar[str] = "mr.objective(model, tests)"
@@ -439,9 +441,3 @@ def _rows_of(theta: ArrayLike, names: Sequence[str], taken_by: str) -> tuple[Flo
             f"(n_batch, {len(names)}): {list_names(names, 20)}"
         )
     return np.atleast_2d(rows), rows.ndim == 1
-
-
-def _refuse_failure(spec: DamperSpec, outcomes: NDArray[np.uint8], one: bool) -> None:
-    """Refuse a single candidate that did not finish; among several it is a row of its own."""
-    if one and (outcome := Outcome(outcomes[0])) is not Outcome.FINISHED:
-        raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")

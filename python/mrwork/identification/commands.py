@@ -57,7 +57,7 @@ def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
 
 
 def command_of(test: DamperTest, varying: str = "") -> object:
-    """Key of a test, equal for those of one constant command; one that varies has its label, or the one given."""
+    """Key of a test: its constant command, else the text `varying`, or the label of the test."""
     if test.has_varying_command:
         return varying or test.label
     return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)

@@ -22,7 +22,7 @@ from mrwork.identification.objective import Objective, linearise_residuals
 from mrwork.records import DamperTest
 
 # A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to
-# the one that changes them most, is not identifiable. Rounding leaves about 1e-11. The same number bounds the squared
+# the most sensitive one, is not identifiable. Rounding leaves about 1e-11. The same number bounds the squared
 # component of a parameter that takes part in such a combination.
 INSENSITIVE = 1e-7
 
@@ -67,8 +67,8 @@ class Covariance:
     """Covariance of the parameters of the requested model for `n_effective` samples, and the slopes it follows from.
 
     `matrix`, (n_params, n_params), has zeros for parameters that do not vary and NaN for those that the residuals do
-    not determine: it is that of independent residuals times `n_residuals/n_effective`. A parameter on its bound counts
-    as known.
+    not determine. The covariance for independent residuals is multiplied by `n_residuals/n_effective`. A parameter on
+    its bound counts as known.
     """
 
     slopes: Slopes
@@ -166,7 +166,7 @@ def effective_samples(residuals: Iterable[ArrayLike]) -> float:
 
 
 def residuals_by_test(residuals: Floats, tests: Sequence[DamperTest]) -> tuple[Floats, ...]:
-    """Residuals of an objective, shape (..., n_residuals), divided into those of its tests, shape (..., n_counted)."""
+    """Residuals of an objective, shape (..., n_residuals), divided by tests, shape (..., n_counted) each."""
     ends = np.cumsum([test.n_counted for test in tests])
     return tuple(np.split(residuals, ends[:-1], axis=-1))
 

@@ -258,7 +258,7 @@ def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
 def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:
     """Function of a seed that adds noise to the motion of the test, as large as the noise that its smoother removes.
 
-    The noise of a velocity that was derived is that of its derivation.
+    The noise of a velocity that was derived follows from its derivation.
     """
     smoother = Differentiator.of(test.displacement, test.dt)
     is_measured = test.velocity_source == "measured"

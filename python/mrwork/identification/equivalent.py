@@ -268,7 +268,7 @@ def _law_box(spec: DamperSpec, searched: Box, commands: Floats) -> Box:
         plain = searched.names.index(coefficient.parameter)
         reach = _MARGIN * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
         if coefficient.command is not None and parameter.scale == "log":
-            # Its logarithm resolves the admissible range, as that of a constant parameter does.
+            # Its logarithm resolves the admissible range, as of a constant parameter.
             continue
         if coefficient.is_exponent:
             reach = _EXPONENT

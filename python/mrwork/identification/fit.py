@@ -168,7 +168,7 @@ class Direction:
     sentence: str
 
 
-# Key of the record of settings that the command line adds to those of `FitSettings`.
+# Key that the command line adds to the record of the settings.
 _READING = "reading"
 # Share by which a value may exceed its bound after a conversion between forms of a model.
 _ROUNDING = 1e-6
@@ -180,7 +180,7 @@ FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 
 
 class _ByName(dict[str, FittedParameter]):
-    """Parameters of a fit by name; an unknown name is refused with the similar ones."""
+    """Parameters of a fit by name; the refusal of an unknown name suggests similar ones."""
 
     def __missing__(self, name: str) -> FittedParameter:
         raise UnknownNameError(
@@ -252,7 +252,7 @@ class SearchTrace(Summarised):
 class SingleCommand:
     """The parameters that follow the command, fitted to the tests at one `command` [A or V] alone.
 
-    The other parameters are held at those of the fit to all tests.
+    The other parameters are held at their values in the fit to all tests.
     """
 
     command: float
@@ -315,11 +315,11 @@ class Fit(Plotted, WithAxes, Summarised):
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
     where there are no standard errors. `directions` are those in which the data determine the parameters weakly or not
-    at all. `intervals` are those of `profile` or `sample`; where there are any, tables show them and not the standard
+    at all. `intervals` come from `profile` or `sample`; where there are any, tables show them and not the standard
     errors.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
-    `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `tests` are those of the
-    fit, and `forces` those of the free runs on them, [N], shape (n_time,); `warnings` are sentences on what could
+    `refinement_steps` counts steps of the final fit, one simulation with its derivatives each. `tests` were fitted, and
+    `forces` are the forces of free runs on them, [N], shape (n_time,); `warnings` are sentences on what could
     mislead in the result, and `status_reason` says why it has not converged, or what a converged fit costs in a
     building; `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the
     ranges of motion, command and load of the tests; `live_settings` are the settings with the search that ran. A fit
@@ -421,7 +421,7 @@ class Fit(Plotted, WithAxes, Summarised):
 
     @property
     def settings(self) -> FitSettings:
-        """The settings of the identification; of a fit that was read from its file, those of its record."""
+        """The settings of the identification; of a fit that was read from its file, the recorded ones."""
         if self.live_settings is not None:
             return self.live_settings
         separate = {"nuisances": self.nuisances, "rng": self.provenance.rng}

@@ -66,7 +66,7 @@ def manifest_of(fit: Fit, status: str) -> dict[str, object]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OtherFits:
-    """The file of other fits to the same tests, whose laws predict nearly as well as those of the fit beside it."""
+    """The file of other fits to the same tests, whose laws predict nearly as well as the fit beside it."""
 
     fits: tuple[Fit, ...]
 

@@ -96,7 +96,7 @@ def fit_like(
         sentence += (
             f", and by {_percent(near.spec, theta, between, force):.2g} % under a motion that was not fitted"
         )
-    # Doubts about measurements are none here.
+    # The data are simulated: doubts about measurements do not apply.
     return replace(near, tested=tested, warnings=(sentence,))
 
 

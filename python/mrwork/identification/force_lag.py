@@ -38,7 +38,7 @@ _ROUNDS = 12
 _CONVERGED = 0.03
 _ITERATIONS = 8
 _TOLERANCE = 1e-4
-# Share by which the misfit of a delay may exceed that of a lag, or the reverse, where the sentence names both.
+# Share by which the misfits of a delay and of a lag may differ where the sentence names both.
 _ALIKE = 0.02
 # Least eigenvalue of the normal equations, per largest, that counts.
 _INSENSITIVE = 1e-12
@@ -59,8 +59,8 @@ def force_lag_warnings(
 ) -> tuple[str, ...]:
     """Warning of a lag of the force channel that pays, or of damping that an unknown delay would change by far.
 
-    The `excerpts` are fitted again where that is worth it; `errors` are those of the requested model, (n_params,).
-    Tests whose lag is given or estimated are not examined, nor are those of a varying command: the coil is late too.
+    The `excerpts` are fitted again where that is worth it; `errors` are standard errors of the requested model,
+    (n_params,). Nothing is examined where the lag is given or estimated, or a command varies: the coil is late too.
     """
     tests = slopes.objective.tests
     known = any(test.observation.delay_seconds or test.observation.lag_seconds for test in tests)

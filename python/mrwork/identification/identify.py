@@ -27,7 +27,7 @@ from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Identifying, Progress
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
-from mrwork.identification.settings import FitSettings, Multistart, UnregisteredSearch
+from mrwork.identification.settings import FitSettings, Multistart
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -76,8 +76,8 @@ class _Call(FitSettings):
 def identify(call: _Call) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
 
-    The starting points of a plain model are found by local minimisations (Levenberg-Marquardt) from many random starts,
-    or by another `search`; those of a model with current laws by fits of the plain model at each command. The final
+    Local minimisations (Levenberg-Marquardt) from many random starts, or another `search`, find the starting points of
+    a plain model; fits of the plain model at each command find the starting points of current laws. The final
     least-squares fit uses exact derivatives; it can be made by optimistix for comparison.
 
     Returns
@@ -268,7 +268,7 @@ class _Identification:
 def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
     """Fits to the tests at each command of the parameters that follow it; none where the commands vary.
 
-    They end on excerpts; their standard errors are those of the whole tests.
+    They end on excerpts; their standard errors are for the whole tests.
     """
     spec, objective = fit.spec, problem.objective
     if spec.command_unit is None or spec.own is not None or not has_levels(spec, objective.tests):
@@ -299,7 +299,6 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
 def starting_points(problem: Problem, call: Identifying) -> StartingPoints:
     """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
     search, spec = problem.search, problem.form.spec
-    assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
     if spec.command_unit is None:
         if isinstance(search, Multistart):
             return points_from_multistart(problem, search, call=call)

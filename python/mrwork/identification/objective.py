@@ -39,8 +39,8 @@ _Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
 def shares_of(compared: Sequence[ObservedTest], settings: FitSettings) -> list[float]:
     """Weights of the squared NRMSE of tests, of mean 1.
 
-    Errors whose standard deviation is proportional to that of the force to the `force_exponent` have the same variance
-    then: 1 gives equal weights, 0 minimises the sum of squares in newtons.
+    Errors whose standard deviation grows as the force's to the power `force_exponent` have the same variance then: 1
+    gives equal weights, 0 minimises the sum of squares in newtons.
     """
     if settings.force_exponent == EQUAL_SHARES:
         return [1.0] * len(compared)
@@ -178,7 +178,7 @@ class Objective(Summarised):
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
         `shares` are weights of the tests for each row, shape (n_batch, n_tests); 0 leaves a test out. By default they
-        are those of the objective.
+        are the shares of the objective.
         """
         n_tests = len(self.compared)
         if shares is None:
@@ -274,7 +274,7 @@ class Objective(Summarised):
     def residuals(self, theta: _Rows) -> Floats:
         """Residuals of each row of `theta`, shape (n_batch, n_residuals); the sum of squares is the squared misfit.
 
-        Residuals of a simulation that failed are 1, far above those of any fit.
+        Residuals of a simulation that failed are 1, far above the residuals of any fit.
         """
         self.tally.simulations += len(theta)
 

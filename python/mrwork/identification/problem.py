@@ -16,7 +16,7 @@ from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.dampers.command import CommandValues, command_level
+from mrwork.dampers.command import command_level
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.laws import CommandLaw
 from mrwork.dampers.parameters import ParamSpec
@@ -26,8 +26,9 @@ from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.residual import bounds_without_offsets, offset_warning
-from mrwork.identification.settings import FitSettings, Multistart, Search, Start, refuse_unregistered
+from mrwork.identification.settings import FitSettings, Multistart, Start, UnregisteredSearch
 from mrwork.records import DamperTest, observed
+from mrwork.search import Optimiser
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
 
@@ -58,30 +59,14 @@ class Problem:
         journal: Journal | None = None,
     ) -> Problem:
         """Complete the settings, check them against the model and the tests, and prepare the simulation."""
-        settings = _complete_settings(settings, spec)
-        refuse_unregistered(settings.search)
-        _check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
-        problem = cls._prepare(spec, tests, settings, threads=threads, journal=journal)
-        if not problem.form.box.free:
-            raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
-        return problem
-
-    @classmethod
-    def of_fit(cls, fit: Fit, tests: tuple[DamperTest, ...], *, threads: int = 0) -> Problem:
-        """The problem that a fit solved, on its own tests or others of the same damper."""
-        return cls._prepare(fit.spec, tests, _complete_settings(fit.settings, fit.spec), threads=threads)
-
-    @classmethod
-    def _prepare(
-        cls,
-        spec: DamperSpec,
-        tests: tuple[DamperTest, ...],
-        settings: FitSettings,
-        *,
-        threads: int,
-        journal: Journal | None = None,
-    ) -> Problem:
-        form = tied_form(identifiable_form(spec, settings.bounds), spec, settings)
+        settings = replace(
+            settings,
+            search=settings.search or Multistart(),
+            bounds=bounds_without_offsets(settings.nuisances, spec) | dict(settings.bounds),
+        )
+        form = identifiable_form(spec, settings.bounds)
+        _check_starts(spec, form, settings.starts)
+        form = tied_form(form, spec, settings)
         objective = Objective.of(
             form.spec,
             tuple(observed(test, settings.observe) for test in tests),
@@ -89,7 +74,14 @@ class Problem:
             threads=threads,
             journal=journal,
         )
+        if not form.box.free:
+            raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
         return cls(spec=spec, settings=settings, form=form, objective=objective)
+
+    @classmethod
+    def of_fit(cls, fit: Fit, tests: tuple[DamperTest, ...], *, threads: int = 0) -> Problem:
+        """The problem that a fit solved, on its own tests or others of the same damper."""
+        return cls.of(fit.spec, tests, fit.settings, threads=threads)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -103,11 +95,16 @@ class Problem:
         )
 
     @property
-    def search(self) -> Search:
-        """The search, which complete settings always have."""
-        assert self.settings.search is not None
-        assert not isinstance(self.settings.search, str)
-        return self.settings.search
+    def search(self) -> Multistart | Optimiser:
+        """The search, which complete settings always have; one whose code is not known is refused."""
+        search = self.settings.search
+        assert not isinstance(search, str | None)
+        if isinstance(search, UnregisteredSearch):
+            raise SettingError(
+                f"the search {search.name!r} of this fit is not registered, so it cannot run again from a file; "
+                "identify again with its settings or the name of a registered search as `search`"
+            )
+        return search
 
     def inside(self, theta: ArrayLike) -> Floats:
         """Parameters of the requested model, (n_params,), converted to the form and moved inside its box."""
@@ -140,15 +137,6 @@ def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:
         box=form.box.with_bounds(held),
         to_model=Conversion(convert=ties.apply, jacobian=ties.jacobian),
         mirrored=() if set(form.mirrored) & set(ties.indices) else form.mirrored,
-    )
-
-
-def _complete_settings(settings: FitSettings, spec: DamperSpec) -> FitSettings:
-    """Settings with the default search of the model, where none is given, and the bounds that nuisances require."""
-    return replace(
-        settings,
-        search=settings.search or Multistart(),
-        bounds=bounds_without_offsets(settings.nuisances, spec) | dict(settings.bounds),
     )
 
 
@@ -207,13 +195,10 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
                 "sha256": test.sha256,
                 "samples": test.n_time,
                 "settle_samples": test.n_settle,
-                "current": _digest_command(test.current),
-                "voltage": _digest_command(test.voltage),
-                **(
-                    {}
-                    if test.command is None
-                    else {"command": [_digest_command(test.command), test.command_unit]}
-                ),
+                "commands": [
+                    [digest_of(value) if isinstance(value, np.ndarray) else value, unit]
+                    for value, unit in test.commands
+                ],
                 "observation": test.observation.in_words,
                 # Changes with windows, repairs and units of columns.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
@@ -260,10 +245,6 @@ def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[s
         "predicted force is that of the command of the fit; identify it with --law NAME=LAW "
         "(in Python `with_current_laws`)",
     )
-
-
-def _digest_command(command: CommandValues | None) -> float | str | None:
-    return digest_of(command) if isinstance(command, np.ndarray) else command
 
 
 @checked

@@ -83,7 +83,7 @@ class Tally:
         return asdict(self)
 
     def restore(self, record: Mapping[str, Any]) -> None:
-        """Set the counts to those of a journal."""
+        """Set the counts to recorded ones."""
         self.simulations, self.steps = int(record["simulations"]), int(record["steps"])
 
 
@@ -92,7 +92,7 @@ class Progress(ProgressReport):
     """Progress of an identification; `share` is the used part of what the stage allows at most.
 
     `fit_percent` is the best fit so far of what is `fitted`, as "dahl on excerpts"; empty for the model on all samples.
-    `generation` is that of the search and `median_percent` the median fit of its population; 0 and NaN outside a
+    `generation` counts in the search, and `median_percent` is the median fit of its population; 0 and NaN outside a
     search. `evaluations` and `steps` are the candidates and time steps simulated so far.
     """
 
@@ -123,7 +123,7 @@ class Progress(ProgressReport):
 class Found:
     """What a search has found: its `best` point, (n_params,), its trace, and the numbers of the latest iteration.
 
-    `median` is the misfit of the present population, `share` that of the allowed iterations that is used up.
+    `median` is the misfit of the present population, `share` the used part of the allowed iterations.
     """
 
     best: Callable[[], Floats]
@@ -196,46 +196,32 @@ _STEADY = 5.0
 
 
 class IdentificationInWords:
-    """Describes the progress of an identification; the line begins with `prefix`."""
+    """Describes the progress of an identification in a line, with rates and the time left since its stage began.
 
-    def __init__(self, prefix: str = "") -> None:
-        self._prefix = prefix
-        self._began: Progress | None = None
-        self._time_left = _TimeLeft(share=0.0, seconds=0.0)
-
-    def __call__(self, progress: Progress) -> str:
-        """Progress in one line, with rates and the remaining time since its stage began."""
-        if self._began is None or self._began.stage != progress.stage:
-            self._began = progress
-            self._time_left = _TimeLeft(share=progress.share, seconds=progress.seconds)
-        left = self._time_left.after(progress.share, progress.seconds)
-        return self._prefix + describe_progress(progress, self._began, left)
-
-
-class _TimeLeft:
-    """Remaining time of a stage that began with this share done, at this time [s].
-
-    It runs down with the clock, and approaches the estimate from the share that is done within some seconds: searches
-    end early, and a share grows in steps.
+    The time left runs down with the clock, and approaches the estimate from the share that is done within some seconds:
+    searches end early, and a share grows in steps.
     """
 
-    def __init__(self, *, share: float, seconds: float) -> None:
-        self._began = self._share, self._seconds = share, seconds
-        self._left: float | None = None
+    def __init__(self) -> None:
+        self._began: Progress | None = None
 
-    def after(self, share: float, seconds: float) -> float | None:
+    def __call__(self, progress: Progress) -> str:
+        """Progress in one line."""
+        if self._began is None or self._began.stage != progress.stage:
+            self._began, self._share, self._seconds = progress, progress.share, progress.seconds
+            self._left: float | None = None
+        return describe_progress(progress, self._began, self._time_left(progress, self._began))
+
+    def _time_left(self, progress: Progress, began: Progress) -> float | None:
         """The time [s], not below 0; `None` where it is not known yet."""
-        first, began = self._began
-        self._share = max(self._share, min(share, 1.0))
-        passed, self._seconds = seconds - self._seconds, seconds
-        if self._share <= first or seconds - began < _FIRST_ESTIMATE:
+        self._share = max(self._share, min(progress.share, 1.0))
+        passed, self._seconds = progress.seconds - self._seconds, progress.seconds
+        running = progress.seconds - began.seconds
+        if self._share <= began.share or running < _FIRST_ESTIMATE:
             return None
-        estimate = (seconds - began) * (1.0 - self._share) / (self._share - first)
-        if self._left is None:
-            self._left = estimate
-        else:
-            run_down = max(self._left - passed, 0.0)
-            self._left = estimate + (run_down - estimate) * math.exp(-passed / _STEADY)
+        estimate = running * (1.0 - self._share) / (self._share - began.share)
+        run_down = estimate if self._left is None else max(self._left - passed, 0.0)
+        self._left = estimate + (run_down - estimate) * math.exp(-passed / _STEADY)
         return self._left
 
 

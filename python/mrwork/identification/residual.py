@@ -21,12 +21,13 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import (
     MOST_SUBSTEPS,
     Outcome,
+    refuse_failure,
     simulate_forces,
     simulate_sensitivities,
     stiffness_shares,
 )
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import RecordError, SettingError, SimulationError
+from mrwork.errors import RecordError, SettingError
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET
@@ -125,9 +126,9 @@ def without_nuisance(force: Floats, measured: Floats, names: Sequence[NuisanceNa
 def _linearised_without_nuisance(
     force: Floats, slope: Floats, measured: Floats, names: Sequence[NuisanceName]
 ) -> tuple[Floats, Floats]:
-    """Residuals as in `without_nuisance`, with derivatives from those of the force, shape (n_batch, n_params, n_time).
+    """Residuals as in `without_nuisance`, and their derivatives, from the force's, shape (n_batch, n_params, n_time).
 
-    Residuals are r = y - C c with c = C^+ y. The columns C, except that of the offset, depend on the force, hence
+    Residuals are r = y - C c with c = C^+ y. The columns C, except the offset's, depend on the force, hence
 
         dr = P (dy - dC c) - (C^+)' dC' r,  P = 1 - C C^+
 
@@ -423,10 +424,6 @@ class ObservedTest:
     def predict_force(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
         """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""
         run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
-        outcome = Outcome(run.outcome[0])
-        if outcome is not Outcome.FINISHED:
-            raise SimulationError(
-                f"{self.spec.name} on {self.test.name} ended as {outcome.name.lower()}: {outcome.remedy}"
-            )
+        refuse_failure(f"{self.spec.name} on {self.test.name}", run.outcome[0])
         force, nuisance = self.with_nuisance(self.test.observation.observe(run.force[0], self.test.dt))
         return force, nuisance, int(run.substeps[0])

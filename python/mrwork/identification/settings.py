@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
 
@@ -15,7 +15,7 @@ from mrwork.identification.residual import NuisanceName
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.search import Optimiser
 from mrwork.search.rules import LARGEST_POPULATION
-from mrwork.store.codec import built
+from mrwork.store.codec import built, plain
 
 
 @checked
@@ -94,15 +94,6 @@ def resize_search(
     return settings  # type: ignore[no-any-return] # of the same class
 
 
-def refuse_unregistered(search: Search | str | None) -> None:
-    """Refuse a search whose code is not known."""
-    if isinstance(search, UnregisteredSearch):
-        raise SettingError(
-            f"the search {search.name!r} of this fit is not registered, so it cannot run again from a file; "
-            "identify again with its settings or the name of a registered search as `search`"
-        )
-
-
 @cache
 def searches() -> Mapping[str, Search]:
     """Every search with its default settings, by the name that users and records use.
@@ -120,14 +111,8 @@ def search_named(name: str) -> Search:
     return searches()[name]
 
 
-def _record_of_search(search: Search) -> dict[str, Any]:
-    """Plain values of the settings of a search, and its name."""
-    settings = search.settings if isinstance(search, UnregisteredSearch) else asdict(search)
-    return {"name": search.name, **settings}
-
-
 def _search_of_record(record: Mapping[str, Any]) -> Search:
-    """Undo `_record_of_search`; a search that is not registered becomes an `UnregisteredSearch`."""
+    """The search of its record; one that is not registered becomes an `UnregisteredSearch`."""
     name = record["name"]
     # The default search is not looked up, because that would import all optimisers.
     if name == Multistart.name:
@@ -137,7 +122,7 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
     return built(type(searches()[name]), record)  # type: ignore[no-any-return] # the type is the one given
 
 
-# What makes the final fit: our minimisation, all starts in lanes, or that of optimistix through JAX.
+# What makes the final fit: our minimisation, all starts in lanes, or optimistix through JAX.
 Engine = Literal["lanes", "optimistix"]
 
 Fold = Literal["test", "motion", "command"]
@@ -171,7 +156,7 @@ class FitSettings:
     ties
         Tie a parameter to an expression of others, as k to ``2*c``: numbers, parameters, parentheses, ``+ - * / **``;
         for one model whose parameters are constant. In Python a mapping such as {"k": "2*c"}. Tied parameters are not
-        searched; each stays inside its bounds, and its standard error follows from those of the others.
+        searched; each stays inside its bounds, and its standard error follows from the standard errors of the others.
     force_exponent
         Assume that errors grow between tests with the standard deviation of the force to this power: 1 gives all tests
         the same weight, 0 compares errors in newtons.
@@ -216,17 +201,17 @@ class FitSettings:
 
     @property
     def again(self) -> FitSettings:
-        """Those for a fit to other tests that does not know of this one: without starts, in lanes."""
+        """The settings for a fit to other tests: without starts, in lanes."""
         return replace(self, starts=(), engine="lanes")
 
     def as_record(self) -> dict[str, Any]:
         """Plain values of all fields, for JSON; a search is a record with its name."""
         search = self.search
         assert not isinstance(search, str)
-        others = {
-            each.name: _plain(getattr(self, each.name)) for each in fields(self) if each.name != "search"
-        }
-        return {"search": None if search is None else _plain(_record_of_search(search))} | others
+        if search is None:
+            return plain(self)  # type: ignore[no-any-return] # of a dataclass it is a dictionary
+        settings = search.settings if isinstance(search, UnregisteredSearch) else plain(search)
+        return plain(self) | {"search": {"name": search.name, **settings}}  # type: ignore[no-any-return]
 
     @classmethod
     @checked
@@ -244,11 +229,3 @@ class FitSettings:
             raise RecordError(
                 f"the settings of this fit cannot be read ({reason}); run `mrwork identify` again"
             ) from None
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {name: _plain(entry) for name, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return value

@@ -1,4 +1,4 @@
-"""Simpler descriptions of tests, and those of single tests, which make a minimum suspicious where they are better."""
+"""Simpler descriptions of tests, and fits to single tests, which make a minimum suspicious where they are better."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from mrwork.base.values import Floats
 from mrwork.identification.commands import command_of
 from mrwork.records import DamperTest
 
-# A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
+# A fit whose misfit is not below this share of the misfit of a linear spring and dashpot is linear itself.
 LINEAR_SHARE = 0.98
 
 
 def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False) -> float:
     """Root mean square NRMSE of a linear spring and dashpot with an offset, one for all tests.
 
-    For a model that follows the command, those at each command have their own.
+    For a model that follows the command, the tests at each command have their own.
     """
     groups: dict[object, list[DamperTest]] = {}
     for test in tests:
@@ -66,14 +66,14 @@ _SHOWN = 3
 
 
 def far_worse(joint: Floats, alone: Floats) -> NDArray[np.intp]:
-    """Indices of the tests whose `joint` NRMSE, shape (n_tests,), is far above their own; NaN where there is none."""
+    """Indices of the tests whose `joint` NRMSE, shape (n_tests,), is far above their own, which may be NaN."""
     return np.flatnonzero(joint > _FAR_WORSE * np.maximum(alone, _RESOLVED))
 
 
 def far_worse_sentence(
     tests: Sequence[DamperTest], worse: NDArray[np.intp], joint: Floats, alone: Floats, *, found_again: bool
 ) -> str:
-    """Sentence on the tests whose NRMSE in the joint fit is far above that of their own fits."""
+    """Sentence on the tests whose NRMSE in the joint fit is far above the NRMSE of their own fits."""
     both = [
         f"{tests[index].name} ({100.0 * (1.0 - joint[index]):.1f} % for {100.0 * (1.0 - alone[index]):.1f} %)"
         for index in worse

@@ -57,8 +57,8 @@ _BINARY: dict[type[ast.operator], Callable[[Value, Value], Value]] = {
 class Ties:
     """Ties of a model in an order in which each needs only parameters that are known before it.
 
-    `indices` are those of the tied parameters, `expressions` what they equal, `lower` and `upper` their bounds. A
-    candidate of which a tied parameter leaves its bounds cannot be simulated.
+    The parameters at `indices` equal the `expressions`, between `lower` and `upper` bounds. A candidate of which a tied
+    parameter leaves its bounds cannot be simulated.
     """
 
     names: tuple[str, ...]

@@ -1,6 +1,6 @@
 """Forces, residuals and misfits as functions of JAX, with the exact derivatives of the kernel.
 
-They are those of `mr.simulate` and `mr.objective`, for `jit`, `vmap`, `grad`, `jacfwd` and `jacrev`. A point at which a
+They equal `mr.simulate` and `mr.objective`, for `jit`, `vmap`, `grad`, `jacfwd` and `jacrev`. A point at which a
 simulation fails, or that lies outside the unit cube, has an infinite force and misfit, with derivatives of zero.
 """
 
@@ -192,7 +192,7 @@ def force(
     substeps: int | None = None,
     threads: Threads = 1,
 ) -> TracedFunction:
-    """The simulated force of a record as a function of all parameters, for JAX: that of `mr.simulate`, to the bit.
+    """The simulated force of a record as a function of all parameters, for JAX; it has the bits of `mr.simulate`.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def misfit(
     substeps: int | None = None,
     threads: Threads = 1,
 ) -> TracedFunction:
-    """The misfit of `mr.identify` as a function of the free parameters, for JAX: that of `mr.objective`.
+    """The misfit of `mr.identify` and `mr.objective` as a function of the free parameters, for JAX.
 
     Parameters
     ----------
@@ -309,7 +309,7 @@ def objective_of(
     tests: DamperTest | Sequence[DamperTest] | None,
     coordinates: Coordinates | None,
 ) -> CandidateObjective:
-    """The objective that is given, or that of a model and its tests."""
+    """The objective that is given, or a new one of a model and its tests."""
     if not isinstance(model, CandidateObjective):
         if tests is None:
             raise SettingError("`tests` are missing; give a damper test, or several, beside the model")

@@ -11,9 +11,9 @@ from jax import Array
 
 from mrwork.base.arguments import AnyArray, checked
 from mrwork.base.summary import Summarised
-from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
+from mrwork.dampers.simulation import Loading, refuse_failure, simulate_forces
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import SettingError
 from mrwork.identification.candidates import loading_for
 from mrwork.records import DamperTest
 from mrwork.twins.models import begin, evaluate_on_processor, parameters_at, simulate, twin_of
@@ -29,7 +29,7 @@ class DamperTwin(Summarised):
     z'(z, x, v), and the force is f(z, x, v) [N]; dampers begin at z = 0. Where parameters follow the command, it is
     that received by the coil.
 
-    The force agrees with that of `mr.simulate` to 1e-8 of its largest, for the same number of sub-steps. The twin is a
+    The force agrees with `mr.simulate` to 1e-8 of its largest, for the same number of sub-steps. The twin is a
     reference: it is slower than `mr.jax.force`, and says nothing where a motion is not resolved or diverges.
     """
 
@@ -76,9 +76,7 @@ class DamperTwin(Summarised):
         """
         history = loading_for(record, self.spec).history()
         run = simulate_forces(self.spec, np.asarray(theta)[None], history)
-        outcome = Outcome(run.outcome[0])
-        if outcome is not Outcome.FINISHED:
-            raise SimulationError(f"{self.spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")
+        refuse_failure(self.spec.name, run.outcome[0])
         return int(run.substeps[0])
 
 

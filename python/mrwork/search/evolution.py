@@ -28,7 +28,7 @@ changed are simulated again. Details that the source leaves open (our definition
   chromosome; its copies have fitness 0, so they mutate in the next generation and explore its neighbourhood. With the
   fitness of the best they would never change and would displace the others, one more in each generation.
 
-**Differential evolution** (Storn & Price, J. Glob. Optim. 11, 1997, 341-359). The defaults are those of
+**Differential evolution** (Storn & Price, J. Glob. Optim. 11, 1997, 341-359). The defaults follow
 `scipy.optimize.differential_evolution` with deferred updating: best/1/bin, a random mutation factor F for each
 generation ("dither"), binomial crossover with at least one gene from the mutant. Two things differ: genes that leave
 the box are reflected, not drawn again, and a trial that only equals its parent is rejected.

@@ -113,7 +113,7 @@ class FrontResult(Summarised):
     """Points of which no other simulated one is lower in every objective, and the number of candidates.
 
     `units` (n, n_params) with `objectives` (n, n_objectives), ordered by the first objective, and `constraints` (n,
-    n_constraints). They are of points that meet every constraint; where none does, of the one with the least violation.
+    n_constraints). They are of points that meet every constraint; where none does, of the point of least violation.
     """
 
     units: Floats
@@ -147,7 +147,7 @@ def run_front(
     """Search a Pareto front by NSGA-II of pymoo within a budget of candidates; at most half a generation are starts.
 
     Deb, Pratap, Agarwal & Meyarivan, IEEE Trans. Evol. Comput. 6(2), 2002, 182-197; Blank & Deb, IEEE Access 8, 2020,
-    89497-89509. Of two points the one that meets the constraints comes first, then that with the smaller sum of
+    89497-89509. Of two points, a point that meets the constraints comes first, then the smaller sum of
     violations (Deb's rules): constraints of different units want a common scale. The journal records every generation,
     and recalls the generations of a search that was interrupted. The search ends where `on_generation`, called with the
     number of candidates after every generation, returns true.
@@ -195,7 +195,7 @@ def run_front(
 
 
 def _select_feasible_front(values: Floats, constraints: Floats) -> NDArray[np.int64]:
-    """Indices of the front of the points that meet the constraints, else of the one with the least violation."""
+    """Indices of the front of the points that meet the constraints, else of the point of least violation."""
     feasible = np.flatnonzero((constraints <= 0.0).all(axis=1))
     if feasible.size or not np.isfinite(values).all(axis=1).any():
         return feasible[select_nondominated(values[feasible])]

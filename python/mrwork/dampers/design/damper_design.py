@@ -43,7 +43,7 @@ _TIME_CONSTANT_SHARE = 1.0 - exp(-1.0)
 
 # The least field at which an inductance is taken [A/m], far below saturation, and the relative step of its difference.
 _LEAST_FIELD, _STEP = 1.0, 1e-4
-# Fields of the integral of a rise time; the error of the trapezoidal rule is far below that of the circuit.
+# Fields of the integral of a rise time; the trapezoidal rule errs far less than the circuit.
 _N_FIELDS = 200
 
 
@@ -325,7 +325,7 @@ class DamperDesign(Summarised):
     def circuit(self) -> MagneticCircuit:
         """Circuit of one coil: core, two poles, two crossings of the gap, cylinder.
 
-        The axial path in core and cylinder is from the middle of one pole to that of the other.
+        The axial path in core and cylinder is from the middle of one pole to the middle of the other.
         """
         axial = self.coil_length + self.pole_length
         outer = self.outer_diameter / 2.0
@@ -514,8 +514,8 @@ def twenty_ton_damper() -> DamperDesign:
     range of 10.1 at 0.1 m/s, less than 50 W, 3 x 7.3 ohm, about 6 H, 90 cm^3 of active and about 5 l of all fluid.
 
     Assumed, and not adjusted to those results: rod 70 mm, wall 30 mm, grooves of 65 mm by 35 mm, their winding 4 mm
-    below the poles, AISI 1018, 1.5 A, density 3500 kg/m^3. The particle fraction is that of Carlson's formula for
-    62 kPa.
+    below the poles, AISI 1018, 1.5 A, density 3500 kg/m^3. The particle fraction gives 62 kPa by Carlson's
+    formula.
 
     The winding matters most: the slot at the coils is longer than at the poles, and with the winding level with the
     poles the range falls to 3.6. Without rod, coils and motion of the wall it is 9.0. The published viscosity over

@@ -137,8 +137,8 @@ def plate_pressure(
     """Pressure drop between parallel plates as wide as the mean circumference of the slot, exactly.
 
     With walls at rest and n = 1 it is the root of the cubic of Phillips (Engineering Applications of Fluids with a
-    Variable Yield Stress, thesis, Berkeley, 1969), with a moving wall that of his quintic. Arguments and result are
-    those of `annular_pressure`.
+    Variable Yield Stress, thesis, Berkeley, 1969), with a moving wall of his quintic. Arguments and result as
+    in `annular_pressure`.
     """
     flow, tau, speed = broadcast(
         "plate_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
@@ -183,7 +183,7 @@ def summed_pressure(
     """Pressure drop as the sum of a viscous and a yield part, the usual approximation; arguments of `annular_pressure`.
 
     `12 eta L (Q + w h v/2)/(w h^3) + c tau_y L/h`, for n other than 1 with the viscosity at the wall of a fluid without
-    yield stress. Without a `coefficient` c it is that of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w
+    yield stress. Without a `coefficient`, c is of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`, `T = w
     h^2 tau_y/(12 Q eta)` (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323).
     """
     flow, tau, speed = broadcast(

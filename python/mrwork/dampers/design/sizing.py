@@ -181,7 +181,7 @@ OnSizing = Callable[[SizingProgress], bool | None]
 class _Sizing(LongCall[SizingProgress, Any]):
     """A search of a damper that runs: its `best` point of the unit cube so far, and candidates so far.
 
-    `budget` and `envelope` [m^3] are those of the whole search.
+    `budget` and `envelope` [m^3] are for the whole search.
     """
 
     budget: int
@@ -316,7 +316,7 @@ def _shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, 
 
 
 def _misfit(design: DamperDesign | None, harder: DamperWishes) -> float:
-    """Volume over that of the envelope, at most 1; for a design that misses wishes, 1 and what it misses."""
+    """Volume as a share of the envelope, at most 1; for a design that misses wishes, 1 and what it misses."""
     if design is None:
         return _IMPOSSIBLE
     missed = _shortfall(harder, design, rated_forces(design, "plates"))
@@ -408,7 +408,7 @@ def size_front(
     """The front of volume, dynamic range and power among dampers that meet the wishes, by NSGA-II.
 
     The dynamic range of the wishes is the least on the front. The smallest damper, found by a third of the budget, is
-    among the first generation. The search is that of the library pymoo, of the extra `peers`.
+    among the first generation. The library pymoo of the extra `peers` searches.
 
     Parameters
     ----------
@@ -483,7 +483,7 @@ def size_front(
 def _front(
     designs: Sequence[DamperDesign | None], wishes: DamperWishes, evaluations: int
 ) -> SizeFront | None:
-    """The front with the exact flow, in place of that of the search; `None` where no design meets the wishes."""
+    """The front with the exact flow, not the flow of the search; `None` where no design meets the wishes."""
     met, values = [], []
     for design in designs:
         if design is None:
@@ -500,7 +500,7 @@ def _front(
 
 
 def _objectives(design: DamperDesign | None, harder: DamperWishes) -> tuple[float, float, float]:
-    """Volume over that of the envelope, 1 over dynamic range, power [W]; all worse by what the design misses."""
+    """Volume as a share of the envelope, 1 over dynamic range, power [W]; all worse by what the design misses."""
     if design is None:
         return (_PENALTY**2,) * 3
     on, off = forces = rated_forces(design, "plates")

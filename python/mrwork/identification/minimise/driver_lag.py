@@ -19,7 +19,7 @@ from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, rate_is_shown
 
-# Rates of the lag [1/s] that are tried where it was left out: from a slow coil and driver to that of a fast one.
+# Rates of the lag [1/s] that are tried where it was left out: from a slow coil and driver to a fast one.
 _TRIED_RATES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 # A lag is missing if one of these rates brings the misfit below this share of that without it, with no other change;
 # or if a fit from the best of them does, in these iterations at most.

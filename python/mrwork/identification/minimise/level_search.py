@@ -243,7 +243,7 @@ class _LevelSearch:
         return _move_inside(self.form.box, np.array(rows))
 
     def _report_level(self, command: float, fitted: str, found: Found) -> None:
-        """Before a command is done, the laws so far are those of the best point at the first."""
+        """Before a command is done, the best point at the first command gives the laws so far."""
 
         def best() -> Floats:
             known = self.fits or [LevelFit(command=command, minima=found.best()[None])]
@@ -321,7 +321,7 @@ class _LevelSearch:
         """Starting laws from the minima at single commands: coefficients, shape (n_starts, n_params).
 
         First of the best minimum at each command; then one command after the other gives its minimum to all, scaled
-        with the measured force, or only its constant parameters; last those of `joint_starts`.
+        with the measured force, or only its constant parameters; last come the `joint_starts`.
         """
         spec = self.joint.spec
         best = np.array([fit.minima[0] for fit in fits])
@@ -448,7 +448,7 @@ def _widen_box(searched: Box, box: Box) -> Box:
 def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: Seed) -> Floats:
     """Starting laws fitted to minima at several commands: coefficients, shape (n_starts, n_params).
 
-    The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,
+    The laws of the first start are fitted to the best minimum at each command, the other laws to a random one,
     each parameter multiplied by a log-normal factor (standard deviation of the logarithm 0.25).
     """
     random = np.random.default_rng([rng, n_starts])

@@ -3,7 +3,7 @@
 Residuals and Jacobian come from one simulation, which takes a quarter longer than a simulation of the residuals alone.
 A few candidates take as long to simulate as about fifty, because the time steps of a record are sequential. The batch
 therefore simulates the Jacobians of all starts together, and likewise all trial steps, several of different damping
-for each start. Each start may weigh the tests in its own way, as one without the tests of a fold does.
+for each start. Each start may weigh the tests in its own way, or leave out the tests of a fold.
 
 Steps follow the limit of stiffness, above which a candidate is not simulated.
 """
@@ -58,7 +58,7 @@ class LocalMinima:
 
     @property
     def best(self) -> LocalMinimum:
-        """The one with the least misfit."""
+        """The minimum of the least misfit."""
         best = int(np.argmin(self.misfit))
         return LocalMinimum(
             theta=self.theta[best],
@@ -118,8 +118,8 @@ def find_minima(
 
     `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `shares`: weights
     of the squared NRMSE of the tests for each start, shape (n_starts, n_tests), 0 for one that is left out; by default
-    those of the objective. `hopeless`: rule by which starts are given up; none by default. `on_iteration`: called after
-    each iteration with the present points.
+    the shares of the objective. `hopeless`: rule by which starts are given up. `on_iteration`: called after each
+    iteration with the present points.
     """
     state = _initial(objective, box, starts, shares)
     iterations = 0

@@ -71,7 +71,7 @@ def search_starts(
 ) -> MultistartResult:
     """Local minima inside `box`, by minimisations from samples of the narrower box `searched`.
 
-    The best samples often lie in one basin, which need not be that of the least misfit. Only half of them therefore
+    The best samples often lie in one basin, not always the basin of the least misfit. Only half of them therefore
     start minimisations, the others are samples in random order; later rounds also start from the best minimum with some
     of its parameters replaced. The search ends early only if the last round has not lowered the least misfit, that
     misfit is not `suspicious`, and it has been found again; a minimum on a bound takes one more round than others. Once
@@ -164,8 +164,8 @@ def scaled_to_force(objective: Objective, box: Box, theta: Floats) -> tuple[Floa
     """Samples with their forces scaled to the best fit, and their misfits, which may be infinite.
 
     To multiply all parameters whose unit contains the newton by a factor multiplies the force by it, as a change of the
-    unit of force does. The squared misfit is a quadratic function of the factor, which two misfits and that of no
-    force determine. Samples are thus compared by the shape of their loops, not by their force. If a parameter with
+    unit of force does. The squared misfit is a quadratic function of the factor, which two misfits and the misfit of
+    no force determine. Samples are thus compared by the shape of their loops, not by their force. If a parameter with
     newtons is fixed, the samples are unchanged.
     """
     is_force = np.array([parameter.scales_with_force for parameter in objective.spec.parameters])
@@ -301,7 +301,7 @@ class _Rounds:
         return Found(
             best=lambda: minima.theta[0],
             trace=trace_of(minima),
-            # The first entry is that of the samples.
+            # The first entry is of the samples.
             iteration=len(minima.best) - 1,
             misfit=minima.best[-1],
             median=minima.median[-1],

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrwork.base.numbers import apart, with_decimals
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.conversions import nesting_of
+from mrwork.dampers.conversions import NESTINGS
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.identification.equivalent import bounds_of, half_ranges, identifiable_form, search_box
@@ -35,8 +35,8 @@ _NEAR = 0.1
 class NestedFit:
     """Fit of a simpler `model` that the searched one contains.
 
-    `starts` are points of the searched model near it, shape (n_starts, n_params). `misfit` is that of the simpler
-    model, which the searched one can at least approach; infinite where bounds prevent that.
+    `starts` are points of the searched model near it, shape (n_starts, n_params). The searched model can at least
+    approach the `misfit` of the simpler one, which is infinite where bounds prevent that.
     """
 
     model: str
@@ -48,14 +48,11 @@ def nested_fit(
     objective: Objective, box: Box, search: Multistart, *, rng: int, on_search: OnSearch
 ) -> NestedFit | None:
     """Fit of the simpler model that the searched one contains, within shared bounds; `None` without one."""
-    nesting = nesting_of(objective.spec)
-    if nesting is None:
+    nesting = NESTINGS.get(objective.spec.name)
+    # With ties the simpler model is contained no more.
+    if nesting is None or objective.settings.ties:
         return None
-    simpler = damper(nesting.model)
-    names = objective.spec.names
-    if objective.settings.ties:
-        # Without the ties the simpler model would be contained no more.
-        return None
+    simpler, names = damper(nesting.model), objective.spec.names
     form = identifiable_form(simpler, bounds_of(box, nesting.shared))
     rough = objective.on(simpler, objective.tests)
     search = replace(

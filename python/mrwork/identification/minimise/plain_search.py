@@ -48,7 +48,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, call: Identi
 def _search_points(
     problem: Problem, objective: Objective, search: Multistart, call: Identifying
 ) -> StartingPoints | None:
-    """The best minima that a multistart search finds on the excerpts of `objective`; `None` where there are none."""
+    """The best minima that a multistart search finds on the excerpts of `objective`, if there are any."""
     form, rng = problem.form, problem.settings.rng
 
     def on_nested(simpler: str, found: Found) -> None:

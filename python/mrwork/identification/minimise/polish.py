@@ -39,7 +39,7 @@ def polish(
 ) -> Polished:
     """Minimise shortly from the starting points, unless they are minima, then fit from the best to convergence.
 
-    Standard errors are those of least squares at the minimum.
+    Standard errors are by least squares at the minimum.
     """
     objective, form, starts = problem.objective, problem.form, points.theta
     if not points.minima:

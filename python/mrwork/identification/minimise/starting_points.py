@@ -36,7 +36,8 @@ class StartingPoints:
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
         """The starting points, and the user's starts, in parameters of the requested model, moved inside the box.
 
-        A parameter that a start does not name is that of the best point. A start above the limit of stiffness lifts it.
+        Parameters that a start does not name are taken from the best point. A start above the limit of stiffness lifts
+        the limit.
         """
         box = self.form.box
         best = np.asarray(self.form.to_model(self.theta[0]))

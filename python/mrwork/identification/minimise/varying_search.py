@@ -40,7 +40,7 @@ _RATES = (1.0, 0.2, 5.0)
 # Most sub-steps of a candidate in a shortest step of the parts, and the factor by which this limit is raised.
 _FIRST_SUBSTEPS = 8
 _RAISED = 4.0
-# Force at the command of the least force, relative to that of the largest.
+# Least force over the commands, relative to the largest.
 _LEAST_FORCE = 0.1
 
 
@@ -53,7 +53,7 @@ def scaled_laws(
     others with a law start constant. Each coefficient is a plain parameter times a factor, or the factor alone.
     """
     force = relative_force(spec, tests, commands)
-    # The plain parameter of each coefficient; -1 where there is none.
+    # The plain parameter of each coefficient, -1 for none.
     owner: list[int] = []
     factor: list[float] = []
     for place, (parameter, law) in enumerate(spec.law_pairs):
