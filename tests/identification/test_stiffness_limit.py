@@ -145,7 +145,7 @@ def test_a_limited_objective_has_the_same_bits_below_its_limit_at_any_sampling()
         assert np.isinf(limited(theta)[2:]).all()
         assert np.isfinite(objective(theta)).all()
         np.testing.assert_array_equal(limited.on(NORMALISED, limited.tests)(theta), limited(theta))
-        np.testing.assert_array_equal(limited(theta, np.full(4, 10.0)), limited(theta))
+        np.testing.assert_array_equal(limited(theta, np.ones((4, 1))), limited(theta))
 
 
 STIFF = (800.0, 500.0, 0.0, 900.0, 7e4, 0.5, 1.1)

@@ -190,21 +190,19 @@ def variation_in_words(command: Floats) -> str:
 
 def is_stepped(command: Floats) -> bool:
     """Whether a command, shape (n_time,), switches or jumps, and must be held, not interpolated, between samples."""
-    return _switches(command) or _jumps(command)
+    if _switches(command):
+        return True
+    change = np.abs(np.diff(command))
+    beside = np.pad(change, 1)
+    largest_beside = np.maximum(beside[:-2], beside[2:])
+    jump = (change > _JUMP * np.ptp(command)) & (largest_beside < _BESIDE * change)
+    return bool(np.sum(change[jump] ** 2) > _STEPPED * np.sum(change**2))
 
 
 def _switches(command: Floats) -> bool:
     low, high = np.percentile(command, [1.0, 99.0])
     quarter = 0.25 * (high - low)
     return bool(np.mean((command > low + quarter) & (command < high - quarter)) < _BETWEEN)
-
-
-def _jumps(command: Floats) -> bool:
-    change = np.abs(np.diff(command))
-    beside = np.pad(change, 1)
-    largest_beside = np.maximum(beside[:-2], beside[2:])
-    jump = (change > _JUMP * np.ptp(command)) & (largest_beside < _BESIDE * change)
-    return bool(np.sum(change[jump] ** 2) > _STEPPED * np.sum(change**2))
 
 
 def steps_of_command(command: CommandValues) -> NDArray[np.intp]:

@@ -190,17 +190,13 @@ class CommandLaw:
             return None
         return replace(self, logarithms=not self.logarithms)
 
-    def _through(self, coefficients: Floats, commands: Floats, *, log: bool) -> Floats:
-        """The polynomial through the values on the last axis, itself at any commands, (n,)."""
-        there = _powers(self.nodes, commands) @ _basis(self.nodes)
-        log = log and self.logarithms
-        given = np.log(coefficients) if log else coefficients
-        return np.asarray(np.exp(given @ there.T) if log else given @ there.T)
-
     def rescale_command(self, coefficients: Floats, factor: float, *, positive: bool = False) -> Floats:
         """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u)."""
         if self.nodes:
-            return self._through(coefficients, factor * np.array(self.nodes), log=positive)
+            there = _powers(self.nodes, factor * np.array(self.nodes)) @ _basis(self.nodes)
+            log = positive and self.logarithms
+            given = np.log(coefficients) if log else coefficients
+            return np.asarray(np.exp(given @ there.T) if log else given @ there.T)
         powers = np.arange(coefficients.shape[-1], dtype=np.float64)
         scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
         return np.asarray(coefficients * scale)

@@ -35,7 +35,6 @@ from mrwork.identification.residual import (
     LossFunction,
     LossName,
     NuisanceName,
-    ObservedTest,
     bounds_without_offsets,
     loss_of,
 )
@@ -363,16 +362,23 @@ def objective(
             "`nuisances` have their least-squares values, which go with neither `weights` nor a `loss`; leave one out"
         )
     given = tuple(observed(test, settings.observe) for test in as_tests(tests))
-    compared = tuple(map(_mask_test, given, _for_each(masks, None, given, "masks")))
-    whole = Objective.of(spec, compared, settings, threads=threads)
-    rho = loss_of(loss, loss_scale)
-    whole = replace(
-        whole,
-        compared=tuple(
-            replace(each, loss=rho, weights=_counted_weights(each, own))
-            for each, own in zip(whole.compared, _for_each(weights, None, given, "weights"), strict=True)
-        ),
-    )
+    masked = list(given)
+    for index, mask in enumerate(_for_each(masks, None, given, "masks")):
+        if mask is not None:
+            _check_samples(mask, given[index], "masks")
+            masked[index] = replace(given[index], uncompared=spans_with(given[index].uncompared, ~mask))
+    whole = Objective.of(spec, tuple(masked), settings, threads=threads)
+    compared, rho = [], loss_of(loss, loss_scale)
+    for each, own in zip(whole.compared, _for_each(weights, None, given, "weights"), strict=True):
+        factors = None
+        if own is not None:
+            if isinstance(own, np.ndarray):
+                _check_samples(own, each.test, "weights")
+            if np.any(np.asarray(own) < 0.0):
+                raise SettingError(f"a weight of {each.test.label} is negative; give numbers of at least 0")
+            factors = np.asarray(np.broadcast_to(own, each.test.force.shape)[each.counted])
+        compared.append(replace(each, loss=rho, weights=factors))
+    whole = replace(whole, compared=tuple(compared))
     requested = Box.of(spec).with_bounds(settings.bounds)
     searched = search_box(spec, requested, given)
     others = zip(searched.names, zip(searched.lower, searched.upper, strict=True), strict=True)
@@ -397,24 +403,6 @@ def _for_each(
             f"`{name}` has {len(entries)} entries and `tests` {len(tests)}; give one entry for each test"
         )
     return entries or [none] * len(tests)
-
-
-def _mask_test(test: DamperTest, mask: Mask | None) -> DamperTest:
-    """The test with the samples where the mask is false not compared."""
-    if mask is None:
-        return test
-    _check_samples(mask, test, "masks")
-    return replace(test, uncompared=spans_with(test.uncompared, ~mask))
-
-
-def _counted_weights(each: ObservedTest, weights: Floats | float | None) -> Floats | None:
-    if weights is None:
-        return None
-    if isinstance(weights, np.ndarray):
-        _check_samples(weights, each.test, "weights")
-    if np.any(np.asarray(weights) < 0.0):
-        raise SettingError(f"a weight of {each.test.label} is negative; give numbers of at least 0")
-    return np.asarray(np.broadcast_to(weights, each.test.force.shape)[each.counted])
 
 
 def _check_samples(given: NDArray[Any], test: DamperTest, name: str) -> None:

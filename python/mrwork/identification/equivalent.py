@@ -248,22 +248,19 @@ def bounds_of(box: Box, names: Collection[str]) -> dict[str, tuple[float, float]
 
 
 def joint_box(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Box:
-    """The box of a joint fit: ranges of coefficients follow from the stroke, speed, force and commands of the tests."""
-    searched = search_box(*plain_of(form), tests)
-    return _limit_box(form, _law_box(form.spec, searched, commands))
+    """The box of a joint fit: ranges of coefficients follow from the stroke, speed, force and commands of the tests.
 
-
-def _law_box(spec: DamperSpec, searched: Box, commands: Floats) -> Box:
-    """Ranges of the coefficients of the laws, `_MARGIN` times as wide as the searched ranges of the plain model imply.
-
-    A coefficient may have either sign, and at the largest command its term reaches the end of the parameter's range.
+    They are `_MARGIN` times as wide as the searched ranges of the plain model imply: a coefficient may have either
+    sign, and at the largest command its term reaches the end of the parameter's range. Local minimisations run in the
+    logit of the range, which resolves useful values poorly for a range of +-1e9. What the user has bounded stays.
     """
+    spec, searched, admissible = form.spec, search_box(*plain_of(form), tests), Box.of(form.spec)
     largest = max(float(np.max(np.abs(commands))), 1e-3)
     bounds: dict[str, tuple[float, float]] = {}
-    admissible = Box.of(spec)
     for index, parameter in enumerate(spec.parameters):
         coefficient = parameter.coefficient
-        if coefficient is None:
+        lower, upper = admissible.lower[index], admissible.upper[index]
+        if coefficient is None or (form.box.lower[index], form.box.upper[index]) != (lower, upper):
             continue
         plain = searched.names.index(coefficient.parameter)
         reach = _MARGIN * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
@@ -274,18 +271,8 @@ def _law_box(spec: DamperSpec, searched: Box, commands: Floats) -> Box:
             reach = _EXPONENT
         elif spec.laws[plain].degree is not None:
             reach /= largest**coefficient.number
-        bounds[parameter.name] = (max(-reach, admissible.lower[index]), min(reach, admissible.upper[index]))
-    return admissible.with_bounds(bounds)
-
-
-def _limit_box(form: Form, limits: Box) -> Box:
-    """The box of a form, where parameters that the user has not bounded have the range of `limits`.
-
-    Local minimisations run in the logit of the range; for a range of +-1e9 the logit resolves useful values poorly.
-    """
-    admissible = Box.of(form.spec)
-    own, widest, narrowed = (bounds_of(box, admissible.names) for box in (form.box, admissible, limits))
-    return form.box.with_bounds({name: narrowed[name] for name in widest if own[name] == widest[name]})
+        bounds[parameter.name] = (max(-reach, lower), min(reach, upper))
+    return form.box.with_bounds(bounds)
 
 
 def levels_needed(spec: DamperSpec) -> int:

@@ -79,10 +79,6 @@ class Intervals:
         """Heading of the column of intervals."""
         return f"{100.0 * self.level:g} % {self.kind} interval"
 
-    def of(self, name: str) -> Interval | None:
-        """The interval of a parameter; `None` where it was not free."""
-        return next((interval for interval in self.intervals if interval.name == name), None)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FittedParameter:
@@ -491,7 +487,8 @@ class Fit(Plotted, WithAxes, Summarised):
     @checked
     def with_intervals(self, intervals: Intervals) -> Fit:
         """The fit with the intervals of `Profiles.intervals` or `Draws.intervals`, and the verdicts by them."""
-        estimates = tuple(each.with_interval(intervals.of(each.name)) for each in self.estimates)
+        of = {each.name: each for each in intervals.intervals}
+        estimates = tuple(each.with_interval(of.get(each.name)) for each in self.estimates)
         return replace(self, intervals=intervals, estimates=estimates)
 
     @property

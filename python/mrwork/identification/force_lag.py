@@ -70,7 +70,11 @@ def force_lag_warnings(
         return ()
     on_time = _LateFit.at(slopes, "delay", 0.0)
     frequency = [spectrum(test.displacement, test.dt).dominant for test in tests]
-    groups = _groups_of_frequency(frequency)
+    groups: list[list[int]] = []
+    for index in np.argsort(frequency, kind="stable").tolist():
+        if not groups or frequency[index] > _SAME_FREQUENCY * frequency[groups[-1][-1]]:
+            groups.append([])
+        groups[-1].append(index)
     unknown = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / max(frequency))
     if len(groups) > 1:
         if on_time.gain > _WORTH_A_FIT:
@@ -87,24 +91,14 @@ def force_lag_warnings(
     return _unknown_delay(problem, on_time, errors, unknown)
 
 
-def _groups_of_frequency(frequency: Sequence[float]) -> list[list[int]]:
-    """Indices of tests in groups of nearly equal frequency."""
-    groups: list[list[int]] = []
-    for index in np.argsort(frequency, kind="stable").tolist():
-        if not groups or frequency[index] > _SAME_FREQUENCY * frequency[groups[-1][-1]]:
-            groups.append([])
-        groups[-1].append(index)
-    return groups
-
-
 @array_dataclass()
 class _LateFit:
-    """Fit of tests with a lag or delay: slopes, and the derivative of the residuals by the seconds, (n_residuals,)."""
+    """Fit with a lag or delay: slopes, and derivatives by parameters and seconds, (n_interior + 1, n_residuals)."""
 
     slopes: Slopes
     kind: Kind
     seconds: float
-    by_seconds: Floats
+    columns: Floats
 
     @classmethod
     def at(cls, slopes: Slopes, kind: Kind, seconds: float) -> _LateFit:
@@ -119,7 +113,9 @@ class _LateFit:
             (part,) = without_nuisance(force[:, own.counted], own.measured, own.nuisances)
             parts.append(part * own.weight(len(later.compared)))
         derivative = (np.concatenate(parts) - slopes.residuals) / step
-        return cls(slopes=slopes, kind=kind, seconds=seconds, by_seconds=derivative)
+        return cls(
+            slopes=slopes, kind=kind, seconds=seconds, columns=np.vstack([slopes.by_interior(), derivative])
+        )
 
     @property
     def misfit(self) -> float:
@@ -127,15 +123,10 @@ class _LateFit:
         return float(np.linalg.norm(self.slopes.residuals))
 
     @property
-    def columns(self) -> Floats:
-        """Derivatives of the residuals by the parameters and the seconds, (n_interior + 1, n_residuals)."""
-        return np.vstack([self.slopes.by_interior(), self.by_seconds])
-
-    @property
     def gain(self) -> float:
         """Share of the squared misfit that a Gauss-Newton step of the parameters and the seconds would save."""
-        residuals, columns = self.slopes.residuals, self.columns
-        left = residuals + _step(columns, residuals) @ columns
+        residuals = self.slopes.residuals
+        left = residuals + _step(self.columns, residuals) @ self.columns
         return 1.0 - float(left @ left) / max(float(residuals @ residuals), SMALLEST)
 
     def error(self, seconds: Floats) -> float:
@@ -173,13 +164,12 @@ def _fit_late(on_time: Slopes, kind: Kind) -> _LateFit:
 
 def _predict_groups(slopes: Slopes, columns: Floats, groups: Sequence[Sequence[int]]) -> tuple[Floats, float]:
     """Steps of the last column without each group of tests, (n_groups,), and misfit of the groups after these steps."""
-    ends = np.cumsum([0, *(each.measured.size for each in slopes.objective.compared)])
     unit, length = scale_columns(columns)
     matrix, gradient = unit @ unit.T, unit @ slopes.residuals
+    of_tests = [residuals_by_test(each, slopes.objective.tests) for each in (unit, slopes.residuals)]
     steps, squares = [], 0.0
     for group in groups:
-        held = np.concatenate([np.arange(ends[test], ends[test + 1]) for test in group])
-        part, residuals = unit[:, held], slopes.residuals[held]
+        part, residuals = (np.concatenate([each[test] for test in group], axis=-1) for each in of_tests)
         step = _solve(matrix - part @ part.T, gradient - part @ residuals)
         steps.append(step[-1])
         squares += float(np.sum((residuals + step @ part) ** 2))
@@ -239,7 +229,7 @@ def _unknown_delay(problem: Problem, on_time: _LateFit, errors: Floats, seconds:
     """Warning of damping that a delay of so many seconds would change by far more than its standard error."""
     slopes = on_time.slopes
     change = np.zeros(slopes.theta.size)
-    change[slopes.interior] = seconds * _step(slopes.by_interior(), on_time.by_seconds)
+    change[slopes.interior] = seconds * _step(on_time.columns[:-1], on_time.columns[-1])
     value = np.asarray(slopes.form.to_model(slopes.theta))
     shift = slopes.form.to_model.jacobian(slopes.theta) @ change
     far = [

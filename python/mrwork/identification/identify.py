@@ -188,29 +188,29 @@ class _Identification:
                 # The abandoned thread of a local minimisation must not write to it any more.
                 self.call.journal.close()
             stopped = isinstance(interrupt, Interrupted) and interrupt.stopped
+            fit = None
             if self.call.so_far is not None and (point := self.call.so_far()) is not None:
-                fit = self._at(*point, stopped=stopped)
-                if stopped:
-                    return fit
+                theta, trace = point
+                reason = trace.stop_reason
+                fit = fit_at(
+                    self.problem,
+                    theta,
+                    covariance=None,
+                    trace=replace(
+                        trace, stop_reason=reason.replace("interrupted", "callback") if stopped else reason
+                    ),
+                    steps=0,
+                    status="stopped" if stopped else "interrupted",
+                    seconds=self.call.seconds,
+                )
+            if not stopped:
                 raise Interrupted(fit, "identification") from interrupt
-            if stopped:
+            if fit is None:
                 raise SimulationError(
                     f"no candidate of {self.problem.spec.name} could be simulated before the run was stopped; let it "
                     "run longer"
                 ) from interrupt
-            raise Interrupted(None, "identification") from interrupt
-
-    def _at(self, theta: Floats, trace: SearchTrace, *, stopped: bool) -> Fit:
-        reason = trace.stop_reason.replace("interrupted", "callback") if stopped else trace.stop_reason
-        return fit_at(
-            self.problem,
-            theta,
-            covariance=None,
-            trace=replace(trace, stop_reason=reason),
-            steps=0,
-            status="stopped" if stopped else "interrupted",
-            seconds=self.call.seconds,
-        )
+            return fit
 
     def _finish(self, points: StartingPoints) -> Fit:
         """Fit from the starting points to convergence."""

@@ -15,7 +15,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Misfits, simulate_misfits
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, SettingError
 from mrwork.identification.progress import Tally, on_every_test
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, FitSettings
@@ -36,19 +36,6 @@ T = TypeVar("T")
 _Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
 
 
-def shares_of(compared: Sequence[ObservedTest], settings: FitSettings) -> list[float]:
-    """Weights of the squared NRMSE of tests, of mean 1.
-
-    Errors whose standard deviation grows as the force's to the power `force_exponent` have the same variance then: 1
-    gives equal weights, 0 minimises the sum of squares in newtons.
-    """
-    if settings.force_exponent == EQUAL_SHARES:
-        return [1.0] * len(compared)
-    deviations = np.array([each.deviation for each in compared])
-    weights = (deviations / np.max(deviations)) ** (2.0 * (EQUAL_SHARES - settings.force_exponent))
-    return [float(weight) for weight in weights / weights.mean()]
-
-
 def friction_limit(tests: Sequence[DamperTest]) -> float:
     """Sub-steps a second [1/s] from which on a stiffer model is searched only where that improves the fit.
 
@@ -61,13 +48,23 @@ def friction_limit(tests: Sequence[DamperTest]) -> float:
 def _observe_tests(
     spec: DamperSpec, tests: Sequence[DamperTest], settings: FitSettings
 ) -> tuple[ObservedTest, ...]:
-    """Tests with observation model and weight."""
+    """Tests with observation model and weight.
+
+    Errors whose standard deviation grows as the force's to the power `force_exponent` have the same variance with the
+    weights of the squared NRMSE: 1 gives equal weights, 0 minimises the sum of squares in newtons. Their mean is 1.
+    """
     if not tests:
         raise RecordError("no test was given to identify from; name at least one file")
     compared = [ObservedTest.of(spec, test, settings.nuisances) for test in tests]
-    shares = shares_of(compared, settings)
+    shares = np.ones(len(compared))
+    if settings.force_exponent != EQUAL_SHARES:
+        deviations = np.array([each.deviation for each in compared])
+        shares = (deviations / np.max(deviations)) ** (2.0 * (EQUAL_SHARES - settings.force_exponent))
+        shares = shares / shares.mean()
     ties = ties_of(spec, settings)
-    return tuple(replace(each, share=share, ties=ties) for each, share in zip(compared, shares, strict=True))
+    return tuple(
+        replace(each, share=share, ties=ties) for each, share in zip(compared, shares.tolist(), strict=True)
+    )
 
 
 def observe_tests_by(objective: Objective, observations: Sequence[Observation]) -> Objective:
@@ -91,7 +88,7 @@ class Objective(Summarised):
     """Free-run misfit of a model against one or several tests.
 
     The misfit is the root mean square over tests of the NRMSE: all have the same weight, independent of length and
-    force. A `force_exponent` below 1 gives more weight to tests of large force, see `shares_of`. The observation model
+    force. A `force_exponent` below 1 gives more weight to tests of large force. The observation model
     of the test and the nuisance parameters are applied to the simulated force before the comparison. Of the `settings`
     it has the exponent and the nuisance parameters. Costly steps are recorded in the `journal`, if any.
     """
@@ -183,21 +180,22 @@ class Objective(Summarised):
         n_tests = len(self.compared)
         if shares is None:
             weights = np.tile([each.share for each in self.compared], (len(theta), 1))
+        elif shares.shape[1] != n_tests:
+            raise SettingError(
+                f"`shares` have {shares.shape[1]} columns; give one for each of {n_tests} tests"
+            )
         else:
             weights = n_tests * shares
-        counted = weights > 0.0
-        squared = self.squared_nrmse(theta, counted & self._is_below(theta)[:, None])
+        counted = included = weights > 0.0
+        if self.stiffest < np.inf:
+            below = [each.stiffness(theta) <= 1.0 for each in self.compared]
+            included = counted & np.all(below, axis=0)[:, None]
+        squared = self.squared_nrmse(theta, included)
         total = np.zeros(len(theta))
         # One test after the other: NumPy sums a single column in another order than several.
         for index in range(n_tests):
             total += weights[:, index] * np.where(counted[:, index], squared[:, index], 0.0)
         return np.asarray(np.sqrt(total / n_tests))
-
-    def _is_below(self, theta: Floats) -> NDArray[np.bool_]:
-        """Whether rows are below the limit of stiffness, shape (n_batch,)."""
-        if self.stiffest == np.inf:
-            return np.ones(len(theta), dtype=np.bool_)
-        return np.asarray(np.all([each.stiffness(theta) <= 1.0 for each in self.compared], axis=0))
 
     @property
     def shares(self) -> Floats:

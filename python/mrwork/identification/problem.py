@@ -86,11 +86,15 @@ class Problem:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on why any result is likely to mislead, known before the search."""
-        tests = self.objective.tests
-        settings = self.settings
+        tests, settings, rate = self.objective.tests, self.settings, list[str]()
+        if rate_is_shown(self.spec, self.form, tests) is False:
+            rate = [
+                "the command is constant in every test, so nothing shows the rate eta of the driver's lag; add a test "
+                "with a command that varies, fix it with --fix eta=VALUE, or leave the lag out"
+            ]
         return (
             *command_warning(tests, (self.spec,)),
-            *_rate_warning(self.spec, self.form, tests),
+            *rate,
             *offset_warning(settings.nuisances, self.spec, settings.bounds, tests),
         )
 
@@ -309,16 +313,6 @@ def rate_is_shown(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> 
     if form.spec.names.index(spec.names[-1]) not in form.box.free:
         return None
     return any(test.has_varying_command for test in tests)
-
-
-def _rate_warning(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> tuple[str, ...]:
-    """A sentence where the rate of the driver's lag is to be estimated from tests at constant commands."""
-    if rate_is_shown(spec, form, tests) is not False:
-        return ()
-    return (
-        "the command is constant in every test, so nothing shows the rate eta of the driver's lag; add a test with "
-        "a command that varies, fix it with --fix eta=VALUE, or leave the lag out",
-    )
 
 
 def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:

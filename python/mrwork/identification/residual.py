@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.base.arguments import AnyArray
 from mrwork.base.hints import SMALLEST
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
@@ -111,15 +112,16 @@ def _shifts(spec: DamperSpec) -> tuple[str, ...]:
     return tuple(each.name for each in spec.parameters if each.plain_name in shifts)
 
 
-def without_nuisance(force: Floats, measured: Floats, names: Sequence[NuisanceName]) -> Floats:
+def without_nuisance(force: AnyArray, measured: AnyArray, names: Sequence[NuisanceName]) -> Any:
     """Residuals [N] of `force`, shape (n_batch, n_time), with the nuisance parameters at their least-squares values.
 
-    The residuals are linear in these parameters (in the delay to first order), so their values have a closed form.
+    The residuals are linear in these parameters (in the delay to first order), so their values have a closed form. The
+    arrays are of NumPy or of JAX.
     """
     residuals = force - measured
     if names:
         coefficients, columns = _best(force, residuals, names)
-        residuals = residuals - np.einsum("kb,kbt->bt", coefficients, columns)
+        residuals = residuals - force.__array_namespace__().einsum("kb,kbt->bt", coefficients, columns)
     return residuals
 
 
@@ -167,21 +169,14 @@ def nuisance_of(force: Floats, measured: Floats, dt: float, names: Sequence[Nuis
     )
 
 
-def _best(force: Floats, residuals: Floats, names: Sequence[NuisanceName]) -> tuple[Floats, Floats]:
+def _best(force: Any, residuals: Any, names: Sequence[NuisanceName]) -> tuple[Any, Any]:
     """Least-squares coefficients, shape (n_names, n_batch), of the columns, (n_names, n_batch, n_time)."""
-    columns = columns_of(force, names)
+    xp = force.__array_namespace__()
+    columns = xp.stack([_column(name, force) for name in names])
     unit, length = scale_columns(columns)
-    gram = np.einsum("jbt,kbt->bjk", unit, unit)
-    right = np.einsum("jbt,bt->bj", unit, residuals)
-    return (np.linalg.pinv(gram) @ right[..., None])[..., 0].T / length, columns
-
-
-def columns_of(force: Any, names: Sequence[NuisanceName]) -> Any:
-    """Derivative of the residuals with respect to each nuisance parameter, shape (n_names, ..., n_time).
-
-    `force`, shape (..., n_time), and the result are arrays of NumPy or of JAX.
-    """
-    return force.__array_namespace__().stack([_column(name, force) for name in names])
+    gram = xp.einsum("jbt,kbt->bjk", unit, unit)
+    right = xp.einsum("jbt,bt->bj", unit, residuals)
+    return (xp.linalg.pinv(gram) @ right[..., None])[..., 0].T / length, columns
 
 
 def scale_columns(columns: Any) -> tuple[Any, Any]:
@@ -413,17 +408,13 @@ class ObservedTest:
         transformed, factor = self.loss.transform(weighted)
         return transformed, factor * weights
 
-    def with_nuisance(self, force: Floats) -> tuple[Floats, Nuisance]:
-        """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""
-        nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
-        if self.nuisances:
-            late = delay_signal(force, nuisance.delay / self.test.dt)
-            force = np.asarray(nuisance.level * late + nuisance.offset)
-        return force, nuisance
-
     def predict_force(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
         """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""
         run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
         refuse_failure(f"{self.spec.name} on {self.test.name}", run.outcome[0])
-        force, nuisance = self.with_nuisance(self.test.observation.observe(run.force[0], self.test.dt))
+        force = self.test.observation.observe(run.force[0], self.test.dt)
+        nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
+        if self.nuisances:
+            late = delay_signal(force, nuisance.delay / self.test.dt)
+            force = np.asarray(nuisance.level * late + nuisance.offset)
         return force, nuisance, int(run.substeps[0])

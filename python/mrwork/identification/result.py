@@ -71,6 +71,8 @@ def fit_quality(test: DamperTest, force: Floats, *, substeps: int, nuisance: Nui
     s_F = np.trapezoid(deviation**2)
     norms = (np.trapezoid(residual**2 * weight) / s_F for weight in (1.0, abs(velocity), abs(acceleration)))
     e_t, e_x, e_v = (float(np.sqrt(norm)) for norm in norms)
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
     rmse = rms(residual)
     nrmse = rmse / float(np.std(test.force[counted]))
     return FitQuality(
@@ -79,19 +81,13 @@ def fit_quality(test: DamperTest, force: Floats, *, substeps: int, nuisance: Nui
         nrmse=nrmse,
         rmse_n=rmse,
         error_norms=ErrorNorms(time=e_t, displacement=e_x, velocity=e_v),
-        residual_autocorrelation=_lag_one(residual),
+        residual_autocorrelation=float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0,
         n_time=residual.size,
         settle_seconds=test.window.start * test.dt,
         substeps=substeps,
         observation=test.observation,
         nuisance=nuisance,
     )
-
-
-def _lag_one(residual: Floats) -> float:
-    centred = residual - residual.mean()
-    power = float(centred @ centred)
-    return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
 
 
 def fit_at(

@@ -24,7 +24,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import CandidateObjective, loading_for, objective
 from mrwork.identification.objective import Objective
-from mrwork.identification.residual import Loss, NuisanceName, ObservedTest, columns_of, scale_columns
+from mrwork.identification.residual import Loss, NuisanceName, ObservedTest, without_nuisance
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
 from mrwork.records.damper_test import AS_IT_IS, SHORTEST_AVERAGE
@@ -108,7 +108,7 @@ class Residuals:
             if form.observed is not None:
                 force = observe(*form.observed, force)
             force = force[slice(*form.span)] if test.counted is None else force[test.counted]
-            residual = _without_nuisance(force, force - test.measured, self.nuisances)
+            (residual,) = without_nuisance(force[None], test.measured, self.nuisances)
             found.append((jnp.where(failed, 0.0, residual), failed))
         return found
 
@@ -158,14 +158,6 @@ def _transform(loss: Loss, residuals: Array) -> Array:
 def _transform_slope(loss: Loss, primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
     transformed, slope = loss.transform(primals[0])
     return transformed, slope * tangents[0]
-
-
-def _without_nuisance(force: Array, residuals: Array, names: Sequence[NuisanceName]) -> Array:
-    """Residuals (n_counted,) with the nuisance parameters at their best values, as `residual.without_nuisance`."""
-    if not names:
-        return residuals
-    unit: Array = scale_columns(columns_of(force, names))[0]
-    return residuals - (jnp.linalg.pinv(unit @ unit.T) @ (unit @ residuals)) @ unit
 
 
 @on_processor()
@@ -362,7 +354,8 @@ _POWERS = [2**power for power in range(MOST_SUBSTEPS.bit_length())]
 def observe(observation: Observation, dt: float, force: Array) -> Array:
     """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s], as `Observation.observe`."""
     if observation.delay_seconds != 0.0:
-        force = _interpolated(force, np.arange(force.shape[-1]) - observation.delay_seconds / dt)
+        before, share = _places(force, np.arange(force.shape[-1]) - observation.delay_seconds / dt)
+        force = force[..., before] * (1.0 - share) + force[..., before + 1] * share
     if observation.lag_seconds > 0.0:
         force = _lagged(force, observation.lag_seconds / dt)
     if observation.lowpass_hz > 0.0:
@@ -378,12 +371,6 @@ def _places(force: Array, places: Any) -> tuple[Any, Any]:
     places = np.clip(places, 0.0, last)
     before = np.minimum(np.floor(places).astype(int), last - 1)
     return before, places - before
-
-
-def _interpolated(force: Array, places: Any) -> Array:
-    before, share = _places(force, places)
-    delayed: Array = force[..., before] * (1.0 - share) + force[..., before + 1] * share
-    return delayed
 
 
 def _averaged(force: Array, samples: float) -> Array:

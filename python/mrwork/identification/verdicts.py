@@ -65,7 +65,8 @@ class ParameterScale:
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
-    Parameters without a logarithmic scale may be zero: `ranges` are at the scales of the records, within the `box`.
+    Parameters without a logarithmic scale may be zero: `ranges` are at the scales of the records within the `box`, else
+    at the size of the value, or of the nominal one.
     """
 
     box: Box
@@ -77,7 +78,14 @@ class Scale:
     @classmethod
     def of(cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> Scale:
         """Scales at `theta`, shape (n_params,)."""
-        ranges = _scaled_ranges(spec, box, tests, theta)
+        ranges = search_box(spec, box, tests)
+        for index, name in enumerate(box.names):
+            unknown = ranges.lower[index] == box.lower[index] and ranges.upper[index] == box.upper[index]
+            nominal, most = abs(spec.parameters[index].nominal), abs(float(theta[index]))
+            most = most if most > _AS_ZERO * nominal else nominal
+            ends = max(box.lower[index], -most), min(box.upper[index], most)
+            if unknown and not box.log[index] and most > 0.0 and ends[0] < ends[1]:
+                ranges = ranges.with_bounds({name: ends})
         half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
         size = np.abs(theta)
         of_range = ~np.array(box.log) & (half > size)
@@ -99,19 +107,6 @@ class Scale:
             bounds=(self.box.lower[index], self.box.upper[index]),
             sensitivity=float(np.linalg.norm(derivative)),
         )
-
-
-def _scaled_ranges(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> Box:
-    """The box narrowed to the scales of the records, else to the size of the value, or of the nominal one."""
-    searched = search_box(spec, box, tests)
-    own = {}
-    for index, name in enumerate(box.names):
-        as_wide = searched.lower[index] == box.lower[index] and searched.upper[index] == box.upper[index]
-        size, typical = abs(float(theta[index])), abs(spec.parameters[index].nominal)
-        size = size if size > _AS_ZERO * typical else typical
-        if as_wide and not box.log[index] and size > 0.0:
-            own[name] = (max(box.lower[index], -size), min(box.upper[index], size))
-    return searched.with_bounds({name: pair for name, pair in own.items() if pair[0] < pair[1]})
 
 
 # A verdict on a parameter, with the reason.
@@ -240,11 +235,11 @@ def _combination(first: ParameterChange, second: ParameterChange, within: float)
     power, other = simple.denominator, abs(simple.numerator)
     if other == 0 or other > _LARGEST_EXPONENT or abs(float(simple) - ratio) > within * abs(ratio):
         return ""
-    return f"{_power(first.name, power)}{'/' if ratio > 0 else ' '}{_power(second.name, other)}"
-
-
-def _power(name: str, exponent: int) -> str:
-    return name if exponent == 1 else f"{name}^{exponent}"
+    powers = [
+        name if exponent == 1 else f"{name}^{exponent}"
+        for name, exponent in ((first.name, power), (second.name, other))
+    ]
+    return ("/" if ratio > 0 else " ").join(powers)
 
 
 def join_parts(parts: Sequence[str]) -> str:
@@ -427,18 +422,18 @@ def fitted_parameters(
     spec, form, ties = problem.spec, problem.form, problem.settings.ties
     box = Box.of(spec).with_bounds(problem.settings.bounds)
     values, remarks = np.asarray(form.to_model(theta)), remarks_of(form, theta)
-    errors = None if covariance is None else covariance.standard_errors
+    errors = np.full(values.shape, np.nan) if covariance is None else covariance.standard_errors
     rows: list[FittedParameter] = []
     for index, (parameter, remark) in enumerate(zip(spec.parameters, remarks, strict=True)):
         tie = ties.get(parameter.name, "")
         verdict: Verdict = "tied" if tie else "fixed" if remark == "fixed" else ""
-        known = errors is not None and not remark and np.isfinite(errors[index])
+        known = not remark and np.isfinite(errors[index])
         rows.append(
             FittedParameter(
                 name=parameter.name,
                 value=float(values[index]),
                 unit=parameter.unit,
-                standard_error=float(errors[index]) if errors is not None and known else None,
+                standard_error=float(errors[index]) if known else None,
                 lower=box.lower[index],
                 upper=box.upper[index],
                 remark=remark,

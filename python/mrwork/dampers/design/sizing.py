@@ -102,19 +102,15 @@ class DamperWishes(Summarised):
     @checked
     def missed(self, design: DamperDesign) -> dict[str, float]:
         """Relative shortfall of a design for each wish that it does not meet."""
-        return find_misses(self, design, rated_forces(design))
+        return find_misses(self, design)[-1]
 
 
-def rated_forces(design: DamperDesign, flow_model: FlowModel = "annulus") -> tuple[float, float]:
-    """Forces [N] at the largest and at zero current, at the rated velocity."""
+def find_misses(
+    wishes: DamperWishes, design: DamperDesign, flow_model: FlowModel = "annulus"
+) -> tuple[float, float, dict[str, float]]:
+    """Forces [N] of a design at the largest and at zero current, and its unmet wishes, see `DamperWishes.missed`."""
     currents = np.array([design.largest_current, 0.0])
     on, off = design.force(design.velocity, currents, flow_model=flow_model).tolist()
-    return on, off
-
-
-def find_misses(wishes: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> dict[str, float]:
-    """Unmet wishes of a design with these `rated_forces`, see `DamperWishes.missed`."""
-    on, off = forces
     shortfalls = {
         "force": 1.0 - on / wishes.force,
         "dynamic_range": 1.0 - on / off / wishes.dynamic_range,
@@ -134,7 +130,7 @@ def find_misses(wishes: DamperWishes, design: DamperDesign, forces: tuple[float,
         except SettingError:
             # The supply cannot drive the current, which misses the voltage, too.
             shortfalls["response_time"] = 1.0
-    return {name: value for name, value in shortfalls.items() if value > 1e-9}
+    return on, off, {name: value for name, value in shortfalls.items() if value > 1e-9}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -310,16 +306,11 @@ def _harder_wishes(wishes: DamperWishes) -> DamperWishes:
     )
 
 
-def _shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> float:
-    """Sum of the shortfalls of a design with these forces between parallel plates against `_harder_wishes`."""
-    return sum(find_misses(harder, design, forces).values())
-
-
 def _misfit(design: DamperDesign | None, harder: DamperWishes) -> float:
     """Volume as a share of the envelope, at most 1; for a design that misses wishes, 1 and what it misses."""
     if design is None:
         return _IMPOSSIBLE
-    missed = _shortfall(harder, design, rated_forces(design, "plates"))
+    missed = sum(find_misses(harder, design, "plates")[-1].values())
     return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
 
 
@@ -488,8 +479,8 @@ def _front(
     for design in designs:
         if design is None:
             continue
-        on, off = forces = rated_forces(design)
-        if not find_misses(wishes, design, forces):
+        on, off, missed = find_misses(wishes, design)
+        if not missed:
             met.append(design)
             values.append((design.envelope_volume, -on / off, design.power))
     if not met:
@@ -503,6 +494,6 @@ def _objectives(design: DamperDesign | None, harder: DamperWishes) -> tuple[floa
     """Volume as a share of the envelope, 1 over dynamic range, power [W]; all worse by what the design misses."""
     if design is None:
         return (_PENALTY**2,) * 3
-    on, off = forces = rated_forces(design, "plates")
-    worse = _PENALTY * _shortfall(harder, design, forces)
+    on, off, missed = find_misses(harder, design, "plates")
+    worse = _PENALTY * sum(missed.values())
     return design.envelope_volume / harder.volume + worse, off / on + worse, design.power + worse
