@@ -10,7 +10,7 @@ residuals of the force do not show.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import erf, sqrt
@@ -43,6 +43,7 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
     They do not depend on the search that led to the fit.
     """
     objective, form = problem.objective, problem.form
+    slopes, errors = polished.covariance.slopes, polished.covariance.standard_errors
     # On excerpts: another fit to the whole tests would cost as much as the final one.
     together: tuple[str, ...] = ()
     if form.spec.command_unit is None:
@@ -60,12 +61,8 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
         *((missing.in_words,) if missing is not None else ()),
         *needless_average_warnings(objective, form.box, polished.theta),
         *law_shape_warnings(excerpts, form.box, polished.theta),
-        *force_lag_warnings(
-            problem, excerpts, polished.covariance.slopes, polished.covariance.standard_errors
-        ),
-        *motion_noise_warning(
-            polished.covariance.slopes, polished.covariance.standard_errors, problem.spec.names
-        ),
+        *force_lag_warnings(problem, excerpts, slopes, errors),
+        *motion_noise_warning(slopes, errors, problem.spec.names),
     )
 
 
@@ -110,17 +107,13 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
         (plain,), _ = without.compared[index].residuals(refitted[None])
         samples = np.arange(test.n_time)
         plain = plain[np.isin(samples[without.tests[index].counted], samples[test.counted])]
-        if _is_better(plain, averaged):
+        if np.linalg.norm(plain) >= _BETTER * np.linalg.norm(averaged):
+            continue
+        gain = averaged**2 - plain**2
+        n_effective = gain.size / autocorrelation_time(gain - gain.mean())
+        if gain.mean() > _SIGNIFICANT * gain.std() / np.sqrt(n_effective):
             sentences.append(_sentence(test, _fit_percent(test, averaged), _fit_percent(test, plain)))
     return tuple(sentences)
-
-
-def _is_better(plain: Floats, averaged: Floats) -> bool:
-    if np.linalg.norm(plain) >= _BETTER * np.linalg.norm(averaged):
-        return False
-    gain = averaged**2 - plain**2
-    n_effective = gain.size / autocorrelation_time(gain - gain.mean())
-    return bool(gain.mean() > _SIGNIFICANT * gain.std() / np.sqrt(n_effective))
 
 
 def _fit_percent(test: DamperTest, residual: Floats) -> float:
@@ -196,17 +189,37 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
 
     its mean square over draws has the bias and the scatter. `standard_errors` are of the requested model, (n_params,).
     """
-    errors = standard_errors
-    known = np.isfinite(errors) & (errors > 0.0)
-    if not known.any():
+    objective, form, theta, interior = slopes.objective, slopes.form, slopes.theta, slopes.interior
+    known = np.isfinite(standard_errors) & (standard_errors > 0.0)
+    if not known.any() or not interior:
         return ()
-    changes = np.empty((0, errors.size))
-    for changes in _changes_by_noise(slopes):
-        shares = np.sqrt(np.mean(changes**2, axis=0))[known] / errors[known]
+    inverse = np.linalg.pinv(slopes.by_interior().T)
+    noises = [_noise_of_motion(test) for test in objective.tests]
+
+    def find_shift(first: int, index: int, threads: int) -> Floats | None:
+        """Change of the parameters in a draw; `None` where the model cannot be simulated under it."""
+        parts = []
+        for number, each in enumerate(noises):
+            observed = objective.compared[number].of_test(each([first + index, number]))
+            (part,), (failed,) = observed.residuals(theta[None], threads=threads)
+            if failed:
+                return None
+            parts.append(part * observed.weight(len(noises)))
+        change = np.zeros(theta.size)
+        change[interior] = inverse @ (np.concatenate(parts) - slopes.residuals)
+        return form.to_model.jacobian(theta) @ change
+
+    changes, shares = list[Floats](), np.zeros(1)
+    for first in range(0, _DRAWS, _ROUND):
+        draws = on_every_test(_ROUND, objective.threads, partial(find_shift, first))
+        changes += [change for change in draws if change is not None]
+        if not changes:
+            continue
+        shares = np.sqrt(np.mean(np.square(changes), axis=0))[known] / standard_errors[known]
         # A mean square of n draws has a relative standard error of sqrt(2/n), a root of it half of that.
         if _estimate_coverage(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
             return ()
-    if not len(changes) or _estimate_coverage(shares) >= _HELD:
+    if not changes or _estimate_coverage(shares) >= _HELD:
         return ()
     worst = int(np.argmax(shares))
     measured = any(test.velocity_source == "measured" for test in slopes.objective.tests)
@@ -221,38 +234,6 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
 def _estimate_coverage(shares: Floats) -> float:
     """Expected coverage of 95 % intervals if noise shifts the parameters by `shares` of their standard errors."""
     return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
-
-
-def _changes_by_noise(slopes: Slopes) -> Iterator[Floats]:
-    """Yield parameter changes caused by noise of the motion, shape (n_draws, n_params), with ever more draws.
-
-    Draws under which the model cannot be simulated are left out.
-    """
-    objective, form, theta = slopes.objective, slopes.form, slopes.theta
-    interior = slopes.interior
-    if not interior:
-        return
-    inverse = np.linalg.pinv(slopes.by_interior().T)
-    noises = [_noise_of_motion(test) for test in objective.tests]
-
-    def find_shift(first: int, index: int, threads: int) -> Floats | None:
-        parts = []
-        for number, each in enumerate(noises):
-            observed = objective.compared[number].of_test(each([first + index, number]))
-            (part,), (failed,) = observed.residuals(theta[None], threads=threads)
-            if failed:
-                return None
-            parts.append(part * observed.weight(len(noises)))
-        change = np.zeros(theta.size)
-        change[interior] = inverse @ (np.concatenate(parts) - slopes.residuals)
-        return form.to_model.jacobian(theta) @ change
-
-    changes = list[Floats]()
-    for first in range(0, _DRAWS, _ROUND):
-        draws = on_every_test(_ROUND, objective.threads, partial(find_shift, first))
-        changes += [change for change in draws if change is not None]
-        if changes:
-            yield np.array(changes)
 
 
 def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:

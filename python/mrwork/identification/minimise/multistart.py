@@ -99,7 +99,9 @@ def search_starts(
             rounds.advance(minima)
             tell()
 
-        rounds.end(_descend(objective, box, starts, settings, earlier=rounds.misfits, on_iteration=advance))
+        earlier = tuple(rounds.misfit[: rounds.n_ended].tolist())
+        rounds.keep(_descend(objective, box, starts, settings, earlier=earlier, on_iteration=advance))
+        rounds.n_ended = len(rounds.misfit)
 
     if order.size:
         tell()
@@ -107,7 +109,7 @@ def search_starts(
     left = list(order)
     number = settings.least_rounds
     while number <= settings.most_rounds:
-        if rounds.ended:
+        if rounds.n_ended:
             given = rounds.cross_samples(samples, np.random.default_rng([rng, number]))
             wanted = settings.starts
         else:
@@ -120,22 +122,23 @@ def search_starts(
         run_round(starts)
         least_rounds = settings.least_rounds
         if least_rounds > 1:
-            best = np.asarray(box.unit_from_theta(rounds.best_minimum))
+            best = np.asarray(box.unit_from_theta(rounds.theta[np.argmin(rounds.misfit)]))
             least_rounds += bool(np.any(on_bound(best)))
-        at_best = np.count_nonzero(np.array(rounds.misfits) <= (1.0 + settings.closeness) * rounds.least)
+        least = float(rounds.misfit.min())
+        at_best = np.count_nonzero(rounds.misfit <= (1.0 + settings.closeness) * least)
         # Of the rounds that ran together, the last one too must not have lowered the least misfit.
-        before = min(rounds.misfits[: -settings.starts], default=math.inf)
+        before = float(np.min(rounds.misfit[: -settings.starts], initial=math.inf))
         if (
             number >= least_rounds
-            and (number == 1 or rounds.least >= (1.0 - settings.closeness) * before)
-            and rounds.least <= (1.0 + settings.closeness) * suspicious
+            and (number == 1 or least >= (1.0 - settings.closeness) * before)
+            and least <= (1.0 + settings.closeness) * suspicious
             and at_best >= settings.found
         ):
             reason = "found_again"
             break
         number += 1
-    if mirrored and rounds.ended:
-        run_round(mirror(rounds.make_result("").theta[:1], mirrored))
+    if mirrored and rounds.n_ended:
+        run_round(mirror(rounds.theta[[np.argmin(rounds.misfit)]], mirrored))
     return rounds.make_result(reason)
 
 
@@ -253,47 +256,30 @@ def minima_from(
 
 
 class _Rounds:
-    """State of the search: the best sample, and the minima of the completed rounds and of the present one."""
+    """State of the search: the minima of the completed rounds and of the present one; before them, the best sample."""
 
     def __init__(self, objective: Objective, theta: Floats, misfit: Floats) -> None:
         self.objective = objective
-        self.sampled = (theta[:1], misfit[:1])
-        self.ended: list[LocalMinima] = []
-        self.running: LocalMinima | None = None
+        self.theta, self.misfit, self.n_ended = theta[:1], misfit[:1], 0
         self.evaluations = [objective.tally.simulations]
         self.best = [float(misfit[0]) if misfit.size else math.inf]
         self.median = [float(np.median(misfit)) if misfit.size else math.inf]
 
+    def keep(self, minima: LocalMinima) -> None:
+        """Take the minima of the present round."""
+        self.theta = np.concatenate([self.theta[: self.n_ended], minima.theta])
+        self.misfit = np.concatenate([self.misfit[: self.n_ended], minima.misfit])
+
     def advance(self, minima: LocalMinima) -> None:
-        self.running = minima
+        self.keep(minima)
         self.evaluations.append(self.objective.tally.simulations)
         self.best.append(min(self.best[-1], float(minima.misfit.min())))
         self.median.append(float(np.median(minima.misfit)))
 
-    def end(self, minima: LocalMinima) -> None:
-        self.running = None
-        self.ended.append(minima)
-
-    @property
-    def misfits(self) -> tuple[float, ...]:
-        """Misfits of the local minimisations that ended, in the order of their starts."""
-        return tuple(float(misfit) for minima in self.ended for misfit in minima.misfit)
-
-    @property
-    def least(self) -> float:
-        """Least misfit of the local minimisations that ended; infinite before the first."""
-        return min(self.misfits, default=math.inf)
-
-    @property
-    def best_minimum(self) -> Floats:
-        """Parameters of the least misfit of the local minimisations that ended, shape (n_params,)."""
-        minima = min(self.ended, key=lambda minima: float(minima.misfit.min()))
-        return np.asarray(minima.theta[int(np.argmin(minima.misfit))])
-
     def cross_samples(self, samples: Floats, random: np.random.Generator) -> Floats:
         """Crossover of the best minimum with random samples, shape (n_crossed, n_params)."""
         chosen = samples[random.integers(len(samples), size=_CROSSED)]
-        return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)
+        return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.theta[np.argmin(self.misfit)])
 
     def found(self, share: float) -> Found:
         """What is found so far, with the share of the allowed iterations that is used up."""
@@ -309,14 +295,10 @@ class _Rounds:
         )
 
     def make_result(self, stop_reason: str) -> MultistartResult:
-        groups = [(minima.theta, minima.misfit) for minima in self.ended]
-        if self.running is not None:
-            groups.append((self.running.theta, self.running.misfit))
-        theta, misfit = (np.concatenate(parts) for parts in zip(*(groups or [self.sampled]), strict=True))
-        order = np.argsort(misfit, kind="stable")
+        order = np.argsort(self.misfit, kind="stable")
         return MultistartResult(
-            theta=theta[order],
-            misfit=misfit[order],
+            theta=self.theta[order],
+            misfit=self.misfit[order],
             stop_reason=stop_reason,
             evaluations=tuple(self.evaluations),
             best=tuple(self.best),
