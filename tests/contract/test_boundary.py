@@ -24,7 +24,6 @@ from mrwork.control import regulator_gains
 from mrwork.dampers.simulation import (
     simulate_force,
     simulate_forces,
-    simulate_misfits,
     simulate_sensitivities,
     stiffness_shares,
 )
@@ -55,7 +54,7 @@ def work() -> None:
     spec, signal = mr.damper("dahl"), 1e-3 * np.sin(np.arange(8.0))
     loading = mr.Loading(dt=0.01, displacement=signal, velocity=signal, command=signal**2, command_unit="A")
     history, theta = loading.history(), np.tile(spec.nominal, (3, 1))
-    simulate_misfits(spec, theta, history, signal, limits=np.full(3, np.inf))
+    _rust.misfits(spec.name, theta, history, signal, limits=np.full(3, np.inf))
     for simulate in (simulate_forces, simulate_sensitivities, stiffness_shares):
         simulate(spec, theta, history)
     rows = {"A": -np.eye(4), "B": np.eye(4)[:, :2], "state_weight": np.eye(4), "control_weight": np.eye(2)}

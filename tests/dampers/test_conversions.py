@@ -21,14 +21,12 @@ from mrwork.dampers import (
     normalised_from_bouc_wen,
     opensees_from_bouc_wen,
 )
+from mrwork.dampers.conventions import convention_remarks, require_bounded_loop, solver_remarks
 from mrwork.dampers.conversions import (
     BOUC_WEN_FROM_NORMALISED,
     NORMALISED_FROM_BOUC_WEN,
-    convention_remarks,
     of_modified,
-    require_bounded_loop,
     rescaled_bouc_wen,
-    solver_remarks,
 )
 from mrwork.dampers.simulation import Loading, simulate_force, simulate_forces
 

@@ -79,16 +79,16 @@ def joint_tests() -> tuple[DamperTest, ...]:
 
 def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> None:
     """All engines end at one misfit, and at parameters that differ by a small share of their standard errors."""
-    lanes = find_minima(objective, form.box, start[None], max_iterations=100)
+    lanes = find_minima(objective, form.box, start[None], max_iterations=100).best
     other = find_minimum_by_optimistix(objective, form.box, start)
-    assert objective(start[None])[0] > 1.2 * lanes.misfit[0]
-    assert lanes.converged.all()
-    assert other.converged.all()
+    assert objective(start[None])[0] > 1.2 * lanes.misfit
+    assert lanes.converged
+    assert other.converged
     assert other.misfit == pytest.approx(lanes.misfit, rel=1e-6)
-    errors = Covariance.of(Slopes.at(objective, form, lanes.theta[0])).standard_errors
+    errors = Covariance.of(Slopes.at(objective, form, lanes.theta)).standard_errors
     known = np.isfinite(errors)
     assert np.count_nonzero(known) >= len(form.box.free) - 1
-    off = np.asarray(form.to_model(other.theta[0])) - np.asarray(form.to_model(lanes.theta[0]))
+    off = np.asarray(form.to_model(other.theta)) - np.asarray(form.to_model(lanes.theta))
     # A misfit larger by 1e-6 of itself leaves sqrt(2 n 1e-6) standard errors open, 0.04 of one for 800 samples.
     assert np.all(np.abs(off[known]) <= 0.05 * errors[known])
 
@@ -118,9 +118,9 @@ def test_all_engines_say_that_a_parameter_is_at_its_bound() -> None:
     form = identifiable_form(spec, {"rho": (10.0, 0.5 * spec.nominal[index])})
     objective = Objective.of(spec, (record(spec, spec.nominal),))
     start = near(form, spec.nominal)
-    lanes = find_minima(objective, form.box, start[None], max_iterations=100)
+    lanes = find_minima(objective, form.box, start[None], max_iterations=100).best
     other = find_minimum_by_optimistix(objective, form.box, start)
-    for (theta,) in (lanes.theta, other.theta):
+    for theta in (lanes.theta, other.theta):
         remarks = [remark_of(form.box, each, float(theta[each])) for each in range(len(theta))]
         assert [remark for remark in remarks if remark] == ["at upper bound"]
         assert remarks[index] == "at upper bound"

@@ -12,8 +12,7 @@ from mrwork.cli.numbers import Range, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.cli.own_models import add_trust
-from mrwork.dampers.conventions import convert
-from mrwork.dampers.conversions import OpenSeesTimeStep
+from mrwork.dampers.conventions import OpenSeesTimeStep, convert
 from mrwork.errors import SettingError
 
 _TARGETS = ("mat", "opensees", "csv")

@@ -1,10 +1,10 @@
 from .._rust import LoadingHistory as LoadingHistory
 from . import design as design
-from .conversions import OpenSeesBoucWen as OpenSeesBoucWen
+from .conventions import OpenSeesBoucWen as OpenSeesBoucWen
+from .conventions import bouc_wen_from_opensees as bouc_wen_from_opensees
+from .conventions import opensees_from_bouc_wen as opensees_from_bouc_wen
 from .conversions import bouc_wen_from_normalised as bouc_wen_from_normalised
-from .conversions import bouc_wen_from_opensees as bouc_wen_from_opensees
 from .conversions import normalised_from_bouc_wen as normalised_from_bouc_wen
-from .conversions import opensees_from_bouc_wen as opensees_from_bouc_wen
 from .coordinates import Box as Box
 from .laws import CurrentLaws as CurrentLaws
 from .laws import LawName as LawName

@@ -222,9 +222,9 @@ class _Identification:
             call.so_far = lambda: (theta, points.trace)
 
         def on_start(minima: LocalMinima) -> None:
-            best = int(np.argmin(minima.misfit))
-            keep(minima.theta[best])
-            call.tell("screening", minima.iterations, "steps", float(minima.misfit[best]), 0.0)
+            best = minima.best
+            keep(best.theta)
+            call.tell("screening", best.steps, "steps", best.misfit, 0.0)
 
         def on_step(steps: int, misfit: float) -> None:
             call.tell("refinement", steps, "steps", misfit, 0.0)

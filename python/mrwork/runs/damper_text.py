@@ -15,13 +15,8 @@ from mrwork.base.numbers import of_unit
 from mrwork.base.table import csv_text
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_noise
-from mrwork.dampers.conversions import (
-    USUAL_OPENSEES_ERROR,
-    bouc_wen_from_normalised,
-    normalised_from_bouc_wen,
-    opensees_from_bouc_wen,
-    require_bounded_loop,
-)
+from mrwork.dampers.conventions import USUAL_OPENSEES_ERROR, opensees_from_bouc_wen, require_bounded_loop
+from mrwork.dampers.conversions import bouc_wen_from_normalised, normalised_from_bouc_wen
 from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
 from mrwork.dampers.spec import law_limits, plain_parameters

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.labelled import NamedArray, NamedArrays
-from mrwork.dampers.conversions import OpenSeesError, OpenSeesTimeStep
+from mrwork.dampers.conventions import OpenSeesError, OpenSeesTimeStep
 from mrwork.errors import MrworkError, MrworkWarning, SettingError
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.identification.fit_file import reopen

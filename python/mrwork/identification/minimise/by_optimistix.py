@@ -15,7 +15,7 @@ import optimistix as optx
 from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinima
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
 from mrwork.identification.objective import NormalEquations, Objective
 from mrwork.identification.traced import Residuals, arrays_of
 from mrwork.twins.models import on_processor
@@ -32,17 +32,17 @@ OnStep = Callable[[int, float], None]
 @on_processor()
 def find_minimum_by_optimistix(
     objective: Objective, box: Box, start: Floats, *, on_step: OnStep | None = None
-) -> LocalMinima:
+) -> LocalMinimum:
     """The minimum that is reached from `start`, shape (n_params,), inside `box`; it is not worse than the start.
 
     `on_step` is called with the number of steps and the misfit; not if the result is recalled from a journal.
     """
     return objective.once(
-        "refinement", LocalMinima, lambda: _minimise(objective, box, start, on_step), box, start
+        "refinement", LocalMinimum, lambda: _minimise(objective, box, start, on_step), box, start
     )
 
 
-def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> LocalMinima:
+def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | None) -> LocalMinimum:
     begin, advance = _method(Residuals.of(objective, columns=box.free, substeps=None, threads=1), box)
     origin = np.asarray(box.latent_from_theta(box.inside(start)))
     # Units of the coordinates in which they have equal effects on the residuals, as in Marquardt's scaling.
@@ -66,12 +66,9 @@ def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | N
         converged = bool(done) or stalled
     candidates = np.stack([start, box.theta_from_latent(origin + scale * np.asarray(position))])
     misfits = objective(candidates)
-    best = [int(np.argmin(misfits))]
-    return LocalMinima(
-        theta=candidates[best],
-        misfit=misfits[best],
-        converged=np.array([converged]),
-        iterations=len(squared),
+    best = int(np.argmin(misfits))
+    return LocalMinimum(
+        theta=candidates[best], misfit=float(misfits[best]), steps=len(squared), converged=converged
     )
 
 

@@ -38,6 +38,16 @@ _PACED = 5
 
 
 @array_dataclass()
+class LocalMinimum:
+    """Result of a local minimisation: parameters (n_params,), misfit, number of steps, whether it converged."""
+
+    theta: Floats
+    misfit: float
+    steps: int
+    converged: bool
+
+
+@array_dataclass()
 class LocalMinima:
     """Results of a batch: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
 
@@ -45,6 +55,17 @@ class LocalMinima:
     misfit: Floats
     converged: NDArray[np.bool_]
     iterations: int
+
+    @property
+    def best(self) -> LocalMinimum:
+        """The minimum of the least misfit."""
+        best = int(np.argmin(self.misfit))
+        return LocalMinimum(
+            theta=self.theta[best],
+            misfit=float(self.misfit[best]),
+            steps=self.iterations,
+            converged=bool(self.converged[best]),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

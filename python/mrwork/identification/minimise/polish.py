@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-
-import numpy as np
+from operator import attrgetter
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.covariance import Covariance, Slopes
@@ -52,7 +51,7 @@ def polish(
         from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix as find
 
         found = (find(objective, form.box, start, on_step=on_step) for start in starts)
-        ended = min(found, key=lambda each: float(each.misfit[0]))
+        ended = min(found, key=attrgetter("misfit"))
     else:
         ended = find_minima(
             objective,
@@ -61,11 +60,6 @@ def polish(
             max_iterations=_MOST_ITERATIONS,
             hopeless=_BEHIND,
             on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
-        )
-    best = int(np.argmin(ended.misfit))
-    return Polished(
-        theta=ended.theta[best],
-        covariance=Covariance.of(Slopes.at(objective, form, ended.theta[best])),
-        steps=ended.iterations,
-        converged=bool(ended.converged[best]),
-    )
+        ).best
+    covariance = Covariance.of(Slopes.at(objective, form, ended.theta))
+    return Polished(theta=ended.theta, covariance=covariance, steps=ended.steps, converged=ended.converged)
