@@ -35,7 +35,8 @@ _FREQUENCY: Final = 0.20
 
 _VARIES: Final = FindingKind(
     "command_varies",
-    "the {0} {1} {lowest} and {highest} {2}, by {value:.4g} {2}; a model follows it by current laws (--law)",
+    "the {0} {1} {lowest} and {highest} {2}, by {value:.4g} {2}; a model follows it by current laws (--law), a coil "
+    "behind its set point by --driver-lag",
     verbs=ONCE,
 )
 _RINGS: Final = FindingKind(

@@ -257,7 +257,8 @@ def choose_laws(
         Whether the driver lags behind a command that varies; the rate is fitted with each set of laws. A lag that the
         first laws do not want is left out.
     leave_out
-        Tests that are left out together: those of one motion where there are three motions or more, else each test.
+        Tests that are left out together: those of one motion where there are three motions or more, else each test. Of
+        one or two records of a varying command stretches of time are left out.
     settings
         Settings of the identifications, see `identify`. A parameter with bounds remains constant, unless it has a
         law in `laws`; starts are refused. Of several models, each takes the laws and bounds
