@@ -47,13 +47,14 @@ def _laws_at(spec: DamperSpec, commands: Floats, *, logarithms: bool) -> dict[st
 
 
 def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
-    """Commands of all tests in the unit of the laws, and levels of varying ones, shape (n_commands,), lowest first."""
+    """Commands of all tests in the unit of the laws, (n_commands,), lowest first; of varying ones common levels."""
     unit = spec.command_unit or "A"
-    commands = (loading_of(test, spec).command for test in tests)
-    known = [command for command in commands if command is not None]
-    return np.array(
-        sorted({command_level(level, unit) for command in known for level in levels_of_command(command)})
-    )
+    commands = [loading_of(test, spec).command for test in tests]
+    varying = [command for command in commands if isinstance(command, np.ndarray)]
+    known = [command for command in commands if not isinstance(command, np.ndarray | None)]
+    if varying:
+        known += levels_of_command(np.concatenate(varying))
+    return np.array(sorted({command_level(level, unit) for level in known}))
 
 
 def command_of(test: DamperTest, varying: str = "") -> object:
