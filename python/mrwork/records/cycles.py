@@ -7,11 +7,10 @@ displacement, from the corner of the force at motion reversals.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
 from mrwork.records.checks import half_range, mean_over_travel
@@ -34,7 +33,7 @@ def moving_mass(test: DamperTest, motion: SmoothMotion) -> Measured | None:
         m = int (F - mean F) a dt / int a^2 dt > 0,
 
     is inertia, so that the mass is at least m. A force that leads the displacement has the same effect. The standard
-    error is that of the mean over the cycles. A varying command changes the force within cycles and hides the mass.
+    error is of the mean over the cycles. A varying command changes the force within cycles and hides the mass.
     """
     if test.has_varying_command:
         return None
@@ -145,13 +144,11 @@ _FALL: Final = 0.3
 _FEWEST: Final = 12
 _FEWEST_TURNS: Final = 2
 _ALIKE: Final = 0.1
-# Ratio of the mean square residual with a corner to that of a smooth curve with one more parameter: 0.1 to 0.7 for
+# Ratio of the mean square residuals of a corner and of a smooth curve with one more parameter: 0.1 to 0.7 for
 # models with displacement hysteresis, 0.9 to 1.1 if the force is a smooth function of the motion.
 _SHARPNESS: Final = 0.7
 # Largest rms residual relative to the half range of the force; the rest must be noise.
 _LARGEST_RESIDUAL: Final = 0.02
-# Far below the terms of a fit, above their rounding errors: for terms that a window cannot tell apart.
-_NEGLIGIBLE: Final = 1e-14
 _AGREEMENT: Final = 0.006
 _SIGNIFICANT_DELAY: Final = 3.0
 # Fall of the force at the turn, in half ranges, required for a lead.
@@ -257,77 +254,37 @@ def _fold_periods(
 def _corner(time: Floats, force: Floats, count: Floats, before: float) -> tuple[float, float] | None:
     """Delay of the corner [periods], and its mean square residual relative to a smooth curve; `None` without."""
     delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
-    first, end = _until_fallen(time, force, count, delays, before)
-    rows, weight = _windows(first, end, count)
-    terms = _with_corner((time[rows] - delays[:, np.newaxis]) / before)
-    residual = np.full(delays.size, np.inf)
-    enough = end - first >= _FEWEST
-    least = _triangles(terms, force[rows], weight)[enough, -1, -1]
-    residual[enough] = least**2 / np.sum(weight[enough] ** 2, axis=1)
+    windows = [_until_fallen(time, force, count, delay, before) for delay in delays]
+    residual = [
+        _mean_square(_with_corner((time[window] - delay) / before), force[window], count[window])
+        if window.stop - window.start >= _FEWEST
+        else np.inf
+        for delay, window in zip(delays, windows, strict=True)
+    ]
     best = int(np.argmin(residual))
     if not residual[best] < _LARGEST_RESIDUAL**2 or best in (0, delays.size - 1):
         return None
-    window = slice(int(first[best]), int(end[best]))
-    s = (time[window] - delays[best]) / before
-    corner = _mean_square(np.stack(_with_corner(s), axis=1), force[window], count[window])
-    smooth = _mean_square(np.vander(s, 6), force[window], count[window])
+    window = windows[best]
+    smooth = _mean_square(np.vander((time[window] - delays[best]) / before, 6), force[window], count[window])
     # A force that stands still is as smooth as it is cornered.
-    return (float(delays[best]), corner / smooth) if smooth > 0.0 else None
+    return (float(delays[best]), residual[best] / smooth) if smooth > 0.0 else None
 
 
-def _until_fallen(
-    time: Floats, force: Floats, count: Floats, delays: Floats, before: float
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Windows, first sample and beyond the last, from `before` each corner until the force has fallen enough."""
-    first = np.searchsorted(time, delays - before, side="right")
-    turned = np.searchsorted(time, delays, side="right")
-    rows, weight = _windows(first, turned, count)
-    since = time[rows] - delays[:, np.newaxis]
-    triangles = _triangles((since**2, since, np.ones_like(since)), force[rows], weight)
-    curved, steep, level = np.linalg.solve(triangles[:, :3, :3], triangles[:, :3, 3:])[..., 0].T[
-        ..., np.newaxis
-    ]
-    # In place, because fresh memory costs more than the sums.
-    after = time - delays[:, np.newaxis]
-    branch = curved * after
-    branch += steep
-    branch *= after
-    branch += level
-    branch -= force
-    fallen = np.abs(branch, out=branch) > _FALL
-    fallen &= np.arange(time.size) >= turned[:, np.newaxis]
-    end = np.where(fallen.any(axis=1), np.argmax(fallen, axis=1) + 1, time.size)
-    return first, np.where(turned - first >= _FEWEST // 2, end, first)
+def _until_fallen(time: Floats, force: Floats, count: Floats, delay: float, before: float) -> slice:
+    """Samples from `before` the corner until the force has fallen enough from the parabola ahead of it."""
+    first, turned = np.searchsorted(time, [delay - before, delay], side="right").tolist()
+    if turned - first < _FEWEST // 2:
+        return slice(first, first)
+    since = time - delay
+    branch = np.polyfit(since[first:turned], force[first:turned], 2, w=np.sqrt(count[first:turned]))
+    fallen = np.abs(np.polyval(branch, since[turned:]) - force[turned:]) > _FALL
+    return slice(first, turned + int(np.argmax(fallen)) + 1 if fallen.any() else time.size)
 
 
-def _windows(
-    first: NDArray[np.intp], end: NDArray[np.intp], count: Floats
-) -> tuple[NDArray[np.intp], Floats]:
-    """Samples of windows, filled up to the longest of them, and their weights, of which those filled up have none."""
-    rows = first[:, np.newaxis] + np.arange(max(int(np.max(end - first)), 1))
-    inside = rows < end[:, np.newaxis]
-    rows = np.minimum(rows, count.size - 1)
-    return rows, np.sqrt(count[rows] * inside)
-
-
-def _with_corner(s: Floats) -> tuple[Floats, ...]:
-    """Terms of a parabola and a corner at the time `s` since it."""
+def _with_corner(s: Floats) -> Floats:
+    """Terms of a parabola and a corner at the time `s` since it, shape (n_time, 5)."""
     past = np.maximum(s, 0.0)
-    return np.ones_like(s), s, s**2, past**2, past**3
-
-
-def _triangles(terms: Sequence[Floats], force: Floats, weight: Floats) -> Floats:
-    """Triangular factors of weighted least-squares problems, (n_windows, n_terms + 1, n_terms + 1).
-
-    All arguments have the shape (n_windows, n_rows). The force is the last column, so that the last diagonal element is
-    the norm of the residual. Terms that a window cannot tell apart are kept finite by rows of `_NEGLIGIBLE`.
-    """
-    n_windows, n_rows = weight.shape
-    problem = np.empty((n_windows, n_rows + len(terms), len(terms) + 1))
-    for place, column in enumerate((*terms, force)):
-        np.multiply(column, weight, out=problem[:, :n_rows, place])
-    problem[:, n_rows:] = _NEGLIGIBLE * np.eye(len(terms), len(terms) + 1)
-    return np.asarray(np.linalg.qr(problem, mode="r"))
+    return np.stack([np.ones_like(s), s, s**2, past**2, past**3], axis=1)
 
 
 def _mean_square(columns: Floats, force: Floats, count: Floats) -> float:
