@@ -258,7 +258,7 @@ def test_differences_of_quantised_readings_are_not_used_for_the_velocity(step: f
     np.testing.assert_array_equal(test.velocity, derived.velocity)
 
 
-@pytest.mark.parametrize(("late", "code"), [(0.5, "velocity_late"), (-2.0, "velocity_inconsistent")])
+@pytest.mark.parametrize(("late", "code"), [(0.5, "velocity_difference"), (-2.0, "velocity_inconsistent")])
 def test_a_shifted_velocity_is_told_by_its_delay(late: float, code: str) -> None:
     columns = clean_columns()
     columns["velocity_mps"] = AMPLITUDE * OMEGA * np.cos(OMEGA * (columns["t_s"] - late * DT))
@@ -314,7 +314,7 @@ def test_a_velocity_that_is_a_difference_is_derived_anew_unless_it_is_kept(
 @pytest.mark.parametrize("noise", [1e-5, 1e-4, 5e-4])
 @pytest.mark.parametrize("decimals", [3, 6])
 def test_a_measured_velocity_that_is_half_a_sample_late_is_used(noise: float, decimals: int) -> None:
-    columns = with_difference(TIME, 0.5, noise=1e-6)
+    columns = with_difference(TIME, 0.5, noise=2e-5)
     columns["displacement_m"] = 1e-3 * np.round(1e3 * columns["displacement_m"], decimals)
     late = AMPLITUDE * OMEGA * np.cos(OMEGA * (TIME - 0.5 * DT))
     columns["velocity_mps"] = np.round(late + noise * np.random.default_rng(5).standard_normal(400), 4)
@@ -349,7 +349,7 @@ def test_a_difference_is_used_where_smoothing_would_cost_more_than_its_lag() -> 
     np.testing.assert_array_equal(test.velocity, velocity)
 
 
-@pytest.mark.parametrize(("late", "expected"), [(0.5, ["velocity_late"]), (0.25, []), (1.0, [])])
+@pytest.mark.parametrize(("late", "expected"), [(0.5, ["velocity_difference"]), (0.25, []), (1.0, [])])
 def test_a_phase_too_small_to_matter_is_told_only_of_backward_differences(
     late: float, expected: list[str]
 ) -> None:

@@ -156,7 +156,7 @@ def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
 _DRIFT: Final = 0.25
 _RAMP: Final = 60.0
 _FEWEST_CYCLES: Final = 3
-# Residual of the force without the drift, relative to that with it, below which the drift is none of the damper.
+# Ratio of the residuals of the force without the drift and with it, below which the damper did not drift.
 _BETTER: Final = 0.8
 # Hysteresis and width of the force about the reversal, in peak velocities.
 _HYSTERESIS: Final = (0.0, 0.1, 0.2, 0.4)
@@ -257,8 +257,6 @@ _OF_UNITS: Final = 0.04
 _NOISY: Final = 0.015
 _NOISIER: Final = 2.0
 
-_Kept = slice | NDArray[np.intp]
-
 # Steps of a clock that is slow or fast by a thousand, and the units that were confused, by the ratio of the velocity to
 # the derivative: damper tests are sampled at 20 Hz to 50 kHz.
 _SLOW_CLOCK: Final = 0.05
@@ -323,8 +321,7 @@ _HELD_VELOCITY: Final = FindingKind(
 )
 _DIFFERENCE: Final = FindingKind(
     "velocity_difference",
-    "the velocity is the {0} difference of the displacement, to the last digit, and {1} by "
-    f"{_LATE_BY_MAKING}",
+    f"the velocity follows the {{0}} difference of the displacement, and {{1}} by {_LATE_BY_MAKING}",
 )
 
 
@@ -337,35 +334,10 @@ def refuse_velocity(test: DamperTest) -> None:
             raise refusal
 
 
-def noisy_velocity(own: float, noise: float, motion: SmoothMotion) -> tuple[Finding, ...]:
-    """Note a velocity that is noisier than the derivative of the displacement, which replaces it then.
-
-    Differences of quantised readings are, and bias the parameters. Noise: `own` [m/s], and `noise` of the displacement
-    [m].
-    """
-    derived = noise * motion.differentiator.noise_gain(1)
-    spread = float(np.std(motion.velocity))
-    if own <= max(_NOISY * spread, _NOISIER * derived):
-        return ()
-    measured = Measured(own, "m/s")
-    found = _NOISY_VELOCITY.found(
-        measured=measured, own=1e3 * own, share=100.0 * own / spread, derived=1e3 * derived
-    )
-    return (found,)
-
-
-# A difference lies within the last digits of both channels at this share of the samples at least, and within this share
-# of the distance from the central difference. Its steps are the recorded ones or, where these vary, their mean, with a
-# gain near one, because times that are rounded do not tell it better.
-_WITHIN_DIGITS: Final = 0.99
-_NEARER: Final = 0.5
-_SLACK: Final = 1.001
-_SLACK_OF_GAIN: Final = 1.1
+# A difference is nearer to a one-sided one than to the central one by this factor, and has a gain near one. Its steps
+# are the recorded ones or, where these are rounded, their mean.
+_NEARER: Final = 0.25
 _GAIN: Final = 0.01
-_UNIFORM: Final = 1e-6
-_MOST_DIGITS: Final = 8
-_SINGLE: Final = 2.0**-24
-_INCH: Final = FACTORS["displacement"]["in"]
 
 
 def late_by_making(time: Floats, displacement: Floats, velocity: Floats) -> tuple[Finding, ...]:
@@ -385,52 +357,23 @@ def late_by_making(time: Floats, displacement: Floats, velocity: Floats) -> tupl
 
 
 def _lag_of_difference(time: Floats, displacement: Floats, velocity: Floats) -> float:
-    """Lag, in samples, of a velocity column that is a difference of the displacement column, as both are written.
+    """Lag, in samples, of a velocity column that is a difference of the displacement column: 0.5 of a backward one.
 
-    It is 0.5 for backward and -0.5 for forward differences, and 0 for any other column: a measured velocity has noise
-    of its own, and does not repeat that of the displacement. Where the last digits hide half a sample it is 0, too.
+    It is 0 for any other column: the noise of a measured velocity does not repeat that of the displacement.
     """
-    recorded, changes = np.diff(time), np.diff(displacement)
-    mean = np.full_like(recorded, np.mean(recorded))
-    is_uniform = np.ptp(recorded) <= _UNIFORM * mean[0]
+    recorded = np.diff(time)
     for lag, column in ((0.5, velocity[1:]), (-0.5, velocity[:-1])):
-        for steps, free_gain in ((recorded, False), *(() if is_uniform else ((mean, True),))):
-            difference = changes / steps
-            power = float(difference @ difference)
-            gain = float(column @ difference) / max(power, np.finfo(float).tiny)
+        for steps in (recorded, np.mean(recorded)):
+            difference = np.diff(displacement) / steps
+            gain = float(column @ difference) / max(float(difference @ difference), np.finfo(float).tiny)
             if abs(abs(gain) - 1.0) > _GAIN:
                 continue
-            difference *= gain if free_gain else np.sign(gain)
             central = 0.5 * (difference[1:] + difference[:-1])
             inner = slice(None, -1) if lag > 0.0 else slice(1, None)
-            left = np.abs(column - difference)
-            if np.sum(left[inner] ** 2) >= _NEARER**2 * np.sum((column[inner] - central) ** 2):
-                continue
-            rounding = _half_digit(displacement)
-            allowed = _half_digit(column) + (rounding[1:] + rounding[:-1]) / steps
-            if np.mean(left <= (_SLACK_OF_GAIN if free_gain else _SLACK) * allowed) >= _WITHIN_DIGITS:
+            left, from_central = column - gain * difference, column[inner] - gain * central
+            if np.sum(left[inner] ** 2) < _NEARER**2 * np.sum(from_central**2):
                 return lag
     return 0.0
-
-
-def _half_digit(samples: Floats) -> Floats:
-    """Half a unit of the last digit of each sample, in SI or inches, with a fixed number of decimals or of digits.
-
-    Samples with more than 8 digits are taken for numbers of single precision at least.
-    """
-    half = _SINGLE * np.abs(samples)
-    for unit in (1.0, _INCH):
-        written = samples / unit
-        size = np.maximum(np.abs(written), np.finfo(float).tiny)
-        decades = np.floor(np.log10(size * (1.0 + 1e-12)))
-        for decade in (decades, np.full_like(decades, decades.max())):
-            for digits in range(_MOST_DIGITS):
-                step = 10.0 ** (decade - digits)
-                rest = np.abs(written - step * np.rint(written / step))
-                if np.mean(rest <= 8.0 * np.finfo(float).eps * size) >= _WITHIN_DIGITS:
-                    half = np.maximum(half, 0.5 * unit * step)
-                    break
-    return half
 
 
 def velocity_agrees(
@@ -454,7 +397,12 @@ def velocity_agrees(
     with sharp knees. `uncompared`: spans of samples, first and beyond the last, that were interpolated.
     """
     differentiator = motion.differentiator
-    kept = _select_unsmoothed(velocity.size, uncompared, differentiator.window // 2)
+    reach = differentiator.window // 2
+    given = np.ones(velocity.size, dtype=np.bool_)
+    # Samples that an interpolated one is smoothed into say nothing.
+    for first, last in uncompared:
+        given[max(first - reach, 0) : last + reach] = False
+    kept = np.flatnonzero(given) if np.count_nonzero(given) > reach else np.arange(velocity.size)
     comparison = _compare_velocities(velocity, displacement, motion, kept)
     measured = comparison.measured
     difference = comparison.misfit(measured)
@@ -476,10 +424,11 @@ def velocity_agrees(
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     replaced: tuple[Finding, ...] = ()
     if difference <= _MISFIT:
-        noise = differentiator.noise((displacement - motion.displacement)[kept])
-        replaced = noisy_velocity(
-            differentiator.noise((velocity - differentiator.smooth(velocity))[kept]), noise, motion
-        )
+        # Differences of quantised readings are noisier than the derivative, and bias the parameters.
+        own, derived, spread = comparison.own, comparison.derived, float(np.std(motion.velocity))
+        if own > max(_NOISY * spread, _NOISIER * derived):
+            numbers = {"own": 1e3 * own, "share": 100.0 * own / spread, "derived": 1e3 * derived}
+            replaced = (_NOISY_VELOCITY.found(measured=Measured(own, "m/s"), **numbers),)
     if late and not replaced and abs(factor - 1.0) < _SAME_MOTION:
         central, counts = np.gradient(displacement, differentiator.dt), np.zeros_like(displacement)
         counts[kept] = 1.0
@@ -518,11 +467,16 @@ def _off_by(factor: float, dt: float) -> Finding:
 
 @array_dataclass()
 class _VelocityMisfit:
-    """Smoothed velocity, derivative with its mean square `power`, and mean square difference `expected` from noise."""
+    """Smoothed velocity, and derivative with its mean square `power`; noise of the `own` velocity, and `derived`.
+
+    `expected` is the mean square difference from noise.
+    """
 
     measured: Floats
     derivative: Floats
     power: float
+    own: float
+    derived: float
     expected: float
 
     def misfit(self, candidate: Floats) -> float:
@@ -544,27 +498,17 @@ class _VelocityMisfit:
         return Measured(late, "s", standard_error=error)
 
 
-def _select_unsmoothed(n_time: int, uncompared: Sequence[tuple[int, int]], reach: int) -> _Kept:
-    """Index of the samples that no interpolated one is smoothed into, by a filter with this reach to either side."""
-    if not uncompared:
-        return slice(None)
-    given = np.ones(n_time, dtype=np.bool_)
-    for first, last in uncompared:
-        given[max(first - reach, 0) : last + reach] = False
-    return np.flatnonzero(given) if np.count_nonzero(given) > reach else slice(None)
-
-
 def _compare_velocities(
-    velocity: Floats, displacement: Floats, motion: SmoothMotion, kept: _Kept
+    velocity: Floats, displacement: Floats, motion: SmoothMotion, kept: NDArray[np.intp]
 ) -> _VelocityMisfit:
     differentiator, derivative = motion.differentiator, motion.velocity[kept]
     smooth = differentiator.smooth(velocity)
-    measured = smooth[kept]
     power = float(np.mean(derivative**2))
-    noise = np.hypot(
-        differentiator.noise((displacement - motion.displacement)[kept]) * differentiator.noise_gain(1),
-        differentiator.noise((velocity - smooth)[kept]) * differentiator.noise_gain(0),
-    )
+    own = differentiator.noise((velocity - smooth)[kept])
+    derived = differentiator.noise((displacement - motion.displacement)[kept]) * differentiator.noise_gain(1)
+    noise = np.hypot(derived, own * differentiator.noise_gain(0))
     # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.
     expected = min(float(noise**2), _NOISE_SHARE**2 * power)
-    return _VelocityMisfit(measured=measured, derivative=derivative, power=power, expected=expected)
+    return _VelocityMisfit(
+        measured=smooth[kept], derivative=derivative, power=power, own=own, derived=derived, expected=expected
+    )
