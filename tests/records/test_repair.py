@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from refusals import refusal
 
+import mrwork as mr
 from mrwork.records import DamperTest, repair
 from mrwork.records.finding import REPAIR_KINDS, RepairKind
 from mrwork.records.reading import synthetic_test
@@ -104,9 +105,7 @@ def test_the_record_is_kept_beside_the_repaired_one(clean: DamperTest) -> None:
 
 
 def test_a_cured_finding_gives_way_to_the_repair(clean: DamperTest) -> None:
-    from mrwork.records import build_damper_test
-
-    raised = build_damper_test(
+    raised = mr.test_from_arrays(
         name="raised", time=clean.time, displacement=clean.displacement, force=clean.force + 300.0
     )
     assert "force_offset" in [finding.code for finding in raised.findings]
@@ -131,10 +130,10 @@ def test_every_repair_is_in_the_log_in_its_order(clean: DamperTest) -> None:
 @pytest.mark.parametrize(
     ("amounts", "word"),
     [
-        ({"rest": 1.0}, "delay, offset, mass alone"),
+        ({"rest": 1.0}, "delay .* mass .* alone"),
         ({"delay": 50.0}, "0 samples would remain"),
         ({"delay": -50.0}, "1 samples would remain"),
-        ({"mass": -1.0}, "from 0 to 1e.06 kg"),
+        ({"mass": -1.0}, "no mass is below 0"),
     ],
 )
 def test_impossible_amounts_are_refused(clean: DamperTest, amounts: dict[str, float], word: str) -> None:

@@ -21,7 +21,7 @@ from mrwork.identification.residual import NuisanceName
 from mrwork.identification.settings import FitSettings
 from mrwork.records.columns import parse_column_option
 from mrwork.records.finding import REPAIR_KINDS, RepairKind
-from mrwork.records.repairs import AMOUNTS_IN_WORDS, VALUES_IN_WORDS, as_words
+from mrwork.records.repairs import AMOUNTS_IN_WORDS, as_words
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
@@ -87,7 +87,7 @@ def add_observation(parser: CommandParser, *, as_fitted: bool = False) -> None:
         add_option_of, parser, FitSettings, MEASUREMENT, default=() if as_fitted else UNCHANGED
     )
     usual = "default: as in the identification" if as_fitted else ""
-    measured("observe", metavar="WHAT=VALUE", more=f"{VALUES_IN_WORDS}{f'; {usual}' if usual else ''}")
+    measured("observe", metavar="WHAT=VALUE", more=usual)
     measured("nuisances", choices=[_NONE], more=usual)
 
 

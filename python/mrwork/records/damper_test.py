@@ -9,13 +9,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import ceil
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
-from mrwork.base.hints import Within
+from mrwork.base.hints import InUnit, Within
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
@@ -32,11 +32,7 @@ from mrwork.errors import RecordError, SettingError
 from mrwork.records.finding import Finding as Finding
 from mrwork.records.motion import cycle_lengths
 
-RANGES: Final = {
-    "delay_seconds": (-1e6, 1e6, "s"), "lag_seconds": (0.0, 1e6, "s"), "lowpass_hz": (1e-3, 1e6, "Hz"),
-    "average_seconds": (0.0, 1e6, "s"), "gain": (-1e6, 1e6, ""), "offset": (-1e9, 1e9, "N"),
-}  # fmt: skip
-"""Least and largest value of each effect, with its unit."""
+_Seconds = Annotated[float, Within(least=0.0, most=1e6), InUnit("s")]
 
 
 @checked
@@ -48,22 +44,16 @@ class Observation:
     [N]. The model is applied to simulated forces before the comparison, never to the record.
     """
 
-    delay_seconds: float = 0.0
-    lowpass_hz: float = 0.0
-    average_seconds: float = 0.0
-    gain: float = 1.0
-    offset: float = 0.0
-    lag_seconds: float = 0.0
+    delay_seconds: Annotated[float, Within(least=-1e6, most=1e6), InUnit("s")] = 0.0
+    lowpass_hz: Annotated[float, Within(least=0.0, most=1e6), InUnit("Hz")] = 0.0
+    average_seconds: _Seconds = 0.0
+    gain: Annotated[float, Within(least=-1e6, most=1e6)] = 1.0
+    offset: Annotated[float, Within(least=-1e9, most=1e9), InUnit("N")] = 0.0
+    lag_seconds: _Seconds = 0.0
 
     def __post_init__(self) -> None:
-        """Check the settings."""
-        for name, (least, most, unit) in RANGES.items():
-            value = getattr(self, name)
-            none = name == "lowpass_hz" and value == 0.0
-            if not (least <= value <= most or none) or (name == "gain" and value == 0.0):
-                other = {"lowpass_hz": "0 for none, or ", "gain": "not 0, and "}.get(name, "")
-                allowed = f"{other}from {least:g} to {most:g} {unit}".rstrip()
-                raise SettingError(f"{name} of an observation is {value:g}; give {allowed}")
+        if self.gain == 0.0:
+            raise SettingError("the gain of an observation is 0, which records nothing; give another")
 
     @property
     def in_words(self) -> str:
@@ -213,7 +203,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
     samples are simulated but not compared: until the damper has travelled half its peak-to-peak stroke, its force
     depends on the state of the hysteresis before the record. Nor are the spans `uncompared`, first sample and beyond
     the last, where samples were interpolated: spikes, gaps, and the motion after a gap until the force does not depend
-    on it. `observation` models how the recorded force follows from that of the damper; samples at the ends for which it
+    on it. `observation` models how the recorded force follows from the damper's; samples at the ends for which it
     needs the force beyond the record are not compared either. `smoothing` is the moving average that was found in the
     whole record, `None` where there is none; it is kept with a part of the record, where it may no longer be found.
     `original` is the record before repairs, if it was repaired.
@@ -480,7 +470,7 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     )
 
 
-# Share of the cycles that are longer, and that are shorter, than those of the frequency range.
+# Share of the cycles above, and below, the range of frequencies.
 _RARE = 0.1
 
 

@@ -19,7 +19,7 @@ from mrwork.base.values import freeze_samples
 from mrwork.errors import SettingError
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
 from mrwork.records.cycles import force_delay, moving_mass
-from mrwork.records.damper_test import AS_IT_IS, RANGES, DamperTest, Observation
+from mrwork.records.damper_test import AS_IT_IS, DamperTest, Observation
 from mrwork.records.finding import OF_FILES, ONCE, REPAIR_KINDS, Finding, FindingKind, Measured, RepairKind
 from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.window import cut
@@ -64,14 +64,9 @@ def repair(
     """
     given = dict(amounts or {})
     for kind, amount in given.items():
-        if kind not in _AMOUNTS or not np.isfinite(amount):
+        if kind not in _AMOUNTS or (kind == "mass" and amount < 0.0):
             raise SettingError(
-                f"repair {kind} was given {amount:g}; a finite number goes with {', '.join(_AMOUNTS)} alone"
-            )
-        least, most, unit = _AMOUNTS[kind]
-        if not least <= amount <= most:
-            raise SettingError(
-                f"repair {kind} was given {amount:g} {unit}; give one from {least:g} to {most:g} {unit}"
+                f"repair {kind} was given {amount:g}; a number goes with {AMOUNTS_IN_WORDS} alone, no mass is below 0"
             )
     wanted = set(kinds) | set(given)
     repaired, log = test, list[Finding]()
@@ -164,13 +159,9 @@ def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
 _REPAIRS: Final[Mapping[RepairKind, Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]]] = {
     "rest": _rest, "delay": _delay, "offset": _offset, "mass": _mass, "velocity": _velocity,
 }  # fmt: skip
-_AMOUNTS: Final[Mapping[RepairKind, tuple[float, float, str]]] = {
-    "delay": (-1e6, 1e6, "s"), "offset": (-1e9, 1e9, "N"), "mass": (0.0, 1e6, "kg"),
-}  # fmt: skip
-AMOUNTS_IN_WORDS: Final = ", ".join(
-    f"{kind} from {least:g} to {most:g} {unit}" for kind, (least, most, unit) in _AMOUNTS.items()
-)
-"""The range of each amount, for help."""
+_AMOUNTS: Final[Mapping[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"}
+AMOUNTS_IN_WORDS: Final = ", ".join(f"{kind} [{unit}]" for kind, unit in _AMOUNTS.items())
+"""What may be given an amount, with its unit, for help."""
 
 DETECT: Final = "detect"
 NONE: Final = "none"
@@ -179,11 +170,6 @@ _FIELDS: Final = {
     "average": "average_seconds", "lowpass": "lowpass_hz", "lag": "lag_seconds", "delay": "delay_seconds",
     "gain": "gain", "offset": "offset",
 }  # fmt: skip
-VALUES_IN_WORDS: Final = "; ".join(
-    f"{name} from {least:g} to {most:g} {unit}".rstrip()
-    for name, (least, most, unit) in ((name, RANGES[field]) for name, field in _FIELDS.items())
-)
-"""The range of each value, for help."""
 # Quantities that may be given as a share of the dominant period.
 _OF_PERIOD: Final = ("average", "lag", "delay")
 
@@ -209,10 +195,9 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
     none was found it has no effect.
     """
     if test.observation != AS_IT_IS:
-        _check_fits(test, test.observation, {})
+        _check_fits(test, test.observation)
         return test
     values: dict[str, float] = {}
-    said: dict[str, str] = {}
     for word in observe:
         if word == DETECT:
             # With a window in the displacement alone, the force was not averaged.
@@ -226,27 +211,26 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
             if _FIELDS[name] in values:
                 raise SettingError(f"--observe gives {name} twice, the second time as {word!r}; give it once")
             values[_FIELDS[name]] = value
-            said[_FIELDS[name]] = f"--observe is {word!r}"
     if not values:
         return test
     observation = Observation(**values)
-    _check_fits(test, observation, said)
+    _check_fits(test, observation)
     return replace(test, observation=observation)
 
 
-def _check_fits(test: DamperTest, observation: Observation, said: Mapping[str, str]) -> None:
+def _check_fits(test: DamperTest, observation: Observation) -> None:
     """Refuse an average, lag or delay longer than the record, and a filter above what its samples hold."""
-    for name in (_FIELDS[each] for each in _OF_PERIOD):
-        value, duration = getattr(observation, name), (test.n_time - 1) * test.dt
-        if abs(value) >= duration:
-            given = said.get(name, f"`{name}` of its observation is {value:g}")
-            raise SettingError(f"{test.label}: {given}, the record lasts {duration:.4g} s; give less")
-    if observation.lowpass_hz >= (nyquist := 0.5 / test.dt):
-        given = said.get("lowpass_hz", f"`lowpass_hz` of its observation is {observation.lowpass_hz:g}")
-        raise SettingError(
-            f"{test.label}: {given}, and samples every {test.dt:.4g} s hold nothing above {nyquist:.4g} Hz; "
-            "give less, or leave it out"
-        )
+    duration, nyquist = (test.n_time - 1) * test.dt, 0.5 / test.dt
+    for name, field in _FIELDS.items():
+        value = getattr(observation, field)
+        start = f"{test.label}: `{field}` of its observation, --observe {name}, is {value:g}"
+        if name in _OF_PERIOD and abs(value) >= duration:
+            raise SettingError(f"{start} s, the record lasts {duration:.4g} s; give less")
+        if name == "lowpass" and value >= nyquist:
+            raise SettingError(
+                f"{start} Hz, and samples every {test.dt:.4g} s hold nothing above {nyquist:.4g} Hz; give less, or "
+                "leave it out"
+            )
 
 
 def _value(word: str, *, period: float) -> tuple[str, float]:
@@ -266,8 +250,8 @@ def _value(word: str, *, period: float) -> tuple[str, float]:
     if not isfinite(value):
         raise SettingError(f"{text!r} in --observe {word} is not a number; write it as 0.002, or 0.1T")
     value = value * period if share else value
-    least, most, unit = RANGES[_FIELDS[name]]
-    if not least <= value <= most:
-        raise SettingError(f"--observe is {word!r}; give {name} from {least:g} to {most:g} {unit}".rstrip())
-    Observation(**{_FIELDS[name]: value})
+    try:
+        Observation(**{_FIELDS[name]: value})
+    except SettingError as reason:
+        raise SettingError(f"--observe is {word!r}: {reason}") from None
     return name, value
