@@ -68,7 +68,7 @@ for current in CURRENTS:
     loading = mr.Loading(dt=0.004, displacement=x, velocity=v, command=current, command_unit="A")
     noise = np.random.default_rng([script.seed, 0, 100, round(100 * current)]).standard_normal(time.size)
     tests[SYNTHETIC, current] = mr.records.cut(
-        mr.records.build_damper_test(
+        mr.test_from_arrays(
             name=f"RD-1005-3 {current:g} A",
             time=time,
             displacement=x,

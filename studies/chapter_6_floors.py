@@ -154,7 +154,7 @@ x = amplitude * np.sin(2.0 * np.pi * 3.0 * time)
 v, current = np.gradient(x, DT), np.array(CURRENTS)[place]
 loading = mr.Loading(dt=DT, displacement=x, velocity=v, command=current, command_unit="A")
 rng = np.random.default_rng(script.seed)
-test = mr.records.build_damper_test(
+test = mr.test_from_arrays(
     time,
     x + 5e-6 * rng.standard_normal(time.size),
     mr.simulate_force(RD1005.spec, RD1005.theta, loading) + 15.0 * rng.standard_normal(time.size),

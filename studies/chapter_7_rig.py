@@ -199,7 +199,7 @@ def damper_tests(records: Any, harmonics: int = HARMONICS) -> list[mr.DamperTest
         series = np.linalg.lstsq(shapes(record["time"], frequency)[0], record["displacement"])[0]
         time = record["time"][-round(3 / frequency / 1e-3) :: 2]
         position, rate = (each @ series[: 1 + 2 * harmonics] for each in shapes(time, frequency, harmonics))
-        test = mr.records.build_damper_test(
+        test = mr.test_from_arrays(
             time - time[0],
             position,
             record["force"][-round(3 / frequency / 1e-3) :: 2],

@@ -256,7 +256,7 @@ def synthetic(model: str, name: str, number: int) -> list[list[float]]:
         force = mr.simulate_force(spec, truth, mr.Loading(dt=dt, displacement=x, velocity=v))
         added = noise.draw(force.size, noise_truth[None], stream)[0]
         tests.append(
-            mr.records.build_damper_test(
+            mr.test_from_arrays(
                 name=f"{amplitude} m, {frequency} Hz",
                 time=time,
                 displacement=x,

@@ -109,7 +109,7 @@ for amplitude, frequency in ((0.020, 0.5), (0.010, 1.0), (0.006, 2.0), (0.003, 4
         x, v = amplitude * np.sin(omega * at), amplitude * omega * np.cos(omega * at)
         smoothing = mr.records.Observation(average_seconds=0.1 / frequency)
         recorded = smoothing.observe(true_force(x, v, dt, current), dt)
-        test = mr.records.build_damper_test(
+        test = mr.test_from_arrays(
             name=f"synthetic {1e3 * amplitude:g} mm, {frequency:g} Hz, {current:g} A",
             time=at,
             displacement=x + 5e-6 * rng.standard_normal(at.size),

@@ -39,7 +39,7 @@ for current in CURRENTS:
         x, v = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
         loading = mr.Loading(dt=DT, displacement=x, velocity=v, command=current, command_unit="A")
         force = mr.simulate_force(RD1005.spec, RD1005.theta, loading)
-        test = mr.records.build_damper_test(
+        test = mr.test_from_arrays(
             time,
             x + DISPLACEMENT_NOISE * rng.standard_normal(time.size),
             force + FORCE_NOISE * rng.standard_normal(time.size),

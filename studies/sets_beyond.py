@@ -65,7 +65,7 @@ def measured(model: str, kind: str, seed: int) -> list[mr.DamperTest]:
             force = force + THICKNESS * (0.5 + command) * v / (1.0 + np.abs(v) / DAMPERS[kind])
         noise = np.random.default_rng([seed, number]).standard_normal(force.size)
         tests.append(
-            mr.records.build_damper_test(
+            mr.test_from_arrays(
                 name=f"{1e3 * amplitude:g} mm, {frequency:g} Hz, {command:g} A",
                 time=time,
                 displacement=x,

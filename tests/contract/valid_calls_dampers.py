@@ -21,6 +21,7 @@ from mrwork.dampers.simulation import (
     simulate_sensitivities,
     stiffness_shares,
 )
+from mrwork.records.read import Origin
 from tests.contract.wrong_arguments import Calls, call, calls_with
 
 _N_TIME = 60
@@ -106,9 +107,9 @@ def record_calls(files: Path) -> Calls:
     current = np.full(test.n_time, 0.5)
     values = {
         **{"name": "rig", "velocity": test.velocity, "current": current, "voltage": 1.0, "amplitude": 0.01},
-        **{"frequency": 1.0, "synthetic": True, "path": "rig.csv", "sha256": "0", "locate": str},
+        **{"frequency": 1.0, "synthetic": True, "origin": Origin(path="rig.csv", sha256="0", locate=str)},
     }
-    yield call(records.build_damper_test, **signals, **values)
+    yield call(mr.test_from_arrays, **signals, **values)
     yield call(mr.test_from_arrays, **signals, command=current, command_unit="A", keep_velocity=True)
     yield call(mr.DamperTest, **{name: getattr(test, name) for name in _FIELDS}, current=current)
     yield call(test.part, first=2, last=100, every=2)

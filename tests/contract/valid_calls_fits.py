@@ -49,7 +49,7 @@ def _other_test(frequency: float = 2.0) -> mr.DamperTest:
     loading = mr.Loading(dt=0.01, displacement=x, velocity=v)
     force = 1.1 * mr.simulate_force(mr.damper(MODEL), small_fit().theta, loading)
     channels = {"time": time, "displacement": x, "velocity": v, "force": force}
-    return mr.records.build_damper_test(name=f"{frequency:g} Hz", **channels)
+    return mr.test_from_arrays(name=f"{frequency:g} Hz", **channels)
 
 
 def _free(coordinates: Any = "theta") -> identification.CandidateObjective:

@@ -19,7 +19,7 @@ from mrwork.dampers import LawName, damper
 from mrwork.dampers.command import CommandValues
 from mrwork.identification import Fit
 from mrwork.identification.residual import NuisanceName
-from mrwork.records import DamperTest, build_damper_test, cut
+from mrwork.records import DamperTest, cut
 
 MODEL = "viscous_dahl"
 SPEC = damper(MODEL)
@@ -41,7 +41,7 @@ def recorded(
         moving = np.gradient(read, dt)
     else:
         moving = motion["velocity"] + velocity * noise[2]
-    return build_damper_test(
+    return mr.test_from_arrays(
         name="rig", time=time, displacement=read, velocity=moving, force=exact + force * noise[0]
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.records import DamperTest, Observation, build_damper_test
+from mrwork.records import DamperTest, Observation
 
 SPEC = mr.damper("static_hysteretic")
 DAMPING = SPEC.names.index("c")
@@ -28,7 +28,7 @@ def recorded(motion: tuple[float, float], observation: Observation, rng: int) ->
     )
     force = observation.observe(force, DT) + 6.0 * np.random.default_rng(rng).standard_normal(time.size)
     kept = slice(round(1.0 / (frequency * DT)), None)
-    return build_damper_test(
+    return mr.test_from_arrays(
         name=f"{1e3 * amplitude:g} mm {frequency:g} Hz",
         time=time[kept] - time[kept][0],
         displacement=displacement[kept],

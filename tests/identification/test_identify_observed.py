@@ -14,7 +14,7 @@ import pytest
 import mrwork as mr
 from mrwork import Journal
 from mrwork.identification.result import free_run
-from mrwork.records import DamperTest, Observation, build_damper_test, cut, observed
+from mrwork.records import DamperTest, Observation, cut, observed
 from mrwork.records.damper_test import AS_IT_IS, Smoothing
 from mrwork.uncertainty import predict
 
@@ -33,7 +33,7 @@ def recorded(seconds: slice = slice(None)) -> DamperTest:
         np.convolve(samples, weights, mode="valid")[seconds]
         for samples in (CLEAN.displacement, CLEAN.velocity, CLEAN.force)
     )
-    return build_damper_test(
+    return mr.test_from_arrays(
         name="recorded", time=CLEAN.dt * np.arange(x.size), displacement=x, velocity=v, force=force
     )
 

@@ -19,7 +19,7 @@ from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.stiffness import nearest_below_stiffness
 from mrwork.identification.objective import friction_limit, up_to
 from mrwork.identification.result import BuildingCost
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.records import DamperTest
 from mrwork.records.reading import synthetic_test
 from mrwork.store.codec import built
 
@@ -96,7 +96,7 @@ def sinusoid(model: str, theta: tuple[float, ...], *, noise: float, dt: float = 
     loading = Loading(dt=dt / 8, displacement=displacement, velocity=velocity)
     force = simulate_force(mr.damper(model), theta, loading, substep_factor=2)[::8]
     force = force + noise * np.std(force) * np.random.default_rng(0).standard_normal(force.size)
-    return build_damper_test(
+    return mr.test_from_arrays(
         name=model,
         time=time[::8],
         displacement=displacement[::8],

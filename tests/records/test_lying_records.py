@@ -15,7 +15,7 @@ from record_files import codes, message
 import mrwork as mr
 from mrwork.dampers import damper, damper_models
 from mrwork.errors import MrworkError
-from mrwork.records import DamperTest, build_damper_test, read_damper_tests
+from mrwork.records import DamperTest, read_damper_tests
 from mrwork.records.checks import clipped_share, coarse_step
 
 DATA = measured_data.DATA / "dampers"
@@ -42,7 +42,7 @@ class Columns:
 
     def test(self) -> DamperTest:
         channels = {field.name: getattr(self, field.name) for field in fields(self)}
-        return build_damper_test(name="record", **channels)
+        return mr.test_from_arrays(name="record", **channels)
 
     def says(self) -> set[str]:
         """The findings that tell of a lie, or a refusal."""

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sinusoidal_tests import sinusoidal_test
 
+import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.tested_range import covering, outside_of, worst_of
-from mrwork.records import DamperTest, OperatingRange, build_damper_test
+from mrwork.records import DamperTest, OperatingRange
 from mrwork.records.damper_test import Exceedance, range_of_test, range_of_tests
 from mrwork.uncertainty.candidate_tests import excitation_of
 
@@ -45,7 +46,7 @@ def test_the_frequency_of_a_sinusoid_does_not_depend_on_where_its_cycles_are_sam
     time = 0.005 * np.arange(801)
     displacement = 0.01 * np.sin(2.0 * np.pi * frequency * time)
     noise = 5e-6 * np.random.default_rng(1).standard_normal(time.size)
-    test = build_damper_test(
+    test = mr.test_from_arrays(
         name="sine", time=time, displacement=displacement + noise, force=1e3 * displacement, synthetic=True
     )
     found = range_of_test(test, None).frequency

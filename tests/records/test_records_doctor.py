@@ -11,9 +11,10 @@ import pytest
 from numpy.typing import NDArray
 from record_files import codes
 
+import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.records import DamperTest
 from mrwork.records.checks import breakaway_overshoot, clipped_share, detect_smoothing
 from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
 from mrwork.records.findings import find_mislabelled
@@ -45,7 +46,7 @@ def simulated(
     exact = simulate_force(spec, spec.nominal, Loading(dt=dt, displacement=displacement, velocity=velocity))
     noise = np.random.default_rng(rng)
     force = scale * exact
-    return build_damper_test(
+    return mr.test_from_arrays(
         name=model,
         time=time,
         displacement=displacement + 3e-4 * amplitude * noise.standard_normal(time.size),
@@ -143,7 +144,7 @@ def test_a_force_that_sticks_at_rest_is_measured() -> None:
     noise = 2.0 * np.random.default_rng(5).standard_normal(time.size)
 
     def built(extra: NDArray[np.float64]) -> DamperTest:
-        return build_damper_test(
+        return mr.test_from_arrays(
             name="rest", time=time, displacement=displacement, force=force + extra + noise
         )
 
@@ -200,7 +201,7 @@ def test_a_motion_that_changes_is_no_drift(displacement: NDArray[np.float64]) ->
     velocity = np.gradient(displacement, SLOW)
     noise = np.random.default_rng(8).standard_normal(SLOW.size)
     force = 300.0 * np.tanh(velocity / 0.01) + 2000.0 * velocity + noise
-    test = build_damper_test(name="rig", time=SLOW, displacement=displacement, force=force)
+    test = mr.test_from_arrays(name="rig", time=SLOW, displacement=displacement, force=force)
     assert loop_drift(*with_motion(test)) is None
 
 
@@ -218,7 +219,7 @@ def test_a_command_that_is_not_constant_is_told_by_its_course(
 ) -> None:
     test = synthetic_test("rd1005_1a")
     current = course(np.linspace(0.0, 1.0, test.n_time))
-    built = build_damper_test(
+    built = mr.test_from_arrays(
         name="rig", time=test.time, displacement=test.displacement, force=test.force, current=current
     )
     (finding,) = [finding for finding in built.findings if finding.code == "command_varies"]

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrwork.records import DamperTest, build_damper_test, cut
+import mrwork as mr
+from mrwork.records import DamperTest, cut
 from mrwork.records.likeness import (
     RecordedMotion,
     alike_groups,
@@ -34,7 +35,9 @@ def recorded(
     force = 800.0 * velocity + level * np.tanh(40.0 * velocity) + 2.0 * rng.standard_normal(velocity.size)
     noisy = displacement + 1e-5 * rng.standard_normal(displacement.size)
     time = DT * np.arange(displacement.size)
-    return build_damper_test(name=f"test {seed}", time=time, displacement=noisy, force=force, current=current)
+    return mr.test_from_arrays(
+        name=f"test {seed}", time=time, displacement=noisy, force=force, current=current
+    )
 
 
 def sine(
@@ -61,7 +64,7 @@ def smoothed(test: DamperTest, seconds: float) -> DamperTest:
     window = np.full(round(seconds / test.dt), 1.0)
     window /= window.size
     x, force = (np.convolve(each, window, mode="valid") for each in (test.displacement, test.force))
-    return build_damper_test(
+    return mr.test_from_arrays(
         name="smoothed", time=test.dt * np.arange(x.size), displacement=x, force=force, current=test.current
     )
 

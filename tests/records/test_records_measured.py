@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from record_files import codes
 
-from mrwork.records import DamperTest, build_damper_test, read_damper_tests
+import mrwork as mr
+from mrwork.records import DamperTest, read_damper_tests
 from mrwork.records.checks import detect_smoothing
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.likeness import RecordedMotion, alike_groups
@@ -78,7 +79,7 @@ def test_rest_before_the_motion_is_found(labcontrol: tuple[DamperTest, ...]) -> 
 
 def test_deriving_the_velocity_agrees_with_the_measured_one(labcontrol: tuple[DamperTest, ...]) -> None:
     for test in labcontrol:
-        derived = build_damper_test(
+        derived = mr.test_from_arrays(
             name=test.name, time=test.time, displacement=test.displacement, force=test.force
         )
         # The derivative of the rig is smoothed over a few samples of 10 ms; the bound allows for this.

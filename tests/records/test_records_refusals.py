@@ -16,7 +16,7 @@ from refusals import refusal
 from sentences import Refused
 
 import mrwork as mr
-from mrwork.records import build_damper_test, read_damper_test, read_damper_tests
+from mrwork.records import read_damper_test, read_damper_tests
 
 HEADER = "t_s,displacement_m,force_n"
 COLUMNS = {name: clean_columns()[name] for name in HEADER.split(",")}
@@ -129,7 +129,7 @@ def test_arrays_that_do_not_belong_together_are_refused(
 ) -> None:
     time, displacement, force = COLUMNS.values()
     given = {"time": time, "displacement": displacement, "force": force}
-    refusal(build_damper_test, name="rig", **given | change(COLUMNS), match=word)
+    refusal(mr.test_from_arrays, name="rig", **given | change(COLUMNS), match=word)
 
 
 def test_a_test_without_compared_samples_or_signals_is_refused() -> None:
@@ -144,7 +144,7 @@ def test_a_test_without_compared_samples_or_signals_is_refused() -> None:
 def test_millimetres_taken_for_metres_are_told() -> None:
     time, displacement, force = COLUMNS.values()
     for factor, told in ((1.0, False), (1e3, True)):
-        test = build_damper_test(name="rig", time=time, displacement=factor * displacement, force=force)
+        test = mr.test_from_arrays(name="rig", time=time, displacement=factor * displacement, force=force)
         assert ("displacement_unusual" in [each.code for each in test.findings]) == told
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from record_files import clean_columns
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from mrwork.records import build_damper_test
+import mrwork as mr
 from mrwork.records.checks import detect_average, detect_smoothing
 from mrwork.records.motion import savitzky_golay, weights
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
@@ -63,7 +63,7 @@ def test_records_as_the_sensors_gave_them_raise_no_alarm(name: str) -> None:
 
 def test_a_record_without_noise_raises_no_alarm() -> None:
     columns = clean_columns()
-    test = build_damper_test(
+    test = mr.test_from_arrays(
         name="clean",
         time=columns["t_s"],
         displacement=columns["displacement_m"],
@@ -95,7 +95,7 @@ def test_a_record_too_short_to_tell_is_left_alone() -> None:
 
 def test_an_arc_without_noise_has_no_moving_average() -> None:
     time = 0.01 * np.arange(150)
-    test = build_damper_test(
+    test = mr.test_from_arrays(
         name="line", time=time, displacement=0.01 * np.sin(6.0 * time), force=np.arange(150.0)
     )
     assert test.smoothing is None

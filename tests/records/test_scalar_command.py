@@ -17,7 +17,7 @@ from refusals import refusal
 import mrwork as mr
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.dampers.command import levels_of_command
-from mrwork.records import DamperTest, build_damper_test, guess_tests, read_damper_test
+from mrwork.records import DamperTest, guess_tests, read_damper_test
 from mrwork.records.damper_test import range_of_test, range_of_tests
 from mrwork.records.likeness import RecordedMotion
 
@@ -128,7 +128,7 @@ def test_a_negative_opening_is_a_warning_and_a_negative_temperature_is_none(tmp_
 
 def made(unit: CommandUnit, command: float | NDArray[np.float64], *, rng: int = 0) -> DamperTest:
     time, displacement, velocity, force, _ = recorded(rng=rng)
-    return build_damper_test(
+    return mr.test_from_arrays(
         name=f"{unit} {rng}",
         time=time,
         displacement=displacement,
@@ -150,7 +150,7 @@ def test_parts_resampled_times_and_samples_keep_the_command() -> None:
     np.testing.assert_array_equal(test.part(100, 900).command, 3.0 * share[100:900])
     assert RecordedMotion.of(test).command == 3.0
     time = recorded()[0] + 0.2 * DT * np.random.default_rng(1).uniform(-1.0, 1.0, share.size)
-    jittered = build_damper_test(
+    jittered = mr.test_from_arrays(
         name="jitter",
         time=time,
         displacement=test.displacement,

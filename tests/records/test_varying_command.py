@@ -13,7 +13,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers.command import Command, is_stepped, levels_of_command
-from mrwork.records import DamperTest, build_damper_test, cut, read_damper_test, repair
+from mrwork.records import DamperTest, cut, read_damper_test, repair
 from mrwork.records.findings import find_mislabelled
 from mrwork.records.window import excerpt, varied_excerpt
 
@@ -28,7 +28,7 @@ def built(
     current: NDArray[np.float64] | float, time: NDArray[np.float64] = TIME, voltage: float | None = None
 ) -> DamperTest:
     omega = 2.0 * np.pi * 2.0
-    return build_damper_test(
+    return mr.test_from_arrays(
         name="rig",
         time=time,
         displacement=0.01 * np.sin(omega * time),
@@ -218,7 +218,9 @@ def test_the_part_for_a_search_shows_every_level_in_less_than_half_of_the_record
     displacement = 0.01 * waves.sum(axis=0)
     current = np.random.default_rng(24).permutation(np.resize((0.0, 0.6, 1.2, 1.8), 60))[time.astype(int)]
     force = (1.0 + current) * np.tanh(30.0 * np.gradient(displacement, time))
-    long = build_damper_test(name="long", time=time, displacement=displacement, force=force, current=current)
+    long = mr.test_from_arrays(
+        name="long", time=time, displacement=displacement, force=force, current=current
+    )
     part = varied_excerpt(long)
     assert part.n_time * part.dt < 0.5 * long.n_time * long.dt
     assert levels_of_command(np.asarray(part.current)) == (0.0, 0.6, 1.2, 1.8)

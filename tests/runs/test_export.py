@@ -38,7 +38,7 @@ def measured(command: float) -> mr.DamperTest:
     loading = mr.Loading(dt=0.002, displacement=x, velocity=v)
     force = mr.simulate_force(mr.damper(MODEL), theta, loading)
     force = force + np.random.default_rng(1).standard_normal(force.size)
-    return mr.records.build_damper_test(
+    return mr.test_from_arrays(
         name=f"{command:g} A", time=time, displacement=x, velocity=v, force=force, current=command
     )
 

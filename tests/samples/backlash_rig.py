@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.records import DamperTest
 
 DT = 2e-3
 PLAY = 1.5e-3
@@ -25,7 +26,7 @@ def backlash_test(
     angle = 2.0 * np.pi * frequency * time
     x, v = amplitude * np.sin(angle), 2.0 * np.pi * frequency * amplitude * np.cos(angle)
     scatter = np.random.default_rng(rng).standard_normal(time.size)
-    return build_damper_test(
+    return mr.test_from_arrays(
         name=f"{1e3 * amplitude:g} mm {frequency:g} Hz",
         time=time,
         displacement=x,

@@ -69,7 +69,7 @@ def predictions() -> tuple[mr.Prediction, ...]:
         channels = {"displacement": 0.005 * np.sin(w * time), "velocity": 0.005 * w * np.cos(w * time)}
         force = mr.simulate_force(mr.damper(MODEL), small_fit().theta, mr.Loading(dt=0.01, **channels))
         channels |= {"time": time, "force": (1.05 + 0.05 * number) * force}
-        test = mr.records.build_damper_test(name=f"{frequency:g} Hz", **channels)
+        test = mr.test_from_arrays(name=f"{frequency:g} Hz", **channels)
         found.append(mr.predict(small_fit(), replace(test, current=float(number))))
     return tuple(found)
 

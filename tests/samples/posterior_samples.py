@@ -6,11 +6,12 @@ from functools import cache
 
 import numpy as np
 
+import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.identification import Fit
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.records import DamperTest
 from mrwork.uncertainty import Draws, noise_model
 from mrwork.uncertainty.posterior.sample import SamplingProblem, sample
 
@@ -25,7 +26,7 @@ def small_test(rng: int = 5, n_time: int = 150) -> DamperTest:
     spec = damper(MODEL)
     force = simulate_force(spec, spec.nominal, Loading(dt=time[1], displacement=x, velocity=v))
     force = force + NOISE_N * np.random.default_rng(rng).standard_normal(n_time)
-    return build_damper_test(name="small", time=time, displacement=x, velocity=v, force=force)
+    return mr.test_from_arrays(name="small", time=time, displacement=x, velocity=v, force=force)
 
 
 @cache

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records import DamperTest, build_damper_test
+import mrwork as mr
+from mrwork.records import DamperTest
 
 Columns = dict[str, NDArray[np.float64]]
 
@@ -61,7 +62,7 @@ def built(
     keep_velocity: bool = False,
 ) -> DamperTest:
     """The test of columns, without a file."""
-    return build_damper_test(
+    return mr.test_from_arrays(
         name="rig",
         time=columns["t_s"],
         displacement=columns["displacement_m"],

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+import mrwork as mr
 from mrwork.dampers import DamperSpec, damper
 from mrwork.dampers.command import CommandValues
 from mrwork.dampers.simulation import Loading, simulate_force
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.records import DamperTest
 
 MOTIONS = ((0.010, 1.0), (0.004, 3.0), (0.015, 0.5), (0.006, 2.0))
 PER_CYCLE = 60
@@ -84,7 +85,7 @@ def _recorded(
     *,
     synthetic: bool = False,
 ) -> DamperTest:
-    return build_damper_test(
+    return mr.test_from_arrays(
         name=name,
         time=time,
         displacement=loading.displacement,

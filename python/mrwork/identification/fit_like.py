@@ -17,7 +17,8 @@ from mrwork.errors import SettingError
 from mrwork.identification.commands import spec_by_values, tested_commands
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
-from mrwork.records import DamperTest, build_damper_test
+from mrwork.records import DamperTest
+from mrwork.records.read import test_from_arrays
 
 # Shares of the tested stroke and velocity of the sinusoids that are fitted, and of a sum of two that is not.
 _SINES = ((1.0, 1.0), (0.5, 1.0), (1.0, 0.3), (0.25, 0.3))
@@ -130,7 +131,7 @@ def _test(fit: Fit, loading: Loading, number: int) -> DamperTest:
     """The force of the fitted damper under a loading, as a test."""
     stroke = 500.0 * float(np.ptp(loading.displacement))
     at = f", {loading.command:g} {loading.command_unit}" if isinstance(loading.command, float) else ""
-    return build_damper_test(
+    return test_from_arrays(
         name=f"motion {number}, {stroke:.3g} mm{at}",
         time=loading.dt * np.arange(len(loading.displacement)),
         displacement=loading.displacement,

@@ -4,7 +4,6 @@ from .damper_test import OperatingRange as OperatingRange
 from .damper_test import Outside as Outside
 from .finding import Finding as Finding
 from .likeness import Likeness as Likeness
-from .read import build_damper_test as build_damper_test
 from .read import guess_tests as guess_tests
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -96,6 +96,15 @@ _DERIVED: Final = FindingKind(
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """File of a record: its path, its hash, by default of the arrays, and how messages call a row."""
+
+    path: str = ""
+    sha256: str | None = None
+    locate: Callable[[int], str] = lambda row: f"sample {row + 1}"
+
+
 @checked
 def test_from_arrays(
     time: AnyArrayLike,
@@ -112,9 +121,7 @@ def test_from_arrays(
     frequency: NotNegative | None = None,
     synthetic: bool = False,
     keep_velocity: bool = False,
-    path: str = "",
-    sha256: str | None = None,
-    locate: Callable[[int], str] | None = None,
+    origin: Origin | None = None,
 ) -> DamperTest:
     """Build a damper test from arrays, with the checks, the uniform step and the findings of a test from a file.
 
@@ -132,7 +139,7 @@ def test_from_arrays(
         each sample is held until the next.
     command, command_unit
         Likewise a command in the unit given: "A" is the current, "V" the voltage, and another one, such as "mm" or "%",
-        that of a damper which follows another scalar.
+        of a damper which follows another scalar.
     amplitude, frequency
         Nominal values [m, Hz], compared with half the peak to peak of the motion and its dominant frequency.
     synthetic
@@ -140,10 +147,8 @@ def test_from_arrays(
     keep_velocity
         Whether a velocity is used that is a backward or forward difference of the displacement, half a sample off, or
         held over several samples; by default it is derived from the displacement, with a note among the findings.
-    path, sha256
-        File and its hash; without a hash, that of the bytes of the arrays.
-    locate
-        Describes a row of the file in messages; by default its sample number.
+    origin
+        File of the arrays, if they are of one.
 
     Raises
     ------
@@ -159,8 +164,8 @@ def test_from_arrays(
     ['velocity_derived', 'force_sign_flipped']
     """
     sent = _sent_commands(current, voltage, command, command_unit)
-    source = path or name
-    where = locate or (lambda row: f"sample {row + 1}")
+    origin = origin or Origin()
+    source = origin.path or name
     raw = Signals(
         time=_channel(time, "time", source),
         displacement=_channel(displacement, "displacement", source),
@@ -176,8 +181,8 @@ def test_from_arrays(
                 f"{source}: the {channel_name} has {channel.size} samples where the time has "
                 f"{raw.time.size}; give one value per sample"
             )
-    complete, first_row, dropped = complete_rows(given, source=source, locate=where)
-    check_time(complete.time, source=source, locate=lambda row: where(row + first_row))
+    complete, first_row, dropped = complete_rows(given, source=source, locate=origin.locate)
+    check_time(complete.time, source=source, locate=lambda row: origin.locate(row + first_row))
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
     smooth, spiky, about_spikes = without_spikes(complete)
@@ -217,8 +222,8 @@ def test_from_arrays(
     ]
     test = DamperTest(
         name=name,
-        path=path,
-        sha256=_digest(raw, sent) if sha256 is None else sha256,
+        path=origin.path,
+        sha256=_digest(raw, sent) if origin.sha256 is None else origin.sha256,
         dt=dt,
         start_time=float(signals.time[0]),
         displacement=freeze_samples(displaced),
@@ -234,10 +239,6 @@ def test_from_arrays(
     )
     test = replace(test, smoothing=checks.detect_smoothing(test, motion.frequency))
     return replace(test, findings=(*findings, *examine(test, motion)))
-
-
-build_damper_test = test_from_arrays
-"""Its former name."""
 
 
 def examine(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
@@ -261,16 +262,14 @@ def _sent_commands(
     command_unit: CommandUnit | None,
 ) -> list[tuple[ArrayLike, CommandUnit]]:
     """Samples of the commands that are given, each with its unit."""
-    sent: dict[CommandUnit, ArrayLike] = {}
-    given: tuple[tuple[ArrayLike | None, CommandUnit | None], ...]
-    given = ((current, "A"), (voltage, "V"), (command, command_unit))
-    for samples, unit in given:
-        if samples is None:
+    if command is not None and command_unit is None:
+        raise SettingError(
+            '`command` has no unit; give `command_unit`, "A" for a current or "V" for a voltage'
+        )
+    sent = dict[CommandUnit, ArrayLike]()
+    for samples, unit in ((current, "A"), (voltage, "V"), (command, command_unit)):
+        if samples is None or unit is None:
             continue
-        if unit is None:
-            raise SettingError(
-                '`command` has no unit; give `command_unit`, "A" for a current or "V" for a voltage'
-            )
         if unit in sent:
             raise SettingError(f"a command in {unit} is given twice; give it once")
         sent[unit] = samples
@@ -377,7 +376,7 @@ def read_damper_test(
     if step is not None:
         si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
     nominal = nominal_from_name(file.stem)
-    test = build_damper_test(
+    test = test_from_arrays(
         name=file.stem,
         time=si["time"],
         displacement=si["displacement"],
@@ -390,9 +389,7 @@ def read_damper_test(
         amplitude=nominal.amplitude,
         frequency=nominal.frequency,
         keep_velocity=keep_velocity,
-        path=source,
-        sha256=table.sha256,
-        locate=table.locate,
+        origin=Origin(path=source, sha256=table.sha256, locate=table.locate),
     )
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
@@ -438,7 +435,7 @@ def _assign_columns(
         except RecordError:
             return None
 
-    # A scalar command is none of the other quantities, whatever the unit in its name.
+    # A scalar command is no other quantity, whatever the unit in its name.
     others = {*headings, *([] if scalar is None else [scalar.column])}
     names = tuple(name for name in table.names if name not in others)
     chosen = choose_columns(

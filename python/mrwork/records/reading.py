@@ -20,7 +20,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, RecordError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import RepairKind
-from mrwork.records.read import read_damper_test, test_from_arrays
+from mrwork.records.read import Origin, read_damper_test, test_from_arrays
 from mrwork.records.repairs import repair
 from mrwork.records.window import count_samples_from, cut
 from mrwork.store.codec import built
@@ -97,7 +97,7 @@ def synthetic_test(name: str) -> DamperTest:
         amplitude=recipe.amplitude,
         frequency=recipe.frequency,
         synthetic=True,
-        path=f"synthetic:{name}",
+        origin=Origin(path=f"{_SYNTHETIC}{name}"),
     )
 
 
@@ -111,8 +111,8 @@ class Reading:
     """Files of one run and how each was processed: window, repairs, start of the samples that count.
 
     `columns` and `repairs` are as in `read_damper_test` and `repair`, with `None` for a repair that takes no amount;
-    `columns_of` are those of single files, as a table of tests gives them, and go before `columns`; `start`, `end` and
-    `settle` in seconds; `keep_velocity` is as in `read_damper_test`; `facts` are those of the specimen. Relative
+    `columns_of` are of single files, as a table of tests gives them, and go before `columns`; `start`, `end` and
+    `settle` in seconds; `keep_velocity` is as in `read_damper_test`; `facts` are of the specimen. Relative
     `files` are relative to `folder`, or to the current folder.
     """
 
