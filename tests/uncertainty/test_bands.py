@@ -163,6 +163,20 @@ def test_sets_that_predict_nearly_as_well_widen_a_band_beyond_the_tests_only() -
     )
 
 
+@pytest.mark.parametrize(("current", "wider"), [(0.25, 0.1), (0.5, 0.0)])
+def test_other_laws_widen_a_band_between_the_tested_commands_alone(current: float, wider: float) -> None:
+    known = [
+        replace(each, test=replace(each.test, current=level))
+        for each, level in zip(group(np.random.default_rng(5), 6), 2 * (0.0, 0.5, 1.0), strict=True)
+    ]
+    calibration = calibrate(known, held_out="")
+    asked = replace(known[0], test=replace(known[0].test, current=current))
+    band = band_of(calibration, replace(asked, other_forces=1.1 * asked.model_force[None]), 0.9)
+    widened = band.upper - band_of(calibration, asked, 0.9).upper
+    assert widened == pytest.approx(np.maximum(wider * asked.force, 0.0))
+    assert ("between the tested commands" in band.basis) is (wider > 0.0)
+
+
 def test_the_fastest_the_slowest_and_the_largest_tests_are_left_out_together() -> None:
     motions = [(0.005, 1.0), (0.005, 4.0), (0.02, 1.0), (0.005, 0.25), (0.005, 2.0), (0.005, 2.1)]
     tests = [sinusoid(*each) for each in motions]

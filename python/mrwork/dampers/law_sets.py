@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
@@ -50,10 +50,7 @@ def sets_apart(
     """
     away = np.abs(displacement - 0.5 * (displacement.max() + displacement.min()))
     ends = (np.abs(velocity) >= _AT_END * tested.velocity) | (away >= _AT_END * tested.stroke)
-    if command is not None and tested.command is not None:
-        sent = np.asarray(command, dtype=np.float64)[..., None]
-        known = np.array(tested.levels) if tested.levels else np.clip(sent, *tested.command)
-        ends |= np.abs(sent - known).min(axis=-1) > _BEYOND * abs(tested.command[1])
+    ends |= is_untested(tested, command)
     scale = float(np.linalg.norm(forces[0, ends]))
     if len(forces) < 2 or scale == 0.0:
         return None
@@ -62,6 +59,15 @@ def sets_apart(
         percent=100.0 * float(np.linalg.norm(np.ptp(forces[:, ends], axis=0))) / scale,
         velocity=float(np.abs(velocity[ends]).max()),
     )
+
+
+def is_untested(tested: OperatingRange, command: ArrayLike | None) -> NDArray[np.bool_]:
+    """Whether commands are off all tested ones, between them or beyond, by 5 % of the largest; false if unknown."""
+    if command is None or tested.command is None:
+        return np.zeros((), dtype=np.bool_)
+    sent = np.asarray(command, dtype=np.float64)[..., None]
+    known = np.array(tested.levels) if tested.levels else np.clip(sent, *tested.command)
+    return np.asarray(np.abs(sent - known).min(axis=-1) > _BEYOND * abs(tested.command[1]))
 
 
 def farthest_apart(forces: Floats, most: int, least: float) -> list[int]:

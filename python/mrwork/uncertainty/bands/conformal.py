@@ -17,6 +17,7 @@ from mrwork.base.arguments import Level, Positive, checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.law_sets import is_untested
 from mrwork.dampers.tested_range import Exceedance, OperatingQuantity
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest, Likeness, OperatingRange, Outside
@@ -89,7 +90,7 @@ def side_of(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
 
 
 def driven(outside: Outside) -> tuple[Exceedance, ...]:
-    """Exceedances of motion and command, without those of the force that follows from them."""
+    """Exceedances of motion and command, without force and power, which follow from them."""
     return tuple(each for each in outside.exceedances if each.quantity in _DRIVEN)
 
 
@@ -118,7 +119,7 @@ class Calibration(Summarised):
     held_out: str
     motions: tuple[RecordedMotion, ...] = ()
     seen: tuple[Likeness, ...] = ()
-    tested: OperatingRange | None = None
+    tested: OperatingRange
     reach: tuple[Reach, ...] = ()
 
     @checked
@@ -128,10 +129,8 @@ class Calibration(Summarised):
 
     @checked
     def beyond(self, prediction: Prediction) -> tuple[Exceedance, ...]:
-        """What of the motion and the command is outside the tests of the fit, and outside those of the calibration."""
+        """What of the motion and the command is outside the tests of the fit and of the calibration."""
         outside = driven(prediction.outside)
-        if not outside or self.tested is None:
-            return outside
         own = self.tested.exceeded_by(range_of_test(prediction.test, self.tested.command_unit))
         farther = {side_of(each): each for each in own}
         pairs = [(each, farther[side_of(each)]) for each in outside if side_of(each) in farther]
@@ -154,7 +153,7 @@ class Calibration(Summarised):
         if not untested:
             return ""
         test = prediction.test
-        demand = range_of_test(test, None if self.tested is None else self.tested.command_unit)
+        demand = range_of_test(test, self.tested.command_unit)
         at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
         command = f" and {test.command_in_words}" if test.commands else ""
         why = "; ".join(each.in_words for each in untested)
@@ -166,8 +165,9 @@ class Calibration(Summarised):
     def band(self, prediction: Prediction, level: Level) -> Band | None:
         """Prediction band of the force, shape (n_counted,); `None` where the prediction is `untested`.
 
-        A band beyond the tests is as wide as the errors that fits without such tests have made, if these are larger,
-        and contains the bands about other sets of laws that predict nearly as well.
+        A band beyond the tests is as wide as the errors that fits without such tests have made, if these are larger.
+        There, and at commands between the tested ones, it contains the bands about other sets of laws that predict
+        nearly as well.
         """
         if self.untested(prediction):
             return None
@@ -177,16 +177,24 @@ class Calibration(Summarised):
         farther = [each.scores for each in self.reach if each.side in sides]
         multiple = max(next_test_quantile(scores, level) for scores in (self.scores, *farther))
         band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
-        if not beyond:
+        force, test = prediction.force, prediction.test
+        between = is_untested(self.tested, test.command_in(self.tested.command_unit))
+        open_to_laws = np.broadcast_to(between | bool(beyond), (test.n_time,))[test.counted]
+        if not open_to_laws.any():
             return band
-        names = ", ".join(one.quantity for one in beyond)
-        force, counted = prediction.force, prediction.test.counted
-        apart = [np.zeros_like(force), *(other[counted] - force for other in prediction.other_forces)]
+        basis = self.basis
+        if beyond:
+            names = ", ".join(one.quantity for one in beyond)
+            basis += f"; beyond the tests in {names}, widened by the errors of fits without such tests"
+        elif len(prediction.other_forces):
+            basis += "; between the tested commands, widened by other laws that predict nearly as well"
+        apart = [np.zeros_like(force), *(other[test.counted] - force for other in prediction.other_forces)]
+        apart = np.where(open_to_laws, apart, 0.0)
         return replace(
             band,
             lower=band.lower + np.min(apart, axis=0),
             upper=band.upper + np.max(apart, axis=0),
-            basis=f"{self.basis}; beyond the tests in {names}, widened by the errors of fits without such tests",
+            basis=basis,
         )
 
     @property
