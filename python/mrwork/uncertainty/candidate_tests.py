@@ -11,7 +11,7 @@ from typing import Annotated
 
 import numpy as np
 
-from mrwork.base.arguments import Positive, checked
+from mrwork.base.arguments import checked
 from mrwork.base.hints import InUnit, Within
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.command import LARGEST_COMMAND, CommandValues, command_level, levels_of_command
@@ -36,23 +36,20 @@ _CYCLES = 3
 _MOST_BYTES = 512 << 20
 _COLUMNS = ("amplitude", "frequency", "current")
 
-# Dampers of the longest stroke, those of isolated buildings, have about 1 m.
-_AMPLITUDES = Within(least=1e-6, most=1.0)
+# The longest stroke, in isolated buildings, is about 1 m.
+Amplitude = Annotated[float, Within(least=1e-6, most=1.0), InUnit("m")]
 # A slower test lasts for hours, and no rig runs a faster one.
-_FREQUENCIES = Within(least=1e-4, most=1e3)
-_COMMANDS = Within(least=0.0, most=LARGEST_COMMAND)
-Amplitude = Annotated[float, _AMPLITUDES, InUnit("m")]
-Frequency = Annotated[float, _FREQUENCIES, InUnit("Hz")]
-Command = Annotated[float, _COMMANDS]
+Frequency = Annotated[float, Within(least=1e-4, most=1e3), InUnit("Hz")]
+Command = Annotated[float, Within(least=0.0, most=LARGEST_COMMAND)]
 
 
 @checked
 class Candidate:
     """Sinusoid: amplitude [m] (half the peak to peak), frequency [Hz], command of a model with laws."""
 
-    amplitude: Positive
-    frequency: Positive
-    command: float | None = None
+    amplitude: Amplitude
+    frequency: Frequency
+    command: Command | None = None
 
     @property
     def peak_velocity(self) -> float:
@@ -64,20 +61,6 @@ class Candidate:
         """Description such as "10 mm, 1 Hz, 0.5 A"."""
         command = "" if self.command is None else f", {self.command:g} {unit}"
         return f"{1e3 * self.amplitude:.3g} mm, {self.frequency:.3g} Hz{command}"
-
-
-def check_possible(candidates: Sequence[Candidate]) -> None:
-    """Refuse a candidate that no rig can run."""
-    for each in candidates:
-        for what, value, within, unit in (
-            ("amplitude", each.amplitude, _AMPLITUDES, "m"),
-            ("frequency", each.frequency, _FREQUENCIES, "Hz"),
-            ("command", each.command, _COMMANDS, "A or V"),
-        ):
-            if value is not None and within.excludes(value):
-                raise SettingError(
-                    f"the {what} of a candidate is {value:g} {unit}; give one {within.in_words} {unit}"
-                )
 
 
 @checked
@@ -123,11 +106,11 @@ def candidate_grid(
     Parameters
     ----------
     amplitudes
-        Amplitudes of the candidates, half of peak to peak, as 0.005,0.01; default: about those of the tests. [m]
+        Amplitudes of the candidates, half of peak to peak, as 0.005,0.01; default: about the tested amplitudes. [m]
     frequencies
-        Frequencies of the candidates; default: about those of the tests. [Hz]
+        Frequencies of the candidates; default: about the tested frequencies. [Hz]
     commands
-        Currents or voltages of the candidates, where the model has current laws; default: about those of the tests.
+        Currents or voltages of the candidates, where the model has current laws; default: the tested commands.
     """
     if commands and spec.command_unit is None:
         raise SettingError(

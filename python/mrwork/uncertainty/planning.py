@@ -28,7 +28,7 @@ from mrwork.identification.residual import NuisanceName, without_nuisance
 from mrwork.identification.verdicts import Scale
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.uncertainty.candidate_tests import Candidate, check_possible, harmonic_motion
+from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
 
 # Rows of a plan that a summary has.
@@ -59,7 +59,7 @@ def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
 class Plan(Summarised):
     """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter, of `deviation` before.
 
-    First are those within the `gap` of the tested commands: there no gain counts what the form of the laws leaves open.
+    Within the `gap` of the tested commands, which comes first, no gain counts what the form of the laws leaves open.
     """
 
     model: str
@@ -73,7 +73,7 @@ class Plan(Summarised):
 
     @property
     def sentence(self) -> str:
-        """The first candidate, and why it is that."""
+        """The first candidate, and why it is the first."""
         best, unit = self.gains[0].candidate, self.command_unit
         most = f"this one narrows the band of {self.band} most: {best.in_words(unit)}."
         if self.gap is None or not _is_within(self.gap, best):
@@ -208,11 +208,10 @@ def plan(
     UnknownNameError
         Where the band is no parameter of the model.
     SettingError
-        Where the parameter was held fixed, or no rig could run a candidate or target.
+        Where the parameter was held fixed.
     SimulationError
         Where no candidate could be simulated.
     """
-    check_possible((*candidates, *targets))
     posterior = LinearisedPosterior.of(fit, tests, threads=threads)
     possible = responses(posterior, candidates)
     of_targets = responses(posterior, targets) if targets else possible
