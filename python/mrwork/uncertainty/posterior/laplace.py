@@ -6,6 +6,7 @@ import numpy as np
 
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.objective import linearise_residuals
 from mrwork.uncertainty.posterior.target import Target
 
@@ -16,12 +17,8 @@ _UNIFORM = 12.0
 # Starting walkers outside the support of the posterior are redrawn, each time nearer to the start by this factor.
 _MOST_REDRAWS = 60
 _NEARER = 0.8
-# A coordinate nearer to a face of the box than this lies on it, and is held there.
-_ON_FACE = 1e-4
-# Gauss-Newton: largest number of steps, step lengths that are tried, and the smallest gain in log density.
+# Largest number of iterations to the mode.
 _MOST_STEPS = 20
-_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.01])
-_GAIN = 1e-3
 
 
 def residual_slope(target: Target, position: Floats) -> tuple[Floats, Floats]:
@@ -88,36 +85,15 @@ def first_walkers(target: Target, start: Floats, n_walkers: int, rng: np.random.
 
 
 def mode_near(target: Target, theta: Floats) -> Floats:
-    """Mode of the posterior near a fit, both (n_params,), by Gauss-Newton; no parameter on a bound moves.
+    """Mode of the likelihood near a fit, both (n_params,), or the fit itself where its posterior density is larger.
 
-    It is not the fit itself, because a likelihood weights tests by their samples.
+    It is not the fit, because a likelihood weights tests by their samples.
     """
-    centre = target.position_of(theta)
-    unit = np.asarray(target.space.box.unit_from_theta(np.asarray(target.space.values(centre)[0])))
-    moving = np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))
-    density = float(target(centre[None])[0])
-    for _ in range(_MOST_STEPS):
-        residual, slope = residual_slope(target, centre)
-        free = moving[moving < len(slope)]
-        slope = slope[free]
-        weight = target.temper / float(np.mean(residual**2))
-        information = weight * slope @ slope.T + _UNIFORM * np.eye(len(slope))
-        step = np.zeros(centre.size)
-        step[free] = -np.linalg.solve(information, weight * slope @ residual)
-        tried = _with_estimated_noise(target, centre + _LENGTHS[:, None] * step)
-        densities = target(tried)
-        best = int(np.argmax(densities))
-        if not densities[best] > density + _GAIN:
-            break
-        centre, density = tried[best], float(densities[best])
-    return np.asarray(target.space.values(centre)[0])[: target.space.n_params]
-
-
-def _with_estimated_noise(target: Target, position: Floats) -> Floats:
-    """Positions with noise estimated from their residuals, (n_tried, n_dim); those outside the box are unchanged."""
-    result, n_noise = position.copy(), len(target.noise.parameters)
-    values, inside = target.space.values(position)
-    for row in np.flatnonzero(inside):
-        own = target.position_of(np.asarray(values[row])[: target.space.n_params])
-        result[row, -n_noise:] = own[-n_noise:]
-    return result
+    objective, box = target.objective, target.form.box
+    counts = np.array([each.measured.size for each in objective.compared], dtype=np.float64)
+    found = find_minima(
+        objective, box, theta[None], max_iterations=_MOST_STEPS, shares=counts[None] / counts.sum()
+    )
+    both = np.stack([theta, found.theta[0]])
+    densities = target(np.array([target.position_of(each) for each in both]))
+    return np.asarray(both[int(np.argmax(densities))])
