@@ -23,7 +23,7 @@ from mrwork.motions.spectrum import Ratio, response_spectrum
 
 Ground = Literal["A", "B", "C", "D", "E"]
 ScaledBy = Literal["pga", "sa", "least_squares"]
-"""What of a motion becomes that of its target: peak, Sa at a period, or Sa over a range of periods."""
+"""What a motion takes from its target: peak, Sa at a period, or Sa over a range of periods."""
 
 TargetDamping = Annotated[Ratio, Says("damping ratio; ASCE 7 has 0.05", usual=RATIOS)]
 

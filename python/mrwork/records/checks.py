@@ -138,7 +138,7 @@ _SIGN_FLIPPED: Final = FindingKind(
 def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, ...]]:
     """The force [N] with the sign that dissipates energy, and a note if it was changed.
 
-    The sign is that of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its mean over
+    The sign is of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its mean over
     the distance travelled.
     """
     power = (force - mean_over_travel(force, velocity)) * velocity
@@ -155,7 +155,7 @@ FORCE_OFFSET: Final = FindingKind(
     "force_offset",
     "the force has a static offset of {value:+.4g} N, {share:.0f} % of its half range of {scale:.4g} N: gas pressure "
     "or the zero of the load cell, which a model describes by f0 or k x0",
-    # A fit describes the offset of its own tests; that of other tests may differ.
+    # A fit describes the offset of its own tests; other tests may have another.
     verbs=OF_FILES,
     cured_by="offset",
 )
@@ -328,7 +328,7 @@ _SHORT: Final = ("um", "no more than rod and mounts of a", " stretch", "millimet
 
 
 def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
-    """Warn of a stroke that is longer than that of any damper, or that its rod and mounts alone would give."""
+    """Warn of a stroke that no damper has, or that its rod and mounts alone would give."""
     stroke, force = float(np.ptp(test.displacement)), float(np.abs(test.force).max())
     scale = (force / _OF_FORCE) ** _GROWS
     measured = Measured(stroke, "m")
@@ -346,7 +346,7 @@ _SMALL: Final = ("less than the seal of a damper takes", "kN taken for N")
 
 
 def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
-    """Warn of a force that is larger than that of any damper, or smaller than that of a seal."""
+    """Warn of a force that is larger than any damper's, or smaller than the friction of a seal."""
     force = float(np.abs(test.force).max())
     if not _SMALLEST_FORCE <= force <= _LARGEST_FORCE:
         words = _LARGE if force > _LARGEST_FORCE else _SMALL
@@ -400,7 +400,7 @@ _SHORTEST: Final = 4
 _LONG_SIGNAL: Final = 1 << 16
 # Longest window, in periods; longer averages are not used in practice, and harmonics interfere there.
 _LONGEST: Final = 0.5
-# Least depth relative to that of a moving average; rounding after the average fills the nulls a little. Combs of
+# Least depth relative to a moving average; rounding after the average fills the nulls a little. Combs of
 # harmonics can reach the same mean depth, but not equally at w and 2 w.
 _DEPTH: Final = 0.6
 _EACH: Final = (0.5, 1.5)
@@ -413,7 +413,7 @@ _TAPER: Final = 1.94
 def detect_smoothing(test: DamperTest, frequency: float | None = None) -> Smoothing | None:
     """Detect a moving average applied to displacement and force of a test; `None` if there is none.
 
-    If the two windows differ, that of the force is returned, which has the higher harmonics. Windows of less than 4
+    If the two windows differ, the force's is returned, which has the higher harmonics. Windows of less than 4
     samples, or of more than an eighth of the record or half a period, cannot be detected, nor any in a record without
     noise. `frequency` is the dominant one of the motion [Hz], where it is known.
     """
@@ -445,7 +445,7 @@ _AVERAGED_TEXT: Final = (
     "{0} passed a moving average over {ms:.4g} ms ({samples:.0f} samples, {share:.2g} of the dominant period), which "
     "rounds the corners of the loop"
 )
-# A fit describes the average of its own tests; that of other tests may differ.
+# A fit describes the average of its own tests; other tests may have another.
 _AVERAGED: Final = FindingKind(
     "moving_average",
     f"{_AVERAGED_TEXT}; identify applies the same average to the model's force",

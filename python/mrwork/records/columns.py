@@ -266,7 +266,7 @@ class _Names:
     source: str
 
     def parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
-        """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit it has that of the file."""
+        """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit the file's."""
         column, unit = _parse_specification(quantity, specification)
         name = find_column(column, self.names, self.source)
         if not unit:

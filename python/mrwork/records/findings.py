@@ -56,7 +56,7 @@ _MISLABELLED: Final = FindingKind(
 
 
 def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
-    """Warn of tests whose dissipative force does not match that of the other tests at their command.
+    """Warn of tests whose dissipative force does not match the other tests at their command.
 
     The dissipative force of a test is int F v dt / int |v| dt. Its logarithm is modelled by a level for each command
     and one slope over the logarithm of the peak velocity. Both are medians, so that a few wrong labels do not affect
@@ -145,7 +145,7 @@ def _slope(force: Floats, velocity: Floats, alike: Sequence[NDArray[np.intp]]) -
 
 
 def _belongs(force: float, levels: Floats, at: Floats, unit: str) -> str:
-    """Command whose level matches the force, interpolated between those of the set."""
+    """Command whose level matches the force, interpolated between the levels of the set."""
     order = np.argsort(at)
     levels, at = np.exp(levels[order]), at[order]
     wanted = float(np.exp(force))
@@ -162,7 +162,7 @@ _NAMED = 6
 class SharedFinding:
     """A finding in one or several of `n_tests` tests, whose messages differ in their numbers at most.
 
-    `message` is that of the first of `tests`, and of all where `equal`; `lowest` and `highest` are measured sizes.
+    `message` is of the first of `tests`, and of all where `equal`; `lowest` and `highest` are measured sizes.
     """
 
     code: str
@@ -201,14 +201,14 @@ class SharedFinding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GatheredFindings:
-    """Findings of several tests: those that recur, warnings first, and for each test those of it alone."""
+    """Findings of several tests: `shared` ones recur, warnings first; `own` are of a single test, for each test."""
 
     shared: tuple[SharedFinding, ...]
     own: tuple[tuple[Finding, ...], ...]
 
 
 def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
-    """Separate the findings that recur in several of `tests` from those of one test."""
+    """Separate the findings that recur in several of `tests` from the findings of one test."""
     places = defaultdict[tuple[FindingKind, tuple[str, ...]], list[tuple[DamperTest, Finding]]](list)
     for test in tests:
         for finding in test.findings:

@@ -27,7 +27,7 @@ _PER_CYCLE: Final = {True: 64, False: 32}
 _MOST: Final = 2048
 _CYCLES: Final = 2
 _DIGITS: Final = 3
-# Relative differences within which periods, amplitudes and commands are those of one setting of a rig. A moving average
+# Relative differences within which periods, amplitudes and commands are of one setting of a rig. A moving average
 # over a quarter of a period takes 10 % of the amplitude.
 _PERIOD: Final = 0.01
 _AMPLITUDE: Final = 0.1
@@ -35,7 +35,7 @@ _COMMAND: Final = 0.02
 # Smallest difference of commands that counts [A, V].
 _LEAST_COMMAND: Final = 0.005
 # Relative change of the force's deviation, and shift of its mean in deviations, that runs of one condition have; and
-# the change per that of the amplitude of displacement, as of a record that was smoothed.
+# the change per change of the amplitude of displacement, as of a record that was smoothed.
 _CONDITION: Final = 0.1
 _SMOOTHED: Final = 2.0
 # Difference of the force's deviation beyond which tests of unknown command are not taken for one command.
@@ -163,10 +163,10 @@ class _Alignment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Likeness:
-    """A test and another of the same motion at the same command; `correlation` is that of their displacements.
+    """A test and another of the same motion at the same command; `correlation` is of their displacements.
 
-    `force_ratio` is the standard deviation of the force per that of the other test, `force_shift` the mean of the force
-    less that of the other times this ratio [N], `None` where not known; `same_force` is whether runs of one condition
+    The force is `force_ratio` times the other in its standard deviation, and then differs by `force_shift` [N] in its
+    mean, `None` where not known; `same_force` is whether runs of one condition
     may differ so. Where the command of one of them is unknown, `known_command` is false.
     """
 
@@ -299,7 +299,7 @@ def _find_pattern(pattern: Floats, record: Floats, *, least: float, limit: float
     best = int(np.argmax(correlations))
     if correlations[best] < limit:
         return None
-    # The shifts of `_correlations` are those with enough overlap.
+    # `_correlations` has the shifts with enough overlap.
     shift = n_least - n_pattern + best
     first, last = max(0, shift), min(n_record, shift + n_pattern)
     return _Alignment(

@@ -22,7 +22,7 @@ LEVEL = 0.01
 # Samples of the windows after steps of the command and around reversals: a wrong sample to the lag of a slow coil.
 WINDOWS = (1, 4, 16, 64)
 # Windows with more than this share of the samples are not compared with the rest, nor those with fewer degrees of
-# freedom, of which the scores are not those of F.
+# freedom, whose scores do not follow F.
 _MOST_OF_SAMPLES = 0.5
 _LEAST_FREEDOM = 3.0
 # Phases of a cycle at which residuals are compared from cycle to cycle, and the least number of cycles for that.
@@ -51,7 +51,7 @@ class ResidualTests:
     """Statistics of the residuals of one test, without units; NaN where one cannot be computed.
 
     `ljung_box_p` is the p-value of the test of Ljung and Box (Biometrika 65, 1978, 297-303) for white noise,
-    `breusch_pagan_p` that of the test of Breusch and Pagan (Econometrica 47, 1979, 1287-1294; Koenker's version) for a
+    `breusch_pagan_p` of the test of Breusch and Pagan (Econometrica 47, 1979, 1287-1294; Koenker's version) for a
     variance that does not depend on speed and stroke, in which the `n_time` residuals count as `n_effective`.
     `fast_to_slow` is the RMS residual in the faster half of the samples over that in the slower half, `excess` the
     excess kurtosis, 0 for normal residuals. `repeating` is the share of the mean square that repeats in every cycle.
@@ -147,8 +147,8 @@ def _windows(starts: NDArray[np.intp], width: int, test: DamperTest) -> NDArray[
 def _excess(squared: Floats, scores: Floats, inside: NDArray[np.bool_], share: float) -> Excess:
     """Excess of the residuals inside over those outside.
 
-    The mean of the `scores` inside over that outside is nearly F under white noise of any distribution: they are those
-    of an exponential variable, half a chi-squared one of two degrees of freedom.
+    The ratio of the mean `scores` inside and outside is nearly F under white noise of any distribution: the scores
+    follow an exponential variable, half a chi-squared one of two degrees of freedom.
     """
     if not inside.any() or np.mean(inside) > _MOST_OF_SAMPLES or not np.any(squared[~inside]):
         return Excess()

@@ -26,7 +26,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogLikelihood:
-    """Log-likelihood as a function of parameters with those of the noise, and of tests."""
+    """Log-likelihood as a function of the parameters of model and noise, and of tests."""
 
     residuals: Residuals
     noise: Noise
@@ -71,7 +71,7 @@ def log_likelihood(
     substeps: int | None = None,
     threads: Threads = 1,
 ) -> TracedFunction:
-    """The log-likelihood of tests as a function of the free parameters and those of the noise, for JAX.
+    """The log-likelihood of tests as a function of the free parameters of model and noise, for JAX.
 
     Residuals of a free run on real tests are mostly model error, which repeats from sample to sample: as independent
     noise they make intervals far too narrow. Take correlated noise, "ar1", or multiply by the share of independent

@@ -1,6 +1,6 @@
 """Bands about a model's force and about the energy of its cycles, and their scores.
 
-Parameter bands are quantiles of posterior draws, prediction bands those of errors.
+Parameter bands are quantiles of posterior draws, prediction bands are quantiles of errors.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def pooled_quantile(scores: Sequence[Floats], level: float) -> float:
 
 
 def next_test_quantile(scores: Sequence[Floats], level: float) -> float:
-    """Quantile `level` of the errors of a further test, estimated from those of several tests.
+    """Quantile `level` of the errors of a further test, estimated from the errors of several tests.
 
     A further test may have larger errors than all known ones, the more so the fewer are known. Each test is therefore
     left out in turn, and the level of the pooled quantile of the others is chosen so that it covers `level` of the
@@ -209,7 +209,7 @@ def energy_of_cycles(test: DamperTest, force: Floats) -> Floats:
 
 
 def _scale_of_energy(prediction: Prediction) -> float:
-    """Scale of the error of the energy [J]: that of a cycle with the standard deviations of force and displacement."""
+    """Scale of the error of the energy [J]: a cycle with the standard deviations of force and displacement."""
     stroke = float(np.std(prediction.test.displacement[prediction.test.counted]))
     return 2.0 * np.pi * prediction.deviation * stroke
 

@@ -244,7 +244,7 @@ def cross_validated(
 ) -> tuple[tuple[Prediction, ...], tuple[Prediction, ...]]:
     """Predictions of the tests of a run, each by a fit to the others, which is kept in the run for another call.
 
-    And those of its extreme tests, beyond the others, see `predict_beyond`.
+    Extreme tests are also predicted, beyond the others, see `predict_beyond`.
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     return tuple(own[index] for index in range(len(tests)))
 
 
-# Share within which an extreme is that of a motion which is fitted already.
+# Share within which a motion that is fitted already has the extreme.
 _ALIKE = 0.1
 _IN_TURN: tuple[Use | None, ...] = (None, "test", "calibration")
 _THIRDS = len(_IN_TURN)

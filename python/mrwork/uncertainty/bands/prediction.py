@@ -59,10 +59,10 @@ class Prediction(Plotted, WithAxes, Summarised):
     """A test and the model's force on it [N], shape (n_time,), with the observation model applied.
 
     `seen` is the test of the fit that this one is, or whose motion and command it has, `None` where it is like none:
-    only then is the error that of a test which the fit has not seen. `outside` is what of the test lies outside the
-    tested ranges of the fit. `other_forces` are those of other sets of laws [N], shape (n_sets, n_time), and
+    only then does the error tell how the fit predicts. `outside` is what of the test lies outside the
+    tested ranges of the fit. `other_forces` are of other sets of laws [N], shape (n_sets, n_time), and
     `sets_apart` how far they are apart where the tests of the fit end, `None` where the test does not reach there.
-    `substeps` are those of a sample, `nuisance` the parameters that were estimated from the test itself.
+    `substeps` is the number in a sample, `nuisance` the parameters that were estimated from the test itself.
     Properties are of the counted samples, shape (n_counted,).
     """
 
@@ -115,7 +115,7 @@ class Prediction(Plotted, WithAxes, Summarised):
 
     @property
     def quality(self) -> FitQuality:
-        """The errors of the prediction, as those of the tests of a fit."""
+        """The errors of the prediction, as a fit has them of its tests."""
         return fit_quality(self.test, self.model_force, substeps=self.substeps, nuisance=self.nuisance)
 
     @property
@@ -233,7 +233,7 @@ def predict_test(
 
 
 def mean_cycle(test: DamperTest) -> float:
-    """Mean number of samples in a cycle; that of the record where it has no whole cycle."""
+    """Mean number of samples in a cycle; of a record without a whole cycle all its samples."""
     cycles = whole_cycles(test.displacement)
     return (cycles[-1].stop - cycles[0].start) / len(cycles) if cycles else float(test.n_time)
 
@@ -290,7 +290,7 @@ def predict_left_out(tests: Sequence[DamperTest], fold: Fold, identify_rest: Ide
 
 
 def extremes_of(tests: Sequence[DamperTest]) -> list[list[int]]:
-    """Indices of the fastest tests, those of highest and of lowest frequency, and the largest; each a group.
+    """Indices of the fastest tests, of the highest and lowest frequency, and of the largest; each a group.
 
     A group is within a factor of 1.4 of the extreme, or within 10 % where less than half of the tests would remain.
     Without others there is no group.

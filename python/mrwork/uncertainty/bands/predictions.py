@@ -279,14 +279,14 @@ def predict(
     calibration: Calibration | None = None,
     level: Level | None = None,
 ) -> Prediction | Predictions:
-    """Simulate a fitted damper on tests, with the observation model of each applied, or else that of the fit.
+    """Simulate a fitted damper on tests, with the observation model of the test, or else of the fit.
 
     Parameters
     ----------
     test
         A test, or several, whose predictions are then a table.
     nuisances
-        Nuisance parameters that are estimated from the test; default those of the fit.
+        Nuisance parameters that are estimated from the test; by default as in the fit.
     others
         Fits of other sets of laws that predict nearly as well, `others` of a run that is loaded: the prediction says
         how far they are apart where the tests of the fit end.

@@ -101,7 +101,7 @@ def compared_models(
 
 
 def refuse_unknown(what: str, names: Iterable[str], known: Collection[str]) -> None:
-    """Refuse a law or bound, in words `what`, of a parameter that is none of those `known`."""
+    """Refuse a law or bound, in words `what`, of a parameter that is not `known`."""
     for name in names:
         if name not in known:
             raise UnknownNameError(
@@ -127,10 +127,7 @@ def _refuse_few_commands(
     compared: Sequence[DamperSpec], tests: tuple[DamperTest, ...], splits: LeftOut
 ) -> None:
     """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
-    inside = (
-        [split.members for split in splits.splits if not split.beyond] if isinstance(splits, Splits) else []
-    )
-    rests = [tuple(test for index, test in enumerate(tests) if index not in members) for members in inside]
+    rests = splits.rests(tests) if isinstance(splits, Splits) else []
     for spec in filter(lambda spec: spec.command_unit is not None, compared):
         n_levels, needed = count_levels(spec, tests), levels_needed(spec)
         refuse_few_levels(spec, n_levels)
@@ -170,9 +167,9 @@ class Choice(WithAxes, Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChoiceProgress(ProgressReport):
-    """Progress of a choice of model or of laws, with that of the current fit; `seconds_left` is `None` if unknown.
+    """Progress of a choice of model or of laws; `within` is the current fit; `seconds_left` is `None` if unknown.
 
-    `share` is that of the fits that are done, `None` where their number is not known.
+    `share` of the fits is done, `None` where their number is not known.
     Where laws are chosen, `n_tried` sets are done, and the best of them has the left-out fit `left_out_percent`.
     """
 
@@ -387,7 +384,7 @@ def choose_model(
     models
         Names of models, models with their laws, or "all".
     leave_out
-        Tests that are left out together: those of one motion where there are three motions or more, else each test.
+        Tests that are left out together: whole motions where there are three or more, else single tests.
     laws, unit, lagged
         Laws of the parameters that follow the command, for the families that have such parameters, and whether the
         driver lags behind it; see `DamperSpec.with_current_laws`.
@@ -418,8 +415,8 @@ def choose_model(
     Warns
     -----
     MrworkWarning
-        Where the tests are at several commands, and a family has no law; where a family failed; and where one that
-        failed fits all tests far better than those that remain, so that none is chosen.
+        Where the tests are at several commands, and a family has no law; where a family failed; and where a
+        family that failed fits all tests far better than the others, so that none is chosen.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Families of models whose fit is that of a simpler family in the same comparison."""
+"""Families of models that collapse: a simpler family of the same comparison has the same fit."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def find_collapses(
     n_params: Mapping[str, int],
     tests: tuple[DamperTest, ...],
 ) -> dict[str, Collapse]:
-    """Families, by model, whose fit is that of a simpler one: the one with the fewest parameters.
+    """Families, by model, with the simplest family that has the same fit.
 
     The forces are the same up to chance: the mean square of the difference of the residuals, and the gain in the
     log-likelihood, `n_eff ln(S_simpler/S)`, are at most 2 for each further parameter (Akaike's criterion), with the

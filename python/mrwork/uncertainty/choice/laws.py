@@ -239,8 +239,8 @@ def choose_laws(
     The first laws, with every positive parameter quadratic in the command, are identified from all tests by a global
     search. From there on neighbours of the best laws are tried, of the simplest as good, and of others as good: those
     that promise most when the tests are linearised. Laws are given by values at commands, as many as a polynomial of
-    the degree has coefficients, with logarithms between them or direct. All are fitted to all tests and to all but
-    those of each split, see `choose_model`, and judged by their predictions of the tests left out. Laws that vanish
+    the degree has coefficients, with logarithms between them or direct. All are fitted to all tests and without
+    the tests of each split, see `choose_model`, and judged by their predictions of the tests left out. Laws that vanish
     within the tested commands are not chosen while others are left. Of all that are as good as the best within one
     standard error, those with the fewest parameters are chosen, first of those that are not costly in a building, and
     fitted to the whole tests. Up to four others, which predict at most 1 point worse and differ most beyond the tests,
@@ -257,8 +257,8 @@ def choose_laws(
         Whether the driver lags behind a command that varies; the rate is fitted with each set of laws. A lag that the
         first laws do not want is left out.
     leave_out
-        Tests that are left out together: those of one motion where there are three motions or more, else each test. Of
-        one or two records of a varying command stretches of time are left out.
+        Tests that are left out together: whole motions where there are three or more, else single tests. Of one or two
+        records of a varying command stretches of time are left out.
     settings
         Settings of the identifications, see `identify`. A parameter with bounds remains constant, unless it has a
         law in `laws`; starts are refused. Of several models, each takes the laws and bounds

@@ -29,7 +29,7 @@ from mrwork.uncertainty.choice.splits import LeftOut
 
 # A candidate that failed is far better where the error of the chosen one on all tests is above this multiple of its.
 _FAR_BETTER = 2.0
-# NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
+# NRMSE of a prediction by the mean force, which a test counts that cannot be predicted.
 NOT_PREDICTED = 1.0
 
 RULES = (
@@ -69,9 +69,9 @@ Verdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "col
 class Standing:
     """A candidate of a choice, in percent and percentage points; differences to the best one are positive.
 
-    `laws` are those that are not constant. `left_out` has the error (NRMSE) of each unit left out, empty where the
-    candidate failed, for the `reason`; `median_percent` and `worst_percent` are of single tests, of which those of
-    `not_predicted` could not be simulated. `steps` are those of a sample in a building, `None` where too many. The
+    `laws` are without constant ones. `left_out` has the error (NRMSE) of each unit left out, empty where the
+    candidate failed, for the `reason`; `median_percent` and `worst_percent` are of single tests, of which
+    `not_predicted` could not be simulated. `steps` are of a sample in a building, `None` where too many. The
     `objection` speaks against a choice. A collapsed candidate, which has the fit of `same_as`, may be ahead.
     """
 
@@ -169,7 +169,7 @@ class Standing:
 
 
 def laws_in_words(laws: Mapping[str, LawName | CommandLaw]) -> str:
-    """Laws in one line; "direct" are those through values themselves, not through their logarithms."""
+    """Laws in one line; "direct" are laws through values themselves, not through their logarithms."""
     return ", ".join(f"{name} {_law_in_words(law_of(law))}" for name, law in laws.items()) or "all constant"
 
 
@@ -275,9 +275,9 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
 
 
 def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing]:
-    """Of candidates, the best first, those as good as the best, and the one that is chosen of these.
+    """Of candidates, the best first: the candidates as good as the best, and the chosen one of these.
 
-    The error of the difference is limited to that of the best: a candidate that fails on one test has a large one.
+    The error of the difference is limited to the error of the best: a candidate that fails on one test has a large one.
     """
     best = 100.0 * np.array(ordered[0].left_out)
     good = []
@@ -303,10 +303,10 @@ def error_of_mean(values: Floats) -> float | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Ranking(WithAxes, Summarised):
-    """Candidates in order of merit, the chosen model, and the reason; an interrupt left those of `missing` undone.
+    """Candidates in order of merit, the chosen model, and the reason; an interrupt left the `missing` models undone.
 
     `chosen` is provisional, as its standing says, where a candidate that could not predict fits all tests far better.
-    Where laws were chosen, `unit` is that of the command and `given` are laws that were not chosen; an interrupt also
+    Where laws were chosen, `unit` is of the command and `given` are laws that were not chosen; an interrupt also
     leaves further laws untried, so that the ranking is not `complete`.
     """
 
@@ -415,7 +415,7 @@ _FEW_FOLDS = 4
 
 
 def _remark_on_cost(standings: Sequence[Standing], chosen: Standing) -> tuple[str, ...]:
-    """A sentence where the chosen candidate is costly in a building; it names the best one that is not."""
+    """A sentence where the chosen candidate is costly in a building; it names the best candidate that is not."""
     if not chosen.is_costly:
         return ()
     steps = inf if chosen.steps is None else chosen.steps

@@ -126,7 +126,7 @@ class Splits:
         return [tests[index].name for index in self.splits[number].members]
 
     def errors(self, nrmse: Sequence[Floats]) -> Floats:
-        """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from those of each split.
+        """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from the errors of each split.
 
         Of the tests of a unit in a split the NRMSE has its geometric mean, in which relative changes weigh the same.
         """
@@ -217,7 +217,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
 
 
 def default_fold(tests: Sequence[DamperTest]) -> Fold:
-    """Tests that are left out together: those of one motion from three motions on, else each test."""
+    """What is left out together: a motion where there are three or more, else a test."""
     try:
         motions = len(folds_of(tests, "motion"))
     except SettingError:

@@ -211,7 +211,7 @@ class Draws(Plotted, WithAxes, Summarised):
     """Draws from a posterior, by walker.
 
     `chains` (n_walkers, n_kept, n_params) are parameters of the model of the fit, in spec order; `noise_chains`
-    (n_walkers, n_kept, n_noise) those of the noise, in deviations of the test's force; `densities` (n_walkers, n_kept)
+    (n_walkers, n_kept, n_noise) are of the noise, in deviations of the test's force; `densities` (n_walkers, n_kept)
     the log posterior in the coordinates that were sampled, up to a constant. `temper` is the factor of the
     log-likelihood. Of `n_steps` steps the burn-in is left out, and every `thinning`-th of the others is kept.
     `measured` has the force of each test [N] by its name. Draws that were read from a file have no `provenance`; the

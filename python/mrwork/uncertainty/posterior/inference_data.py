@@ -49,8 +49,8 @@ def inference_data(
     `log_likelihood` has the one variable `force`. Its entries are densities under the noise model of the draws, in
     deviations of each test's force, times `temper`, as they were sampled: where residuals are correlated, the sum over
     all samples counts for as many as are effective. Leave-one-out over single samples takes these as independent given
-    the parameters, also under "iid" noise. Residuals of real tests are not: its elpd is that of interpolation between
-    neighbours, and too good, with too small an error. Under "ar1" noise each density is given the earlier residual,
+    the parameters, also under "iid" noise. Residuals of real tests are not: its elpd tells interpolation between
+    neighbours, and is too good, with too small an error. Under "ar1" noise each density is given the earlier residual,
     and is of the next sample. Densities of "blocks" are of whole cycles, longer than the autocorrelation time of the
     residuals at the fit, which are nearly independent; a record has few, and ArviZ then warns of heavy tails.
     `choose_model` compares models by tests that are left out.

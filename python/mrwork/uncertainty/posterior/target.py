@@ -134,7 +134,7 @@ _ROUNDING = 1e-12
 
 
 def with_noise(box: Box, noise: Noise) -> Box:
-    """The ranges of a model followed by those of the parameters of a noise model."""
+    """The ranges of the parameters of a model and then of a noise model."""
     return Box(
         names=box.names + tuple(NOISE + each.name for each in noise.parameters),
         lower=box.lower + tuple(each.lower for each in noise.parameters),
@@ -154,7 +154,7 @@ class Space:
 
     @classmethod
     def of(cls, form: Form, noise: Noise, priors: Mapping[str, Prior]) -> Space:
-        """The space of a model in its identifiable form, with priors by name; those of the noise as `noise.sigma`."""
+        """The space of a model in its identifiable form, with priors by name; of the noise as `noise.sigma`."""
         own = form.box
         box = with_noise(own, noise)
         names = tuple(box.names[index] for index in box.free)
@@ -286,7 +286,7 @@ _ROWS = 64
 class Target(Summarised):
     """Log posterior density of positions of a `space`, up to a constant, with the log-likelihood times `temper`.
 
-    Residuals are those of a free run, in units of the standard deviation of each test's force, `deviations` [N];
+    Residuals are of a free run, in units of the standard deviation of each test's force, `deviations` [N];
     nuisance parameters take their least-squares values for each candidate.
     """
 
