@@ -173,7 +173,7 @@ def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: 
     with pytest.raises(Interrupted) as interrupted:
         sampled("pieces.jsonl", threads=2, on_progress=interrupt)
     assert 40 < interrupted.value.result.n_steps < whole.n_steps
-    kept = interrupted.value.result.draws()
+    kept = interrupted.value.result
     assert kept.status == "interrupted"
     assert kept.n_steps == interrupted.value.result.n_steps
     again = sampled("pieces.jsonl", threads=1, resume=True)

@@ -46,15 +46,6 @@ class Gain:
     deviation: NotNegative
 
 
-def gain_columns(unit: CommandUnit | None) -> tuple[TableColumn, ...]:
-    """Columns of a table of gains, with commands in `unit`."""
-    return (
-        TableColumn(heading="test", cell=lambda each: each.candidate.in_words(unit)),
-        TableColumn(heading="variance reduction", unit="%", cell=lambda each: percent(each.gain)),
-        TableColumn(heading="deviation after the test", cell=lambda each: significant(each.deviation, 3)),
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Plan(Summarised):
     """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter, of `deviation` before.
@@ -86,7 +77,12 @@ class Plan(Summarised):
         )
 
     def _summary(self) -> Summary:
-        table = text_table(gain_columns(self.command_unit), self.gains[:_SHOWN])
+        columns = (
+            TableColumn(heading="test", cell=lambda each: each.candidate.in_words(self.command_unit)),
+            TableColumn(heading="variance reduction", unit="%", cell=lambda each: percent(each.gain)),
+            TableColumn(heading="deviation after the test", cell=lambda each: significant(each.deviation, 3)),
+        )
+        table = text_table(columns, self.gains[:_SHOWN])
         more = len(self.gains) - _SHOWN
         return Summary(
             title=f"Next tests of {self.model}",

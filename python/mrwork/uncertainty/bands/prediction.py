@@ -133,11 +133,6 @@ class Prediction(Plotted, WithAxes, Summarised):
         """Root mean square of the residual [N]."""
         return rms(self.residual)
 
-    @property
-    def largest_error_n(self) -> float:
-        """Largest magnitude of the residual [N]."""
-        return float(np.abs(self.residual).max())
-
     def _named_arrays(self) -> NamedArrays:
         test = self.test._named_arrays()
         forces = {
@@ -155,10 +150,7 @@ class Prediction(Plotted, WithAxes, Summarised):
             title=f"Prediction of {self.test.name}",
             facts=(
                 ("fit", f"{self.fit_percent:.2f} %"),
-                (
-                    "error",
-                    f"{self.rmse_n:.4g} N rms, at most {self.largest_error_n:.4g} N",
-                ),
+                ("error", f"{self.rmse_n:.4g} N rms, at most {np.abs(self.residual).max():.4g} N"),
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
             ),

@@ -268,14 +268,6 @@ class _Step:
     densities: Floats
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChainSoFar:
-    """An interrupted chain of `n_steps`; its draws are computed when `draws` is called, which takes a while."""
-
-    n_steps: int
-    draws: Callable[[], Draws]
-
-
 @checked
 def sample(
     fit: Fit,
@@ -343,7 +335,7 @@ def sample(
     OutputError
         If the journal cannot be written; it can be resumed.
     Interrupted
-        On Ctrl-C, carrying a `ChainSoFar`, `None` before the first step; the chain is in the journal, too.
+        On Ctrl-C, carrying the `Draws` so far, `None` before the first step; the chain is in the journal, too.
 
     Examples
     --------
@@ -392,16 +384,10 @@ def sample(
             f"{journal.path} begins with densities that are not finite; run again with --replace, not --resume"
         )
 
-    def so_far() -> ChainSoFar | None:
+    def so_far() -> Draws | None:
         if ensemble.n_steps == 0:
             return None
-        seconds = call.seconds
-        return ChainSoFar(
-            n_steps=ensemble.n_steps,
-            draws=lambda: problem.draws(
-                ensemble, problem.diagnosis(ensemble), seconds=seconds, interrupted=True
-            ),
-        )
+        return problem.draws(ensemble, problem.diagnosis(ensemble), seconds=call.seconds, interrupted=True)
 
     call.so_far = so_far
     with call.keeping("sampling"):
@@ -423,7 +409,7 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, call: _Sampling) -> Diagn
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class _Sampling(LongCall[SamplingProgress, ChainSoFar]):
+class _Sampling(LongCall[SamplingProgress, Draws]):
     """A sampling that runs; the rate is of computed steps, without the first, which includes the set-up."""
 
     most_steps: int

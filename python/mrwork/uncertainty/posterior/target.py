@@ -19,7 +19,7 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol, runtime_checkabl
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import checked
+from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
@@ -52,10 +52,7 @@ class Normal:
     """Normal about `mean` with standard `deviation`."""
 
     mean: float
-    deviation: float
-
-    def __post_init__(self) -> None:
-        _check(self.deviation > 0.0, "normal", "MEAN:DEVIATION with a positive deviation")
+    deviation: Positive
 
     def log_density(self, value: AnyArray) -> AnyArray:
         """Log density of each value."""
@@ -66,13 +63,8 @@ class Normal:
 class Lognormal:
     """Lognormal about `median`, with the standard `deviation` of the natural logarithm."""
 
-    median: float
-    deviation: float
-
-    def __post_init__(self) -> None:
-        _check(
-            self.median > 0.0 and self.deviation > 0.0, "lognormal", "MEDIAN:DEVIATION_OF_LOG, both positive"
-        )
+    median: Positive
+    deviation: Positive
 
     def log_density(self, value: AnyArray) -> AnyArray:
         """Log density of each value."""
@@ -92,7 +84,10 @@ class Uniform:
     upper: float
 
     def __post_init__(self) -> None:
-        _check(self.lower < self.upper, "uniform", "LOWER:UPPER with the lower limit first")
+        if not self.lower < self.upper:
+            raise SettingError(
+                f"a uniform prior has the limits {self.lower:g} and {self.upper:g}; give the lower one first"
+            )
 
     def log_density(self, value: AnyArray) -> AnyArray:
         """Log density of each value."""
@@ -121,11 +116,6 @@ def prior_of_text(text: str) -> Prior:
     if kind not in _KINDS or not (isfinite(first) and isfinite(second)):
         raise SettingError(f"a prior is {text!r}; give {PRIORS_IN_WORDS}")
     return _KINDS[kind](first, second)
-
-
-def _check(fine: bool, kind: str, expected: str) -> None:
-    if not fine:
-        raise SettingError(f"a {kind} prior was given numbers that make no density; give {expected}")
 
 
 NOISE = "noise."
