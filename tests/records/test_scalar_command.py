@@ -148,7 +148,7 @@ def test_parts_resampled_times_and_samples_keep_the_command() -> None:
     share = recorded()[-1]
     test = made("bar", 3.0 * share)
     np.testing.assert_array_equal(test.part(100, 900).command, 3.0 * share[100:900])
-    assert RecordedMotion.of(test).command == 3.0
+    assert RecordedMotion.of(test).levels == {"bar": 3.0}
     time = recorded()[0] + 0.2 * DT * np.random.default_rng(1).uniform(-1.0, 1.0, share.size)
     jittered = mr.test_from_arrays(
         name="jitter",

@@ -7,7 +7,7 @@ damper was in another condition, which the fit has not seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import floor, log2, log10
 from typing import ClassVar, Final
@@ -15,9 +15,8 @@ from typing import ClassVar, Final
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Positive
-from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.command import CommandValues, command_range
+from mrwork.dampers.command import command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
 
@@ -50,25 +49,22 @@ class RecordedMotion:
     """Motion, force and command of a test, in the resolution that recognises them.
 
     `displacement` [mm] and `force` [N] are means over `step` [s], a power of two: of two cycles of a periodic motion at
-    constant command, whose mean `period` [s] is then known, of the (first part of the) record of any other. `current`
-    [A], `voltage` [V] and the `command` of another unit are constant, or the largest of a varying one, which is in
-    `commands`; `deviation` is the standard deviation of the force [N].
+    constant command, whose mean `period` [s] is then known, of the (first part of the) record of any other. `levels`
+    are constant commands by unit, or the largest of a varying one, see `commands`; `deviation` is the standard deviation
+    of the force [N].
     """
 
     _made_by: ClassVar[str] = "mr.read_damper_test(path)"
 
     test: str
     sha256: str
-    current: float | None
-    voltage: float | None
+    levels: Mapping[str, float]
     period: float | None
     step: Positive
     deviation: NotNegative
     displacement: tuple[float, ...] = field(repr=False)
     force: tuple[float, ...] = field(repr=False)
     commands: tuple[tuple[float, ...], ...] = field(default=(), repr=False)
-    command: float | None = None
-    command_unit: CommandUnit | None = None
 
     @classmethod
     def of(cls, test: DamperTest) -> RecordedMotion:
@@ -95,10 +91,7 @@ class RecordedMotion:
         return cls(
             test=test.label,
             sha256=test.sha256,
-            current=_largest(test.current),
-            voltage=_largest(test.voltage),
-            command=_largest(test.command),
-            command_unit=test.command_unit,
+            levels={unit: command_range(values)[1] for values, unit in test.commands},
             period=period,
             step=step,
             deviation=float(np.std(force)),
@@ -122,12 +115,8 @@ class RecordedMotion:
             return False
         known = [
             abs(one - another) <= _COMMAND * max(abs(one), abs(another)) + _LEAST_COMMAND
-            for one, another in (
-                (self.current, other.current),
-                (self.voltage, other.voltage),
-                (self.command, other.command if other.command_unit == self.command_unit else None),
-            )
-            if one is not None and another is not None
+            for unit, one in self.levels.items()
+            if (another := other.levels.get(unit)) is not None
         ]
         return all(known) if known else None
 
@@ -166,8 +155,8 @@ class Likeness:
     """A test and another of the same motion at the same command; `correlation` is of their displacements.
 
     The force is `force_ratio` times the other in its standard deviation, and then differs by `force_shift` [N] in its
-    mean, `None` where not known; `same_force` is whether runs of one condition
-    may differ so. Where the command of one of them is unknown, `known_command` is false.
+    mean, `None` where not known; `same_force` is whether runs of one condition may differ so. Where the command of one
+    of them is unknown, `known_command` is false.
     """
 
     _made_by: ClassVar[str] = "fit.seen(test)"
@@ -278,10 +267,6 @@ def _means(samples: Floats, n_each: float) -> Floats:
 def _rounded(samples: Floats) -> tuple[float, ...]:
     decimals = _DIGITS - 1 - floor(log10(max(float(np.abs(samples).max(initial=0.0)), 1e-12)))
     return tuple(np.round(samples, decimals).tolist())
-
-
-def _largest(command: CommandValues | None) -> float | None:
-    return None if command is None else command_range(command)[1]
 
 
 def _find_pattern(pattern: Floats, record: Floats, *, least: float, limit: float) -> _Alignment | None:

@@ -188,8 +188,8 @@ class Calibration(Summarised):
             basis += f"; beyond the tests in {names}, widened by the errors of fits without such tests"
         elif len(prediction.other_forces):
             basis += "; between the tested commands, widened by other laws that predict nearly as well"
-        apart = [np.zeros_like(force), *(other[test.counted] - force for other in prediction.other_forces)]
-        apart = np.where(open_to_laws, apart, 0.0)
+        others = [np.zeros_like(force), *(other[test.counted] - force for other in prediction.other_forces)]
+        apart = np.where(open_to_laws, others, 0.0)
         return replace(
             band,
             lower=band.lower + np.min(apart, axis=0),

@@ -370,7 +370,7 @@ def sample(
             step = call.step(
                 "step", _Step, lambda: _Step(densities=problem.target(positions)[None]), positions
             )
-            return step.densities[0]
+            return np.asarray(step.densities[0])
 
     mode = mode_near(problem.target, problem.start)
     origins = first_walkers(problem.target, mode, walkers, np.random.default_rng(rng))
