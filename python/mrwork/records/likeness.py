@@ -50,8 +50,8 @@ class RecordedMotion:
 
     `displacement` [mm] and `force` [N] are means over `step` [s], a power of two: of two cycles of a periodic motion at
     constant command, whose mean `period` [s] is then known, of the (first part of the) record of any other. `levels`
-    are constant commands by unit, or the largest of a varying one, see `commands`; `deviation` is the standard deviation
-    of the force [N].
+    are constant commands by unit, or the largest of a varying one, see `commands`; `deviation` is the
+    standard deviation of the force [N].
     """
 
     _made_by: ClassVar[str] = "mr.read_damper_test(path)"
