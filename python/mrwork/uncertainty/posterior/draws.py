@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 
-from mrwork.base.arguments import Count, NotNegative, Positive, Shape, checked
+from mrwork.base.arguments import Shape, checked
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
 from mrwork.base.numbers import format_rounded, with_decimals
 from mrwork.base.plotted import Plotted
@@ -401,19 +401,6 @@ def _pile_remark(chain: Floats, bounds: tuple[float, float], width: float) -> Re
 _VERB = "sample"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Stated:
-    """Facts of the sampling, as stored in the file."""
-
-    noise: str
-    verdict: str
-    temper: Positive
-    steps: Count
-    thinning: Count
-    seconds: NotNegative
-    status: DrawsStatus
-
-
 def draws_content(draws: Draws) -> bytes:
     """The file `posterior.nc` in the run folder of a fit."""
     # In memory first: the library ends the process where a disk is full.
@@ -439,8 +426,8 @@ def read_draws(run: RunFolder, fit: Fit) -> Draws | None:
 def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
     posterior = _variables(members, "posterior")
     columns = {name: _numbers(member) for name, member in posterior.items()}
-    stated: _Stated = built(_Stated, members[""].attributes)
-    noise = noise_model(stated.noise)
+    facts = members[""].attributes
+    noise = noise_model(facts["noise"])
     names = fit.spec.names
     noise_names = tuple(NOISE + parameter.name for parameter in noise.parameters)
     return Draws(
@@ -452,12 +439,12 @@ def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
         noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
         densities=_numbers(members["sample_stats/lp"]),
         summaries=tuple(built(DrawSummary, posterior[name].attributes) for name in names + noise_names),
-        status=stated.status,
-        verdict=stated.verdict,
-        temper=stated.temper,
-        n_steps=stated.steps,
-        thinning=stated.thinning,
-        seconds=stated.seconds,
+        status=facts["status"],
+        verdict=facts["verdict"],
+        temper=float(facts["temper"]),
+        n_steps=int(facts["steps"]),
+        thinning=int(facts["thinning"]),
+        seconds=float(facts["seconds"]),
         provenance=None,
         measured={name: _numbers(member) for name, member in _variables(members, "observed_data").items()},
     )
