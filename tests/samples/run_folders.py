@@ -23,7 +23,7 @@ from mrwork.store.run_folder import (
 from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, addition_journal
 from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
 from mrwork.uncertainty.bands.held_out import write_held_out
-from mrwork.uncertainty.bands.prediction import UNSEEN, predict_tests
+from mrwork.uncertainty.bands.prediction import UNSEEN
 from mrwork.uncertainty.candidate_tests import Candidate
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.posterior.draws import draws_content
@@ -51,7 +51,7 @@ def add_every_file(
             fit, test, walkers=WALKERS, most_steps=steps, tempering="effective", threads=1, journal=journal
         )
         add_to_run(place, {DRAWS: draws_content(draws)}, grown=[CHAIN])
-    predictions = predict_tests(fit, others)
+    predictions = mr.predict(fit, others).predictions
     write_bands(place, StoredBands.of(predictions, held_out=UNSEEN))
     write_held_out(RunFolder.open(place), fit, predictions)
     contents = {

@@ -15,7 +15,8 @@ from mrwork.cli.workers import add_workers, on_workers
 from mrwork.store.run_folder import CALIBRATION, FOLDS
 from mrwork.store.run_writer import adding
 from mrwork.uncertainty.bands.calibration_files import FoldProgress, StoredBands, cross_validated, write_bands
-from mrwork.uncertainty.bands.prediction import IN_WORDS, UNSEEN, Prediction, predict_tests
+from mrwork.uncertainty.bands.prediction import IN_WORDS, UNSEEN, Prediction
+from mrwork.uncertainty.bands.predictions import predict
 from mrwork.workers.engine import present_workers
 
 
@@ -66,7 +67,8 @@ def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], 
     tests = [observed(test, words) for test in read]
     for condition in filter(None, map(fit.other_condition, tests)):
         note(condition.condition_in_words)
-    return predict_tests(fit, tests, nuisances=nuisances_of(options, fit.nuisances)), findings
+    nuisances = nuisances_of(options, fit.nuisances)
+    return predict(fit, tests, nuisances=nuisances).predictions, findings
 
 
 def _predict_held_out(

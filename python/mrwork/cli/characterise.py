@@ -193,11 +193,12 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
 
 def _calibrate(place: Path, rows: Sequence[ListedTest]) -> int:
     from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
-    from mrwork.uncertainty.bands.prediction import UNSEEN, predict_tests
+    from mrwork.uncertainty.bands.prediction import UNSEEN
+    from mrwork.uncertainty.bands.predictions import predict
 
     with adding(place, CALIBRATION):
-        predictions = predict_tests(read_fit(place), _read(_reading(_of_use(rows, "calibration"))))
-        write_bands(place, StoredBands.of(predictions, held_out=UNSEEN))
+        found = predict(read_fit(place), _read(_reading(_of_use(rows, "calibration"))))
+        write_bands(place, StoredBands.of(found.predictions, held_out=UNSEEN))
     return 0
 
 

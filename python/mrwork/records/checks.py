@@ -482,7 +482,10 @@ def detect_average(samples: Floats) -> int | None:
     origin. The spikes at w, 2 w, 3 w and 4 w are combined. Odd harmonics of a motion of period T are distinguished by
     their alternating sign at multiples of T/2.
     """
-    samples = samples[: _transformed_length(samples.size)]
+    if samples.size >= _LONG_SIGNAL:
+        # A small number times a power of two, of the differences.
+        power = (samples.size - _DIFFERENCES).bit_length() - 4
+        samples = samples[: _DIFFERENCES + ((samples.size - _DIFFERENCES) >> power << power)]
     windows = np.arange(_SHORTEST, (samples.size // 2 - 2) // int(_HARMONICS[-1]))
     if windows.size == 0:
         return None
@@ -501,15 +504,6 @@ def detect_average(samples: Floats) -> int | None:
     # The edge of a steep low-pass filter gives a wave in the cepstrum, not a spike.
     beside = np.abs(spikes[window + 2 : min(2 * window - 1, window + 6)])
     return window if deep and alike and beside.max() < _EACH[0] else None
-
-
-def _transformed_length(n_time: int) -> int:
-    """Samples of a signal whose cepstrum is looked at: of a long one, so many that the Fourier transform is fast."""
-    if n_time < _LONG_SIGNAL:
-        return n_time
-    # A small number times a power of two, of the differences.
-    power = (n_time - _DIFFERENCES).bit_length() - 4
-    return _DIFFERENCES + ((n_time - _DIFFERENCES) >> power << power)
 
 
 def _cepstrum(samples: Floats) -> Floats:

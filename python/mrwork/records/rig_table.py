@@ -134,14 +134,13 @@ def _is_record(path: Path) -> bool:
     return named and is_file(path) and not is_test_table(path)
 
 
-def files_not_read(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> dict[Path, str]:
+def files_not_read(paths: Iterable[str | os.PathLike[str]]) -> dict[Path, str]:
     """Sentence on the unread files of each folder among the paths; folders that are read completely are omitted.
 
     Of a folder with a table of tests these are the records that the table does not name, else all that is no record.
     """
-    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
     sentences: dict[Path, str] = {}
-    for folder in filter(is_folder, map(Path, given)):
+    for folder in filter(is_folder, map(Path, paths)):
         inside = [path for path in sorted(folder.iterdir()) if not path.name.startswith(".")]
         table = folder / TABLE_NAME
         if is_test_table(table):

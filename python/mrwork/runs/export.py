@@ -24,7 +24,7 @@ from mrwork.runs.load import read_run
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
-from mrwork.uncertainty.bands.prediction import predict_tests
+from mrwork.uncertainty.bands.predictions import predict
 
 Target = Literal["mat", "opensees", "csv"]
 
@@ -235,7 +235,7 @@ def _tests(place: Path) -> Any:
     except MrworkError as reason:
         warnings.warn(f"the file has no tests with their forces: {reason}", MrworkWarning, stacklevel=5)
         return _cells([])
-    predictions = predict_tests(opened.fit, opened.tests)
+    predictions = predict(opened.fit, opened.tests).predictions
     return _cells(
         [
             {**_as_recorded(quality), "name": each.test.label, **_group(each._named_arrays())}

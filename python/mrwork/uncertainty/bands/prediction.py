@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
-from warnings import warn
 
 import numpy as np
 
@@ -17,9 +16,8 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.tested_range import Outside
-from mrwork.errors import MrworkError, MrworkWarning, SettingError, SimulationError
+from mrwork.errors import MrworkError, SettingError, SimulationError
 from mrwork.identification.fit import Fit, FitQuality
-from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
 from mrwork.identification.result import explain_failures, fit_quality, free_run, rms
 from mrwork.identification.settings import Fold as Fold
@@ -191,16 +189,6 @@ def with_others(
         np.array(forces)[:, test.counted],
     )
     return replace(prediction, other_forces=np.array(forces[1:]), sets_apart=apart)
-
-
-def predict_tests(
-    fit: Fit, tests: Sequence[DamperTest], *, nuisances: Sequence[NuisanceName] | None = None
-) -> tuple[Prediction, ...]:
-    """Predictions of several tests, with one warning for all where a command varies that no parameter follows."""
-    for sentence in prediction_warning(fit.spec, tests):
-        # Of the line that calls `predict`.
-        warn(sentence, MrworkWarning, stacklevel=4)
-    return tuple(predict_test(fit, test, nuisances) for test in tests)
 
 
 def predict_test(
