@@ -28,10 +28,16 @@ class NoiseParameter:
     lower: float
     upper: float
     log: bool
+    description: str
 
 
-# Standard deviation, per deviation of the force.
-_SIGMA = NoiseParameter(name="sigma", lower=1e-5, upper=10.0, log=True)
+_SIGMA = NoiseParameter(
+    name="sigma",
+    lower=1e-5,
+    upper=10.0,
+    log=True,
+    description="standard deviation, per deviation of the force",
+)
 
 
 class Noise(ABC):
@@ -105,7 +111,12 @@ class Ar1(Noise):
 
     name = "ar1"
     title = "AR(1)"
-    parameters = (_SIGMA, NoiseParameter(name="phi", lower=-0.99999, upper=0.99999, log=False))
+    parameters = (
+        _SIGMA,
+        NoiseParameter(
+            name="phi", lower=-0.99999, upper=0.99999, log=False, description="autoregressive coefficient"
+        ),
+    )
     correlated = True
 
     def log_densities(self, residual: Floats, noise: Floats) -> Floats:

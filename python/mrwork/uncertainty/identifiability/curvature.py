@@ -73,7 +73,7 @@ class Scaled:
         theta[..., np.array(self.free, dtype=int)] = self.values(position)
         return theta
 
-    def move_position(self, position: Floats, step: Floats, held: int | None) -> Floats:
+    def move_position(self, position: Floats, step: Floats, held: int) -> Floats:
         """Position after a step, clipped to the box; the step of a spring is one in k and k x0, unless x0 is held."""
         there = position + step
         if self.spring is not None and held != self.spring[1]:
@@ -225,12 +225,12 @@ def _minimise_held(scaled: Scaled, index: int, start: Point, target: float, dof:
     position[index] = target
     point = yield position
     if np.isfinite(point.squared):
-        point = yield from minimise(scaled, index, point, dof)
+        point = yield from _minimise(scaled, index, point, dof)
     return point
 
 
-def minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
-    """Levenberg-Marquardt in all free parameters, or all but the one at `index`, until the expected gain is small."""
+def _minimise(scaled: Scaled, index: int, point: Point, dof: float) -> Minimisation:
+    """Levenberg-Marquardt in all free parameters but the one at `index`, until the expected gain is small."""
     damping = 0.0
     for _ in range(_MOST_TRIALS):
         step, fall = _step(scaled, point, index, dof, damping=damping)
@@ -246,13 +246,12 @@ def minimise(scaled: Scaled, index: int | None, point: Point, dof: float) -> Min
 
 
 def _step(
-    scaled: Scaled, point: Point, index: int | None, dof: float, *, shift: float = 0.0, damping: float = 0.0
+    scaled: Scaled, point: Point, index: int, dof: float, *, shift: float = 0.0, damping: float = 0.0
 ) -> tuple[Floats, float]:
     """Minimiser of the quadratic model with `index` shifted, and the expected decrease of S; bounds are kept."""
     step = np.zeros_like(point.position)
     settled = np.diag(point.normal) <= 0.0
-    if index is not None:
-        step[index], settled[index] = shift, True
+    step[index], settled[index] = shift, True
     ridge = point.squared / dof / _LEAP**2
     while not settled.all():
         moving = np.flatnonzero(~settled)
@@ -292,18 +291,6 @@ class Side:
 # By index among the free parameters, and direction.
 Sides = dict[tuple[int, Literal[-1, 1]], Side]
 DIRECTIONS: tuple[Literal[-1, 1], ...] = (-1, 1)
-
-
-def run_alone(steps: Minimisation, point: Point, simulated: Callable[[Floats], list[Point]]) -> Point:
-    """Run one local minimisation to its end, each position a batch of its own."""
-    try:
-        position = next(steps)
-        while True:
-            (point,) = simulated(position[None])
-            position = steps.send(point)
-    except StopIteration as ended:
-        arrived: Point = ended.value
-        return arrived
 
 
 def run_together(

@@ -27,6 +27,7 @@ from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import SettingError
 from mrwork.identification.covariance import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
 from mrwork.identification.verdicts import ParameterScale, Scale, judge_interval
@@ -41,9 +42,7 @@ from mrwork.uncertainty.identifiability.curvature import (
     Side,
     Sides,
     linearise,
-    minimise,
     points_at,
-    run_alone,
     run_together,
     signed_root,
 )
@@ -265,8 +264,9 @@ _IN_WORDS: dict[End, str] = {
 
 # A decrease of the likelihood ratio by more than this means that the fit was not at its minimum.
 _BETTER = 0.5
-# Largest number of restarts about a better minimum.
+# Largest number of restarts about a better minimum, and of the iterations to it.
 _MOST_ROUNDS = 3
+_MOST_STEPS = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -397,12 +397,11 @@ def profile(
             )
         )
 
-    best = start
+    origin = start
     sides: Sides = {(index, way): Side(points=[start]) for index in profiled for way in DIRECTIONS}
     call.so_far = lambda: result(sides, "interrupted")
     with call.keeping("profiling"):
         for _ in range(_MOST_ROUNDS):
-            origin = run_alone(minimise(scaled, None, best, dof), best, simulate_position)
             sides = {key: Side(points=[origin]) for key in sides}
             run_together(scaled, sides, simulate_position, report, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(
@@ -410,6 +409,9 @@ def profile(
             )
             if signed_root(origin.squared, best.squared, dof) ** 2 < _BETTER:
                 break
+            better = scaled.parameters(best.position[None])
+            minimum = find_minima(objective, box, better, max_iterations=_MOST_STEPS)
+            (origin,) = simulate_position(scaled.position(minimum.theta))
     return result(sides, "finished")
 
 
