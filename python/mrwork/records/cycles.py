@@ -174,12 +174,12 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     if test.has_varying_command or test.smoothing is not None:
         return None
     period = 1.0 / motion.frequency
-    place, direction = turning_points(motion.displacement, motion.velocity)
+    turn, direction = turning_points(motion.displacement, motion.velocity)
     # Turns with different accelerations have corners of different widths and cannot be averaged.
-    sharp = np.abs(np.interp(place, np.arange(test.n_time), motion.acceleration))
-    if place.size < _FEWEST_TURNS or np.std(sharp) > _ALIKE * np.mean(sharp):
+    sharp = np.abs(np.interp(turn, np.arange(test.n_time), motion.acceleration))
+    if turn.size < _FEWEST_TURNS or np.std(sharp) > _ALIKE * np.mean(sharp):
         return None
-    branch = _fold_periods(test.force, place, direction, period / test.dt)
+    branch = _fold_periods(test.force, turn, direction, period / test.dt)
     if branch is None:
         return None
     corners = []
@@ -223,19 +223,19 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
 
 
 def _fold_periods(
-    force: Floats, place: Floats, direction: Floats, period: float
+    force: Floats, turn: Floats, direction: Floats, period: float
 ) -> tuple[Floats, Floats, Floats] | None:
     """Mean force about the turns: time [periods], force [half ranges, falling], and number of samples in each mean."""
     reach = _FOLDED * period
-    inside = (place - reach >= 0.0) & (place + reach <= force.size - 1.0)
-    place, direction = place[inside], direction[inside]
+    inside = (turn - reach >= 0.0) & (turn + reach <= force.size - 1.0)
+    turn, direction = turn[inside], direction[inside]
     scale = half_range(force)
-    if place.size < _FEWEST_TURNS or scale == 0.0:
+    if turn.size < _FEWEST_TURNS or scale == 0.0:
         return None
     offsets = np.arange(-int(reach), int(reach) + 1)
-    rows = np.round(place).astype(np.intp)[:, np.newaxis] + offsets
+    rows = np.round(turn).astype(np.intp)[:, np.newaxis] + offsets
     rows = np.clip(rows, 0, force.size - 1)
-    since = (rows - place[:, np.newaxis]) / period
+    since = (rows - turn[:, np.newaxis]) / period
     falling = direction[:, np.newaxis] * force[rows] / scale
     # Offset and stiffness shift the turns at one end of the stroke relative to the other.
     ahead = (since <= -_BEFORE[0]) & (since > -_BEFORE[1])

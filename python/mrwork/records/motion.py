@@ -212,16 +212,16 @@ def regular_cycles(displacement: Floats) -> tuple[slice, ...]:
 def turning_points(displacement: Floats, velocity: Floats) -> tuple[Floats, Floats]:
     """Turning points between strokes of at least half the peak-to-peak displacement, shape (n_turns,).
 
-    Returned are the places of zero velocity, in fractional samples, and the signs of the velocity before.
+    Returned are the instants of zero velocity, in fractional samples, and the signs of the velocity before.
     """
     # Of the signs, because a product of tiny numbers is zero.
     side = np.sign(velocity)
     before = np.flatnonzero((side[:-1] != 0.0) & (side[:-1] * side[1:] <= 0.0))
-    place = before + velocity[before] / (velocity[before] - velocity[before + 1])
-    stroke = np.diff(np.interp(place, np.arange(displacement.size), displacement))
+    turn = before + velocity[before] / (velocity[before] - velocity[before + 1])
+    stroke = np.diff(np.interp(turn, np.arange(displacement.size), displacement))
     wide = np.abs(stroke) > _LEAST_STROKE * np.ptp(displacement)
     chosen = np.flatnonzero(wide[:-1] & wide[1:]) + 1
-    return place[chosen], np.sign(velocity[before[chosen]])
+    return turn[chosen], np.sign(velocity[before[chosen]])
 
 
 def reversals(velocity: Floats) -> NDArray[np.intp]:

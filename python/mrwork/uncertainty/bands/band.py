@@ -108,8 +108,8 @@ def weighted_quantile(values: Floats, weights: Floats, level: float) -> float:
     below = float(share[inside - 1]) if inside else 0.0
     within = np.flatnonzero(bins == inside)
     order = within[np.argsort(values[within], kind="stable")]
-    place = np.searchsorted(below + np.cumsum(weights[order]), wanted)
-    return float(values[order[min(int(place), order.size - 1)]])
+    index = np.searchsorted(below + np.cumsum(weights[order]), wanted)
+    return float(values[order[min(int(index), order.size - 1)]])
 
 
 def pooled_quantile(scores: Sequence[Floats], level: float) -> float:
