@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 import mrwork as mr
-from mrwork.base.keys import keys_of, meant, name_in_file, tables
+from mrwork.base.keys import keys_of, meant, tables
 from mrwork.base.synonyms import _WORDS, without_style
 from mrwork.cli.door import whole_parser
 from mrwork.control.laws.law_settings import SETTINGS
@@ -29,7 +29,7 @@ def options(parser: argparse.ArgumentParser) -> Iterator[str]:
 def known_names() -> set[str]:
     """Keys of files, settings and names of laws, models, options of commands, and arguments of public functions."""
     kinds = (*(kind for _, kind in tables(StudyTable)), *SETTINGS.values(), WeightWishes)
-    names = {name_in_file(entry) for kind in kinds for entry in keys_of(kind)}
+    names = {entry.name_in_file for kind in kinds for entry in keys_of(kind)}
     names |= {*SETTINGS, *CONSTANT_LAWS, *(spec.name for spec in damper_models()), *options(whole_parser())}
     for name in dir(mr):
         if callable(function := getattr(mr, name)):
@@ -46,8 +46,8 @@ def test_every_word_leads_to_a_name_that_exists() -> None:
     assert {target for target in targets if without_style(target) not in known} == set()
 
 
-TABLES = {heading: [name_in_file(entry) for entry in keys_of(kind)] for heading, kind in tables(StudyTable)}
-WEIGHTS = [name_in_file(entry) for entry in keys_of(SETTINGS["clipped_optimal"])]
+TABLES = {heading: [entry.name_in_file for entry in keys_of(kind)] for heading, kind in tables(StudyTable)}
+WEIGHTS = [entry.name_in_file for entry in keys_of(SETTINGS["clipped_optimal"])]
 
 
 @pytest.mark.parametrize(

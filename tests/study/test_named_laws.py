@@ -12,7 +12,7 @@ from command_line import printed
 from refusals import refusal
 
 import mrwork as mr
-from mrwork.base.keys import is_required, keys_of
+from mrwork.base.keys import keys_of
 from mrwork.control import control_laws
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.study import StudyResults
@@ -56,7 +56,7 @@ def ran(folder: Path, more: str = "", **changes: object) -> StudyResults:
 @pytest.mark.parametrize("law", [spec.name for spec in control_laws() if spec.name != "inverse_network"])
 def test_every_law_named_alone_runs_and_what_it_lacked_is_told(law: str, tmp_path: Path) -> None:
     study = read(tmp_path, named(law))
-    lacking = [entry.name for entry in keys_of(SETTINGS[law]) if is_required(entry)]
+    lacking = [entry.name for entry in keys_of(SETTINGS[law]) if entry.is_required]
     lacking += ["control_weight"] if SETTINGS[law].is_regulator else []
     (taken,) = [each for _, each in study.taken_settings] or [None]
     assert (taken is not None) == bool(lacking)

@@ -17,7 +17,7 @@ from tuning_samples import motion
 import mrwork as mr
 from mrwork.base.documents import read_table
 from mrwork.base.hints import Array, ByName, Either, Fixed, May, Node, Record
-from mrwork.base.keys import Key, Table, is_required, keys_of, name_in_file, tables, toml_text
+from mrwork.base.keys import Key, Table, keys_of, tables, toml_text
 from mrwork.base.places import KeyPath, Place
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
@@ -210,7 +210,7 @@ REMEDY = re.compile(r"; (give|choose|leave|it has|its unit)|, did you mean")
 def test_every_wrong_key_is_named_in_its_line_with_what_to_give(
     document: Document, place: KeyPath, kind: Table, tmp_path: Path
 ) -> None:
-    wrong = {name_in_file(entry): [*wrong_values(entry)] for entry in keys_of(kind)}
+    wrong = {entry.name_in_file: [*wrong_values(entry)] for entry in keys_of(kind)}
     for turn in range(max(map(len, wrong.values()), default=1)):
         given = {name: values[turn] for name, values in wrong.items() if turn < len(values)}
         given |= {"surplus_qzx": 1} if turn == 0 else {}
@@ -235,8 +235,8 @@ def test_mistakes_of_several_tables_are_told_together_and_no_others(tmp_path: Pa
             place, kind = rng.choice([each for each in inner if each[0][0] == name])
             entry = rng.choice(keys_of(kind))
             value = rng.choice([*wrong_values(entry)])
-            document = with_values(document, place, {name_in_file(entry): value})
-            expected.append((*place, name_in_file(entry)))
+            document = with_values(document, place, {entry.name_in_file: value})
+            expected.append((*place, entry.name_in_file))
         told, lines = mistakes_of(document, tmp_path)
         found = [each.line for each in told]
         assert found == sorted(lines[path] for path in expected), (expected, list(map(str, told)))
@@ -276,8 +276,8 @@ def test_the_printed_schema_has_every_key_that_the_reader_knows(heading: str, ki
     block = next(block for block in schema_text().split("\n\n") if block.startswith(heading or "at the top"))
     words = " ".join(block.split())
     for entry in keys_of(kind):
-        default = "required" if is_required(entry) else ""
-        found = re.search(rf" {name_in_file(entry)} {default}.*{re.escape(entry.says.words)}", words)
+        default = "required" if entry.is_required else ""
+        found = re.search(rf" {entry.name_in_file} {default}.*{re.escape(entry.says.words)}", words)
         assert found, entry.name
 
 

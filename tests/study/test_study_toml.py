@@ -17,7 +17,7 @@ from tuning_samples import study_file
 import mrwork as mr
 from mrwork.base.documents import given_values
 from mrwork.base.hints import Array, Fixed, Node
-from mrwork.base.keys import Key, Table, keys_of, name_in_file, tables, toml_text, toml_value
+from mrwork.base.keys import Key, Table, keys_of, tables, toml_text, toml_value
 from mrwork.base.places import KeyPath, Place
 from mrwork.base.units import number_in
 from mrwork.control.laws.law_settings import SETTINGS
@@ -108,7 +108,7 @@ def keys_with_units() -> Iterator[Any]:
     for kind in (*(kind for _, kind in tables(StudyTable)), *dict.fromkeys(SETTINGS.values()), WeightWishes):
         for entry in keys_of(kind):
             if entry.says.unit:
-                yield pytest.param(kind, entry, id=f"{getattr(kind, '__name__', '')} {name_in_file(entry)}")
+                yield pytest.param(kind, entry, id=f"{getattr(kind, '__name__', '')} {entry.name_in_file}")
 
 
 def written(node: Node, text: str) -> Iterator[Any]:
@@ -122,7 +122,7 @@ def written(node: Node, text: str) -> Iterator[Any]:
 
 
 def read(kind: Table, entry: Key, value: Any) -> Any:
-    given = {name_in_file(entry): value}
+    given = {entry.name_in_file: value}
     (read,) = given_values(kind, given, Place(origin="study.toml", path=("table",))).values()
     return read
 

@@ -23,12 +23,9 @@ from mrwork.base.keys import (
     Key,
     Table,
     as_document,
-    describe_key,
     inner_table,
-    is_required,
     keys_of,
     meant,
-    name_in_file,
     own_keys,
     quote_value,
     refuse_missing,
@@ -50,10 +47,10 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     with all_mistakes() as part:
         with part():
             values = given_values(kind, table, place)
-        known = {name_in_file(entry): entry for entry in keys_of(kind)}
+        known = {entry.name_in_file: entry for entry in keys_of(kind)}
         misspelt = {near for name in table if name not in known for near in meant(name, [*known])}
         for name, entry in known.items():
-            if is_required(entry) and not {name} & (table.keys() | misspelt):
+            if entry.is_required and not {name} & (table.keys() | misspelt):
                 with part():
                     refuse_missing(entry, place)
     with place.prefix_errors(SettingError):
@@ -70,7 +67,7 @@ def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[st
 
     Names are fields of a dataclass; for functions, keys of the document.
     """
-    known, declared = {name_in_file(entry): entry for entry in keys_of(kind)}, _nodes_in_file(kind)
+    known, declared = {entry.name_in_file: entry for entry in keys_of(kind)}, _nodes_in_file(kind)
     values = {}
     with all_mistakes() as part:
         for name, entry in known.items():
@@ -94,7 +91,7 @@ def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[st
 def _on_unknown(kind: Table, name: str, table: Mapping[str, Any], place: Place) -> str:
     """What a key that a table does not have is refused with; a class may know better what was meant."""
     meant_by = getattr(kind, "_meant_by", None)
-    near = suggestion(name, [*map(name_in_file, keys_of(kind))], otherwise="it has")
+    near = suggestion(name, [entry.name_in_file for entry in keys_of(kind)], otherwise="it has")
     return (meant_by and meant_by(name, table)) or f"{place.table} has no key {name!r}{near}"
 
 
@@ -119,7 +116,7 @@ def _ask(read: Any, given: Any, place: Place, entry: Key) -> None:
 @cache
 def _nodes_in_file(kind: Table) -> Mapping[str, Node]:
     """What each key of a table takes in a file, by its name there: numbers with units, and counts from one."""
-    return {name_in_file(each): _node_in_file(_without_arrays(each.node), each) for each in keys_of(kind)}
+    return {each.name_in_file: _node_in_file(_without_arrays(each.node), each) for each in keys_of(kind)}
 
 
 def _without_arrays(node: Node) -> Node:
@@ -149,8 +146,8 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
         return _read_inner(table, value, place, entry, alone=alone, several=several)
     most = entry.says.most_items
     if isinstance(value, list) and not value:
-        leave = "" if is_required(entry) else ", or leave it out"
-        place.refuse(f"{_name(place)} is empty; give {describe_key(entry)}{leave}")
+        leave = "" if entry.is_required else ", or leave it out"
+        place.refuse(f"{_name(place)} is empty; give {entry.in_words}{leave}")
     if isinstance(value, list) and len(value) > most:
         place.refuse(f"{_name(place)} has {len(value)} entries; give at most {most}")
     by_name = next((each for each in members if isinstance(each, nodes.ByName)), None)
@@ -173,7 +170,7 @@ def _read_inner(table: Table, value: Any, place: Place, entry: Key, *, alone: bo
     if isinstance(value, dict) and alone:
         return read_table(cast(type[Any], table), value, place)
     if not (isinstance(value, list) and several):
-        key, came = name_in_file(entry), "a table" if isinstance(value, dict) else quote_value(value)
+        key, came = entry.name_in_file, "a table" if isinstance(value, dict) else quote_value(value)
         place.refuse(
             f"{_name(place)} is {came}; give {f'tables, as [[{key}]]' if several else f'a table [{key}]'}"
         )
@@ -247,7 +244,7 @@ def keys_in_words(kind: Table) -> list[KeyInWords]:
         meaning = says.words if says.span is None else f"{says.words}; {can_be}searched by mrwork tune"
         listed.append(
             KeyInWords(
-                name=name_in_file(entry),
+                name=entry.name_in_file,
                 default=_default(entry),
                 meaning=meaning,
                 form=", ".join(filter(None, form)),
@@ -259,7 +256,7 @@ def keys_in_words(kind: Table) -> list[KeyInWords]:
 
 def _default(entry: Key) -> str:
     value = entry.default
-    if is_required(entry):
+    if entry.is_required:
         return "required"
     if value is None or value in ("", ()) or is_dataclass(value):
         return "-"

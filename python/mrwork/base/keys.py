@@ -135,6 +135,21 @@ class Key:
     says: Says
 
     @property
+    def name_in_file(self) -> str:
+        """Name of the key in a file."""
+        return self.says.named or self.name
+
+    @property
+    def is_required(self) -> bool:
+        """Whether the key must be given."""
+        return self.default is inspect.Parameter.empty
+
+    @property
+    def in_words(self) -> str:
+        """Meaning of the key and its unit."""
+        return f"{self.says.words}{f' [{self.says.unit}]' if self.says.unit else ''}"
+
+    @property
     def within(self) -> Within:
         """Permitted range of its numbers in a document, where counts may start from one."""
         within = note_of(self.node, Within, Node) or Within()
@@ -147,11 +162,11 @@ def _keys_of(table: Table) -> tuple[Key, ...]:
     functions = table if isinstance(table, tuple) else (table,)
     alike: dict[str, list[Key]] = {}
     for each in chain.from_iterable(map(_keys_of_one, functions)):
-        alike.setdefault(name_in_file(each), []).append(each)
+        alike.setdefault(each.name_in_file, []).append(each)
     for keys in alike.values():
         if len(keys) < len(functions):
             keys[0] = replace(
-                keys[0], default=next((key.default for key in keys if not is_required(key)), None)
+                keys[0], default=next((key.default for key in keys if not key.is_required), None)
             )
     return tuple(keys[0] for keys in alike.values())
 
@@ -170,18 +185,13 @@ def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
     )
 
 
-def name_in_file(entry: Key) -> str:
-    """Name of a key in a file."""
-    return entry.says.named or entry.name
-
-
 def given_in(table: Any) -> dict[str, Any]:
     """The keys of a table that are not as by default, as a document has them: what `read_table` reads back."""
     given = {}
     for entry in keys_of(type(table)):
         value = getattr(table, entry.name)
         if type(value) is not type(entry.default) or value != entry.default:
-            given[name_in_file(entry)] = as_document(value, from_one=entry.says.from_one)
+            given[entry.name_in_file] = as_document(value, from_one=entry.says.from_one)
     return given
 
 
@@ -198,35 +208,25 @@ def as_document(value: Any, *, from_one: bool = False) -> Any:
     return value + 1 if from_one else value
 
 
-def is_required(entry: Key) -> bool:
-    """Whether the key must be given."""
-    return entry.default is inspect.Parameter.empty
-
-
-def describe_key(entry: Key) -> str:
-    """Meaning of a key and its unit."""
-    return f"{entry.says.words}{f' [{entry.says.unit}]' if entry.says.unit else ''}"
-
-
 def documented(target: Any, declared: Mapping[str, Node]) -> str | None:
     """The docstring of a function or class with what the notes of its parameters say."""
     if not target.__doc__ or not any(note_of(each, Says) for each in declared.values()):
         return cast("str | None", target.__doc__)
     texts = {}
     for each in keys_of((target,)):
-        words = ", ".join(filter(None, (describe_key(each), each.within.in_words)))
+        words = ", ".join(filter(None, (each.in_words, each.within.in_words)))
         texts[each.name] = f"{words[:1].upper()}{words[1:]}."
     return with_parameters(target.__doc__, texts)
 
 
 def refuse_missing(entry: Key, place: Place) -> NoReturn:
     """Refuse a table that does not give a key."""
-    place.refuse(f"{place.table} has no {name_in_file(entry)}; give {describe_key(entry)}")
+    place.refuse(f"{place.table} has no {entry.name_in_file}; give {entry.in_words}")
 
 
 def own_keys(functions: Sequence[Callable[..., Any]]) -> list[list[str]]:
     """Names of the keys of each function in a document, without the keys that all functions have."""
-    names = [[name_in_file(entry) for entry in keys_of((each,))] for each in functions]
+    names = [[entry.name_in_file for entry in keys_of((each,))] for each in functions]
     return [[name for name in keys if any(name not in other for other in names)] for keys in names]
 
 
@@ -240,12 +240,12 @@ class Arguments:
 
     def of(self, function: Callable[..., Any]) -> dict[str, Any]:
         """Those of one of the functions, by its own names."""
-        names = {name_in_file(entry): entry.name for entry in keys_of((function,))}
+        names = {entry.name_in_file: entry.name for entry in keys_of((function,))}
         return {names[name]: value for name, value in self.given.items() if name in names}
 
     def refuse_others(self, functions: tuple[Callable[..., Any], ...], reason: str, remedy: str) -> None:
         """Refuse a key that none of these functions has."""
-        known = {name_in_file(entry) for entry in keys_of(functions)}
+        known = {entry.name_in_file for entry in keys_of(functions)}
         for name in self.given:
             if name not in known:
                 self.place.within(name).refuse(f"{name} {reason}; {remedy}")
@@ -255,7 +255,7 @@ class Arguments:
         function = self.functions[0] if len(self.functions) == 1 else self._chosen()
         with all_mistakes() as part:
             for entry in keys_of((function,)):
-                if is_required(entry) and name_in_file(entry) not in self.given:
+                if entry.is_required and entry.name_in_file not in self.given:
                     with part():
                         refuse_missing(entry, self.place)
 
@@ -286,7 +286,7 @@ def tables(table: Table, path: str = "") -> Iterator[tuple[str, Table]]:
     for entry in keys_of(table):
         inner, several = inner_table(entry)
         if inner is not None:
-            name = ".".join(filter(None, (path.strip("[]"), name_in_file(entry))))
+            name = ".".join(filter(None, (path.strip("[]"), entry.name_in_file)))
             for heading, each in tables(inner, f"[[{name}]]" if several else f"[{name}]"):
                 by_table.setdefault(each, heading)
     yield from ((heading, each) for each, heading in by_table.items())

@@ -76,12 +76,10 @@ def keyed(*keys: str | int) -> Iterator[None]:
 class Place:
     """Where a table or value stands in a document; begins a message.
 
-    With `lines`, the line of each path, a place reads "study.toml, line 12"; without them it names the keys, as in
-    "frame.toml, rayleigh.ratios". `title` is what messages call the document. Where that is a call, `arguments` has the
-    names of its arguments by the keys of a file: a place reads "study_of, dampers[0].storey", and sentences name
-    `dampers` for [[damper]]. `questions` are sentences on numbers that a document may have, and that are unusual.
-    `on_table` looks up what a table names as soon as it is read. Without an origin what is refused has the path alone,
-    see `keyed`.
+    With `lines`, by path, a place reads "study.toml, line 12"; without them "frame.toml, rayleigh.ratios". `title`
+    names the document. For a call, `arguments` are its arguments by the keys of a file: a place reads "study_of,
+    dampers[0].storey", and sentences name `dampers` for [[damper]]. `questions` ask about unusual numbers. `on_table`
+    looks up what a table names as soon as it is read. Without an origin errors have the path alone, see `keyed`.
     """
 
     origin: str = ""

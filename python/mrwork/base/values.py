@@ -26,14 +26,6 @@ def array_dataclass(*, repr: bool = True) -> Callable[[type[T]], type[T]]:
     Two objects are equal if they have one class and their fields, those with `compare=False` excepted, are equal:
     arrays of one dtype and shape with equal numbers, where NaN equals NaN. The objects have no hash. Without `repr` the
     class has the one of its base.
-
-    Examples
-    --------
-    >>> import pickle
-    >>> import mrwork as mr
-    >>> test = mr.synthetic_test("spencer1997")
-    >>> pickle.loads(pickle.dumps(test)) == test
-    True
     """
 
     def make_dataclass(kind: type[T]) -> type[T]:

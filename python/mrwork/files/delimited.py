@@ -97,7 +97,10 @@ class DelimitedTable(ColumnTable):
         # Fields at the end of a row may have no name.
         raw = split(without_remark(lines[self._data[0]]), layout.delimiter)
         self._width = max(len(self.names), len(raw))
-        self.stamps = _stamps_of(layout.names, self._first)
+        pairs = zip(layout.names, self._first, strict=False)
+        self.stamps = frozenset(
+            name for name, text in pairs if ":" in text and _nanoseconds(text) is not None
+        )
         # Times of the day are read as seconds.
         self.units = dict(zip(layout.names, layout.units, strict=False)) | dict.fromkeys(self.stamps, "s")
 
@@ -118,7 +121,7 @@ class DelimitedTable(ColumnTable):
             for place, since in times.items():
                 since += [self._time(row, place, text) for row, text in zip(rows, block[place], strict=True)]
         for place, since in times.items():
-            columns[place] = _seconds_since_first(since, with_dates=_has_date(self._first[place]))
+            columns[place] = _seconds_since_first(since)
         return {name: columns[place] for name, place in places.items()}
 
     def locate(self, row: int) -> str:
@@ -337,12 +340,6 @@ _DAY: Final = 86_400 * 10**9
 _HOUR: Final = 3600 * 10**9
 
 
-def _stamps_of(names: Sequence[str], row: Sequence[str]) -> frozenset[str]:
-    """The columns that have times of the day, by themselves or with dates, of which the first row is given."""
-    pairs = zip(names, row, strict=False)
-    return frozenset(name for name, text in pairs if ":" in text and _nanoseconds(text) is not None)
-
-
 def _nanoseconds(text: str) -> int | None:
     """Time of a stamp [ns], since the year 1 if it has a date, which alone is its midnight; `None` of another text."""
     match = _STAMP_FORM.fullmatch(text.strip()) if 0 < len(text) <= _LONGEST_STAMP else None
@@ -364,18 +361,13 @@ def _nanoseconds(text: str) -> int | None:
         return None
 
 
-def _seconds_since_first(times: Sequence[int | None], *, with_dates: bool) -> Floats:
+def _seconds_since_first(times: Sequence[int | None]) -> Floats:
     """Seconds since the first of times [ns], NaN where one is missing; without dates, a new day begins at midnight."""
     seconds = np.full(len(times), np.nan)
     known = [row for row, time in enumerate(times) if time is not None]
     first = next((time for time in times if time is not None), 0)
     clock = np.array([time - first for time in times if time is not None], dtype=np.int64)
-    days = np.cumsum(np.diff(clock, prepend=clock[:1]) < -12 * _HOUR) * (not with_dates)
+    # Hours have four digits at most; a date is later.
+    days = np.cumsum(np.diff(clock, prepend=clock[:1]) < -12 * _HOUR) * (first < 10_000 * _HOUR)
     seconds[known] = (clock + days * _DAY) * 1e-9
     return seconds
-
-
-def _has_date(text: str) -> bool:
-    """Whether a stamp has a date."""
-    match = _STAMP_FORM.fullmatch(text.strip())
-    return match is not None and (match["year"] or match["year_last"]) is not None

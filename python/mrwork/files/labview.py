@@ -71,7 +71,14 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
             line = lines[index].replace(",", ".") if comma else lines[index]
             fields = [field.strip() for field in line.split(separator)]
             if width == 2:
-                fields = _with_one_time(fields[: 2 * len(channels)], f"{source}: line {index + 1}")
+                # The time that all channels of a row share, and their samples.
+                times = {field for field in fields[: 2 * len(channels) : 2] if field}
+                if len(times) > 1:
+                    raise RecordError(
+                        f"{source}: line {index + 1}: the channels have different times, "
+                        f"{' and '.join(sorted(times)[:2])}; export them with one X column"
+                    )
+                fields = [next(iter(times), ""), *fields[1 : 2 * len(channels) : 2]]
             if step is not None:
                 fields = [repr(start + number * step), *fields[1:]]
             plain[index] = "\t".join(fields[: len(names)])
@@ -79,16 +86,6 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
     if layout is None or not data:
         raise RecordError(f"{source}: there is a LabVIEW header but no data line after it; check the export")
     return plain, replace(layout, data=data)
-
-
-def _with_one_time(fields: list[str], where: str) -> list[str]:
-    times = {field for field in fields[::2] if field}
-    if len(times) > 1:
-        raise RecordError(
-            f"{where}: the channels have different times, {' and '.join(sorted(times)[:2])}; "
-            "export them with one X column"
-        )
-    return [next(iter(times), ""), *fields[1::2]]
 
 
 def _step(entries: Mapping[str, list[str]], comma: bool, source: str) -> float:

@@ -75,10 +75,11 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
         rows = _run(lines, filled, like=middle)
     else:
         rows = _run(lines, filled[:_ENOUGH_LINES])
-    return _of_first_line(lines, filled) if rows is None else _layout_above(lines, filled, rows)
-
-
-def _layout_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Layout:
+    if rows is None:
+        # Without a row of numbers the first line is the header.
+        delimiter = delimiter_of(lines[filled[0]])
+        fields = without_empty_end(split(lines[filled[0]], delimiter))
+        return Layout(delimiter=delimiter, names=tuple(map(str.strip, fields)), units=(), data=filled[1:])
     nearest = list(islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN))
     if not nearest:
         return _named_by_comment(lines, filled, rows)
@@ -271,19 +272,12 @@ def without_remark(line: str) -> str:
     return line.partition("#")[0]
 
 
-def _of_first_line(lines: Sequence[str], filled: Sequence[int]) -> Layout:
-    """Layout of a file in which no row of numbers was found: the first line is the header."""
-    delimiter = delimiter_of(lines[filled[0]])
-    names = without_empty_end(split(lines[filled[0]], delimiter))
-    return Layout(delimiter=delimiter, names=tuple(name.strip() for name in names), units=(), data=filled[1:])
-
-
 def _named_by_comment(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Layout:
     """Layout of a file whose last comment is the header, as `numpy.savetxt` writes it, or that has no names."""
     comment = next(
         (above.strip().lstrip("# ") for above in reversed(lines[: rows.first]) if above.strip()), ""
     )
-    named = tuple(name.strip() for name in split(comment, rows.delimiter))
+    named = tuple(map(str.strip, split(comment, rows.delimiter)))
     if len(named) != rows.width or any(map(is_number, named)):
         named = numbered_names(rows.width)
     data = filled[bisect_left(filled, rows.first) :]

@@ -198,13 +198,11 @@ class _Version5:
             if not kind:
                 # Zeros are no elements.
                 return
-            if start + size > len(block):
+            if (end := start + size) > len(block):
                 raise ValueError(f"an element claims {size} bytes where {len(block) - start} are left")
-            yield kind, block[start : start + size]
+            yield kind, block[start:end]
             # Content is padded to eight bytes, except compressed content.
-            position = (
-                start + size if kind == _COMPRESSED else start + size + (-(start + size - position) % 8)
-            )
+            position = end if kind == _COMPRESSED else end + (position - end) % 8
 
     def unpack(self, block: Block) -> tuple[int, Block]:
         """Type and content of the element within a compressed one."""
@@ -218,9 +216,10 @@ class _Version5:
     ) -> tuple[str, NDArray[np.generic] | Variables | None]:
         """Name and content of a matrix element: an array, a single struct `with_fields`, `None` for others."""
         elements = self.elements(block)
-        parts = [next(elements, (0, b""))[1] for _ in range(3)]
+        parts = [next(elements)[1] for _ in range(3)]
         (flags,) = struct.unpack_from(f"{self.order}I", parts[0])
-        shape = tuple(self._integers(parts[1]).tolist())
+        # No side is negative: for NumPy -1 is a side to be found.
+        shape = tuple(np.frombuffer(parts[1], dtype=f"{self.order}u4").tolist())
         name, matrix_class = _text(parts[2]), flags & 0xFF
         if with_fields and matrix_class == _STRUCT and shape == (1, 1):
             return name, self._fields(elements)
@@ -228,39 +227,28 @@ class _Version5:
             return name, None
         if matrix_class == _SPARSE and len(shape) == 2:
             return name, self._sparse(elements, shape, name)
-        return name, self._items(elements, shape, name) if matrix_class in _NUMERIC_CLASSES else None
+        return name, self._items(elements, shape) if matrix_class in _NUMERIC_CLASSES else None
 
     def _items(
-        self, elements: Iterator[tuple[int, Block]], shape: tuple[int, ...] | None, name: str
+        self, elements: Iterator[tuple[int, Block]], shape: tuple[int, ...] = (-1,)
     ) -> NDArray[np.generic]:
         """Items of the next element in the shape of the matrix, or flat without a shape."""
-        kind, items = next(elements, (0, b""))
-        if kind not in _V5_ITEMS:
-            raise ValueError(f"variable '{name}' has items of the unknown type {kind}")
-        item = self.order + _V5_ITEMS[kind]
-        flat = (len(items) // np.dtype(item).itemsize,)
-        return _array(items, item, flat if shape is None else shape)
+        kind, items = next(elements)
+        return _array(items, self.order + _V5_ITEMS[kind], shape)
 
     def _sparse(self, elements: Iterator[tuple[int, Block]], shape: tuple[int, ...], name: str) -> Floats:
         """Dense matrix from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows`."""
-        rows, starts = (self._integers(next(elements, (0, b""))[1]) for _ in range(2))
-        items = self._items(elements, None, name)
-        if (n_items := int(starts[-1] - starts[0])) > rows.size:
-            raise ValueError(f"sparse variable '{name}' claims {n_items} items and has {rows.size}")
+        rows, starts = self._integers(next(elements)[1]), self._integers(next(elements)[1])
+        items, n_items = self._items(elements), int(starts[-1] - starts[0])
         columns = np.repeat(np.arange(starts.size - 1), np.diff(starts))
         return _dense(items[:n_items], rows[:n_items], columns, shape, name, self.allowance)
 
     def _fields(self, elements: Iterator[tuple[int, Block]]) -> Variables:
-        (length,) = self._integers(next(elements, (0, b""))[1])
-        names = next(elements, (0, b""))[1]
+        (length,), names = self._integers(next(elements)[1]), next(elements)[1]
         fields: Variables = {}
         for start in range(0, len(names), length):
-            name = _text(names[start : start + length])
-            kind, block = next(elements, (0, b""))
-            if kind != _MATRIX:
-                raise ValueError(f"field '{name}' holds no matrix")
-            content = self.matrix(block, with_fields=False)[1]
-            fields[name] = None if isinstance(content, dict) else content
+            content = self.matrix(next(elements)[1], with_fields=False)[1]
+            fields[_text(names[start : start + length])] = None if isinstance(content, dict) else content
         return fields
 
     def _integers(self, block: Block) -> NDArray[np.int64]:
@@ -274,8 +262,6 @@ def _text(name: Block) -> str:
 
 def _array(items: Block, item: str, shape: tuple[int, ...]) -> NDArray[np.generic]:
     """Array of the items, which the format stores column by column."""
-    if len(items) != math.prod(shape) * np.dtype(item).itemsize:
-        raise ValueError(f"a matrix of shape {shape} has {len(items)} bytes of {item[1:]} items")
     return np.frombuffer(items, dtype=item).reshape(shape, order="F")
 
 

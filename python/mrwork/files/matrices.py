@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -40,27 +40,22 @@ def read_matrix(path: Path) -> Floats:
             f"{path}: a matrix is read from a {', '.join(_SUFFIXES)}, .npy or .mat file; save it as one of these"
         )
     lines = text_of(path, MATRIX).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    first = next((row for _, row in _rows(lines)), None)
-    if first is None:
+    # Some exports end each line with a separator.
+    bare = (line.partition("#")[0].strip().rstrip(",; \t") for line in lines)
+    rows = {number: row for number, row in enumerate(bare, start=1) if row}
+    if not rows:
         raise RecordError(f"{path}: the file holds no numbers; a matrix was expected, a row in each line")
-    delimiter = next((mark for mark in ";," if mark in first), None)
+    delimiter = next((mark for mark in ";," if mark in next(iter(rows.values()))), None)
     try:
-        return np.loadtxt((row for _, row in _rows(lines)), delimiter=delimiter, comments=None, ndmin=2)
+        return np.loadtxt(rows.values(), delimiter=delimiter, comments=None, ndmin=2)
     except ValueError as error:
-        raise RecordError(f"{path}: {_fault_of(lines, delimiter) or error}") from None
+        raise RecordError(f"{path}: {_fault_of(rows, delimiter) or error}") from None
 
 
-def _rows(lines: list[str]) -> Iterator[tuple[int, str]]:
-    """Number from 1 and content of each line that has one; some exports end each line with a separator."""
-    for number, line in enumerate(lines, start=1):
-        if row := line.partition("#")[0].strip().rstrip(",; \t"):
-            yield number, row
-
-
-def _fault_of(lines: list[str], delimiter: str | None) -> str:
+def _fault_of(rows: Mapping[int, str], delimiter: str | None) -> str:
     """The first line that is no row of the matrix, in words."""
     width = 0
-    for number, row in _rows(lines):
+    for number, row in rows.items():
         fields = row.split(delimiter)
         width = width or len(fields)
         for field in fields:

@@ -257,7 +257,7 @@ def suggested_options(
 ) -> str:
     """Options for all that is missing, with the likeliest of the `free` columns, or `NO_COLUMN`."""
     left = [name for name in free if name not in {each.column for each in missing}]
-    numbers = {name: samples for name in free for samples in [read(name)] if samples is not None}
+    numbers = {name: samples for name in free if (samples := read(name)) is not None}
     options: list[str] = []
     is_sure = True
     suggested: set[str] = set()
@@ -276,8 +276,8 @@ def suggested_options(
         is_sure = is_sure and bool(each.column and unit)
         unit = unit or likely_unit(each.quantity, column, numbers.get(column))
         options.append(column_option(each.quantity, column, unit))
-    all_of_them = " ".join(options)
-    return f"{'with' if NO_COLUMN in all_of_them else 'as in' if is_sure else 'likely'} {all_of_them}"
+    listed = " ".join(options)
+    return f"{'with' if NO_COLUMN in listed else 'as in' if is_sure else 'likely'} {listed}"
 
 
 def likely_unit(quantity: TestQuantity, name: str, samples: Floats | None) -> str:

@@ -53,7 +53,6 @@ def open_workbook(path: Path, is_record: Callable[[ColumnTable], bool]) -> Colum
 
 
 _UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")
-_TIME: Final = "Time"
 
 
 def open_tdms(path: Path) -> ColumnTable:
@@ -79,11 +78,12 @@ def open_tdms(path: Path) -> ColumnTable:
             if sum(len(channel) for channel in channels) > len(data):
                 raise ValueError("it claims more samples than it has bytes")
             occurs = Counter(channel.name for channel in channels)
-            names = [
-                each.name if occurs[each.name] == 1 else f"{each.group_name}/{each.name}" for each in channels
-            ]
-            read = {name: np.asarray(each[:]) for name, each in zip(names, channels, strict=True)}
-            units = {name: _unit(each) for name, each in zip(names, channels, strict=True)}
+            by_name = {
+                each.name if occurs[each.name] == 1 else f"{each.group_name}/{each.name}": each
+                for each in channels
+            }
+            read = {name: np.asarray(each[:]) for name, each in by_name.items()}
+            units = {name: _unit(each) for name, each in by_name.items()}
             steps = {_waveform(each) for each in channels if len(each)}
     finally:
         log_manager.console_handler.setStream(usual)
@@ -100,12 +100,10 @@ def open_tdms(path: Path) -> ColumnTable:
     vectors = {name: vector for name, vector in read.items() if vector.dtype.kind in "iuf" and vector.size}
     if not vectors:
         raise RecordError(f"{path}: has no channel of numbers; expected one for each quantity")
-    if not any(unit_in_name("time", name) is not None for name in vectors) and len(steps) == 1:
-        (waveform,) = steps
-        if waveform is not None:
-            start, step, count = waveform
-            vectors = {_TIME: start + step * np.arange(count), **vectors}
-            units[_TIME] = "s"
+    waveform = steps.pop() if len(steps) == 1 else None
+    if waveform is not None and not any(unit_in_name("time", name) is not None for name in vectors):
+        start, step, count = waveform
+        vectors, units["Time"] = {"Time": start + step * np.arange(count), **vectors}, "s"
     return VectorTable(
         source=str(path),
         sha256=hashlib.sha256(data).hexdigest(),

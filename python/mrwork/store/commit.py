@@ -39,11 +39,6 @@ def digest_at(name: str, path: Path) -> str:
     return digest_of(name, path.read_bytes())
 
 
-def digests_of(contents: Mapping[str, bytes]) -> dict[str, str]:
-    """Digests of files by name."""
-    return {name: digest_of(name, content) for name, content in contents.items()}
-
-
 def digest_of_manifest(stated: Mapping[str, object]) -> str:
     """Digest of what a manifest states, without itself."""
     own = {key: value for key, value in stated.items() if key != OWN}
@@ -85,9 +80,11 @@ def commit(
     NAME has; digests of the files that are `replaced`, of which those that are not written go. `flush`: whether to wait
     until the contents are on the disk.
     """
-    manifest = {**stated, FILES: {**grown, **digests_of(contents)}, REPLACED: replaced}
+    files = dict(grown)
     for name, content in contents.items():
+        files[name] = digest_of(name, content)
         _write(folder, name + NEW, content, flush=flush)
+    manifest = {**stated, FILES: files, REPLACED: replaced}
     _replace_manifest(folder, manifest)
     end_commit(folder, manifest)
 

@@ -33,10 +33,7 @@ class _NoTextError(Exception):
 def function_text(*functions: Callable[..., Any], what: str, remedy: str) -> str:
     """A Python file with functions, and the modules, numbers, arrays and functions that they use.
 
-    Raises
-    ------
-    SettingError
-        If one of them has no text of its own, as a lambda, or uses anything else; `what` they are, with the `remedy`.
+    A function without a text of its own, as a lambda, or that uses anything else, is refused: `what` it is, `remedy`.
     """
     known: dict[str, tuple[Any, str]] = {}
     try:

@@ -17,7 +17,7 @@ import socket
 import sys
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -91,7 +91,7 @@ def is_lock(name: str) -> bool:
     return name.startswith(".") and name.endswith(".lock")
 
 
-class Lock:
+class Lock(AbstractContextManager["Lock"]):
     """Lock of a folder, or of the file `name` in it, which need not exist; taken at once and held until `release`."""
 
     def __init__(self, folder: Path, name: str = "") -> None:
@@ -108,9 +108,6 @@ class Lock:
                 self._path.unlink()
             os.close(self._file)
             self._file = None
-
-    def __enter__(self) -> Lock:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.release()

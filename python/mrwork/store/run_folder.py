@@ -1,10 +1,7 @@
 """Folder of a run: names of its files, the verbs that write one, and the folder opened by its manifest.
 
-The manifest is the commit: it lists every file of the run with its digest. A file that is written beside a manifest is
-NAME.new until a manifest that lists it is in place; then it gets its name (`run_writer`). A file whose digest is that
-of the manifest is trusted as it is; any other is refused.
-
-The contents of each file are defined in the module of its type. Every reader of a folder opens it as `RunFolder`.
+The manifest lists every file of the run with its digest (`commit`). A file with this digest is trusted as it is; any
+other is refused. Every reader of a folder opens it as `RunFolder`; modules of types define the contents of files.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """Runs made in their folder, and files added to one: what would be lost is asked first, the manifest is the commit.
 
-A run grows in its folder from the start. Without a manifest nothing is committed, so that a journal has its name;
-beside a manifest it is NAME.new, as every file that is written (`commit`). Of the run before, the files that the new
-one does not have are removed. A file that its owner has changed becomes NAME~, files of the owner's stay.
-
-A verb replaces without asking only a run of its own, unchanged since and with nothing added by later verbs.
+A run grows in its folder from the start, under the names of its files; beside a manifest as NAME.new (`commit`). A verb
+replaces without asking only a run of its own, unchanged since and with nothing added by later verbs.
 
 `RUN/.lock` is held while a run is made, and while files are added; who adds one file for hours holds the lock of its
 name. What replaces a run excludes all else, what adds to it excludes the same addition.
@@ -32,7 +29,7 @@ from mrwork.store.commit import (
     OWN,
     commit,
     digest_at,
-    digests_of,
+    digest_of,
     make_folders,
     manifest_document,
 )
@@ -367,10 +364,8 @@ def with_manifest(
     contents: Mapping[str, bytes], facts: Mapping[str, object], kind: RunKind
 ) -> dict[str, bytes]:
     """The files of a run with the manifest that lists them, for a folder that is written with others."""
-    return {
-        **contents,
-        MANIFEST: manifest_document({**_stated(facts, kind), FILES: digests_of(contents)}),
-    }
+    digests = {name: digest_of(name, content) for name, content in contents.items()}
+    return {**contents, MANIFEST: manifest_document({**_stated(facts, kind), FILES: digests})}
 
 
 def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:

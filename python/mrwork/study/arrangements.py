@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mrwork.base.documents import given_values
-from mrwork.base.keys import as_document, is_required, keys_of, refuse_missing, suggestion
+from mrwork.base.keys import as_document, keys_of, refuse_missing, suggestion
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
@@ -274,7 +274,7 @@ def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mappi
         settings["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
     given = given_values(kind, _with_matrices(kind, settings, where, folder), where)
     for entry in keys_of(kind):
-        if is_required(entry) and entry.says.span is None and entry.name not in given:
+        if entry.is_required and entry.says.span is None and entry.name not in given:
             # Nothing in the response of the dampers tells it.
             refuse_missing(entry, where)
     return given

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import Key, is_required, keys_of
+from mrwork.base.keys import Key, keys_of
 from mrwork.base.places import Place, keyed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.units import STANDARD_GRAVITY
@@ -135,7 +135,7 @@ class NamedLaw:
     def missing(self) -> list[Key]:
         """Settings that the law needs beside those that are given."""
         kind = SETTINGS[self.table.law]
-        missing = [entry for entry in keys_of(kind) if is_required(entry) and entry.name not in self.given]
+        missing = [entry for entry in keys_of(kind) if entry.is_required and entry.name not in self.given]
         if kind.is_regulator and not {WEIGHT, "gain"} & self.given.keys():
             missing += [entry for entry in keys_of(kind) if entry.name == WEIGHT]
         return missing

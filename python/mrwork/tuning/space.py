@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import Share, Whole
-from mrwork.base.keys import is_required, keys_of, suggestion
+from mrwork.base.keys import keys_of, suggestion
 from mrwork.base.numbers import of_unit, round_to
 from mrwork.base.summary import Summarised
 from mrwork.base.units import number_in
@@ -333,7 +333,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     missing = [
         entry.name
         for entry in keys_of(kind)
-        if (is_required(entry) or entry.name in regulated) and entry.name not in {*held, *chosen}
+        if (entry.is_required or entry.name in regulated) and entry.name not in {*held, *chosen}
     ]
     if missing:
         sentence = f"{law} has no {missing[0]}; give it among the settings, or as free with its range"

@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import describe_key, key, keys_of, optional, positive
+from mrwork.base.keys import key, keys_of, optional, positive
 from mrwork.base.values import Floats
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.design_ground import AskedForce, asked_forces
@@ -58,7 +58,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         LawSettings.__post_init__(self)
         if self.gain is None and self.control_weight is None:
             entry = next(each for each in keys_of(type(self)) if each.name == "control_weight")
-            raise SettingError(f"the law has no control_weight; give {describe_key(entry)}")
+            raise SettingError(f"the law has no control_weight; give {entry.in_words}")
 
     def design(self, problem: DesignProblem) -> Design:
         """The finished gain of the settings, or the gain of the regulator."""
