@@ -28,7 +28,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import law_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
-from mrwork.identification.commands import tested_commands
+from mrwork.identification import commands as commands_of_tests
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.driver_lag import FinalFit, missing_lag, polish_with_wanted_lag
@@ -334,7 +334,9 @@ def test_records_of_a_noisy_command_have_their_levels_in_common() -> None:
         replace(test, current=test.current + shift + 5e-3 * rng.standard_normal(test.n_time))
         for test, shift in ((record(switching), 0.0), (record(switching, rng=1), 0.012))
     ]
-    assert tested_commands(SPEC, (*tests, record(0.5))) == pytest.approx([0.0, 0.5, 1.0], abs=0.02)
+    assert commands_of_tests.tested_commands(SPEC, (*tests, record(0.5))) == pytest.approx(
+        [0.0, 0.5, 1.0], abs=0.02
+    )
 
 
 def test_the_force_rises_with_the_command() -> None:
