@@ -104,6 +104,12 @@ class Loops:
         """Twice the energy that they give back [J]."""
         return np.sum(self.forces_at_yield * (self.strength * w) ** 2 / self.slope, axis=-1)
 
+    def left_squared(self, q: Floats, w: Floats) -> Floats | float:
+        """Square of the largest elongation that they keep when they unload [m^2]."""
+        if not len(self.rows):
+            return 0.0
+        return np.max((q @ self.rows.T - self.strength * w / self.slope) ** 2, axis=-1)
+
 
 class RolloutInNumPy:
     """The law with its memory; call `command` at the samples of a run, one after the other."""
@@ -131,7 +137,7 @@ class RolloutInNumPy:
         g = {name: np.asarray(gain, dtype=np.float64) for name, gain in law.gains.items()}
         self.weights = np.array([g["drift_weight"][0], g["acceleration_weight"][0]])
         self.peak_weight, self.energy_weight = g["peak_weight"][0], g["energy_weight"][0]
-        self.correction = g["force_correction"][0]
+        self.correction, self.residual_weight = g["force_correction"][0], g["residual_weight"][0]
         self.hold, _, self.delay, _, _ = law.tables["timing"]
         order, self.forgetting, covariance = law.tables["forecast"]
         self.order = int(order)
@@ -383,4 +389,5 @@ class RolloutInNumPy:
         twice = np.sum((q @ self.stiffness) * q + (v @ self.mass) * v, axis=1) + self.loops.twice_held(w)
         mean = self.weights @ sums / self.n_steps
         self.costs = mean + self.peak_weight * (self.weights @ peaks) + self.energy_weight * twice
+        self.costs = self.costs + self.residual_weight * self.loops.left_squared(q, w)
         self.held = self.trials[int(np.argmin(self.costs))]

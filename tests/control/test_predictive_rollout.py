@@ -60,6 +60,7 @@ def rollout(
     correction: float = 0.5,
     horizon: float = 0.05,
     order: int = 4,
+    residual: float = 0.0,
 ) -> ControlLaw:
     each = np.ones(len(model.devices))
     return ControlLaw(
@@ -74,6 +75,7 @@ def rollout(
             "energy_weight": np.array([0.05]),
             "horizon": np.array([horizon]),
             "force_correction": np.array([correction]),
+            "residual_weight": np.array([residual]),
         },
         tables={
             "timing": np.array([HOLD, step, delay, 0.1, 2.0]),
@@ -168,10 +170,12 @@ def yielding(frame: mr.Building | None = None, **others: float) -> mr.Building:
     return mr.buildings.with_storeys_that_yield(frame or five_storeys(), **{**YIELDS, **others})
 
 
-def believing(frame: mr.Building, loop: Sequence[Device], **shears: float) -> ControlLaw:
+def believing(
+    frame: mr.Building, loop: Sequence[Device], *, residual: float = 0.0, **shears: float
+) -> ControlLaw:
     """A rollout with this model, and offsets, rate and limits of the adaptation."""
     given = {"offsets": 0.0, "rate": 0.0, "least": 0.6, "most": 1.6, **shears}
-    law = rollout(LoopModel(building=frame, devices=loop))
+    law = rollout(LoopModel(building=frame, devices=loop), residual=residual)
     return replace(law, tables={**law.tables, "shears": np.array(list(given.values()))})
 
 
@@ -181,6 +185,7 @@ def believing(frame: mr.Building, loop: Sequence[Device], **shears: float) -> Co
         (yielding(yield_drift=3.6e-4, post_yield_ratio=0.1), {}, {}),
         (yielding(yield_drift=3.6e-4), {**NOISY, "known_ground": True}, {"rate": 5.0}),
         (yielding(), LATE, {"offsets": 1.0}),
+        (yielding(), {}, {"residual": 3e6}),
         (five_storeys(), {"acceleration_noise": 0.05}, {"offsets": 1.0}),
     ],
 )
@@ -286,6 +291,28 @@ def test_adapted_yield_drifts_come_to_those_of_the_frame(factor: float) -> None:
     yielded = np.abs(true).max(axis=0) > 0.99
     assert yielded.any()
     np.testing.assert_allclose(copy.loops.strength[yielded], 1.0 / factor, rtol=0.1)
+
+
+def test_a_weight_of_the_residual_drift_lowers_it_and_leaves_an_elastic_model_as_it_is() -> None:
+    loop = devices(rd1005(), second=False)
+    motions = [
+        mr.motions.scaled_to_peak(mr.synthetic_motion(duration=6.0, rng=seed), 3.0) for seed in range(4)
+    ]
+    left = []
+    for frame in (yielding(), five_storeys()):
+        with_weight, without = (
+            simulate_loop(frame, loop, believing(frame, loop, residual=each), motions) for each in (3e6, 0.0)
+        )
+        left.append([np.abs(each.residual_drift).max(axis=1).mean() for each in (with_weight, without)])
+    assert left[0][0] < left[0][1]
+    assert left[1][0] == left[1][1]
+    refusal(
+        design_law,
+        "predictive_rollout",
+        design_problem(),
+        {**REFERENCES, "residual_weight": 1.0},
+        match="residual_weight has no effect",
+    )
 
 
 def test_offsets_of_a_true_model_change_nothing() -> None:

@@ -156,6 +156,7 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
             "energy_weight": np.array([0.05]),
             "horizon": np.array([0.06]),
             "force_correction": np.array([0.3]),
+            "residual_weight": np.array([0.0]),
         },
     }
     tables: dict[str, dict[str, Floats]] = {

@@ -23,13 +23,14 @@ impl ControlLaw for PredictiveRollout {
         name: "predictive_rollout",
         title: "Predictive rollout",
         equation: "i = argmin_c J_c, c held for a decision and followed by a tail to the horizon T\n\
-                   J = mean_T(sum d^2/D^2 + sum a^2/A^2) + w_p (max(p_d, |d|)^2/D^2 + max(p_a, |a|)^2/A^2) + w_E E(T)\n\
+                   J = mean_T(sum d^2/D^2 + sum a^2/A^2) + w_p (max(p_d, |d|)^2/D^2 + max(p_a, |a|)^2/A^2) + w_E E(T) + w_R d_p(T)^2\n\
                    a_g(k+1) = sum_m w_m a_g(k+1-m), w by recursive least squares",
         description: "Lowers peak drifts and peak accelerations together. At every decision the base command, and every \
                       level followed by every tail, are tried on the controller's own model of building, dampers and \
                       driver, under a forecast of the ground acceleration, from the state at which the command will \
                       act; d are storey drifts, a absolute floor accelerations, p_d and p_a the largest so far, E twice \
-                      the energy of the building at the horizon. The base alone is among the trials, so that in the \
+                      the energy of the building at the horizon, d_p the largest drift that a storey which yields then \
+                      keeps. The base alone is among the trials, so that in the \
                       model no decision costs more than it; ties go to it. Needs a model, a sensor of the ground acceleration and much computation.",
         source: "after Vu, Politopoulos, Diop, Struct. Control Health Monit. 25(1), 2018, e2032; form our own, a rollout",
         gains: &[
@@ -64,6 +65,11 @@ impl ControlLaw for PredictiveRollout {
                 "force_correction",
                 Unit::Of("1"),
                 "share of the measured error of the damper force that scales that of the model",
+            ),
+            whole(
+                "residual_weight",
+                Unit::Of("1/m2"),
+                "w_R of the square of the largest drift that storeys which yield keep at the horizon when they unload",
             ),
         ],
         tables: &["timing", "forecast", "correction", "shears"],

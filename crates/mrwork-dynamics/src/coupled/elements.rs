@@ -67,6 +67,22 @@ impl<'a, R: Lanes> Elements<'a, R> {
         w * w * R::splat(0.5 * yield_force / slope)
     }
 
+    /// Square of the largest elongation that storeys which yield keep when they unload, `x - w / rho` [m^2].
+    #[inline(always)]
+    pub(super) fn left_squared(&self, displacement: &[R]) -> R {
+        let mut largest = R::splat(0.0);
+        for (index, own) in self.loops.iter().enumerate() {
+            let Element { slope, in_frame, .. } = self.building.element_parameters[index];
+            if in_frame {
+                let elastic = own.now * own.strength;
+                let x = self.building.elements.dot(index, displacement);
+                let left = elastic.weighted(R::splat(-1.0 / slope), x);
+                largest = (left * left).max(largest);
+            }
+        }
+        largest
+    }
+
     /// States of the loops, one of each element.
     pub(super) fn save(&self, into: &mut [R]) {
         for (state, own) in into.iter_mut().zip(&self.loops) {

@@ -104,6 +104,12 @@ impl<'a, R: Lanes> Plant<'a, R> {
         sum
     }
 
+    /// Square of the largest drift that storeys which yield keep when they unload [m^2].
+    #[inline(always)]
+    pub(crate) fn left_squared(&self) -> R {
+        self.elements.left_squared(&self.displacement)
+    }
+
     /// Writes the states of the loops of the elements.
     pub(crate) fn save_loops(&self, into: &mut [R]) {
         self.elements.save(into);

@@ -27,7 +27,7 @@ _FORGETTING, _COVARIANCE = 0.998, 100.0
 # Seconds over which forces are compared, and the share of the mass whose inertia force at the reference
 # acceleration counts.
 _COMPARED, _COUNTED = 5.0, 0.04
-# Peak rate of a device over that of a first mode at the reference drift.
+# Peak rate of a device over the peak rate of a first mode at the reference drift.
 _RATE = 3.0
 _MOST = 64
 
@@ -38,8 +38,8 @@ class RolloutSettings(LawSettings):
 
     The model is the building with its dampers for which the law is designed, at the delay of the loop. All dampers take
     the command of the same number. Where base, drift or acceleration are left out, a study takes the best constant
-    command of its training motions, and the mean peaks of drift and acceleration under it: those of the elastic frame
-    for a model that stays elastic, and of the building itself for one that is the building.
+    command of its training motions, and the mean peaks of drift and acceleration under it: peaks of the elastic frame
+    for an elastic model, of the building itself for `model = "building"`.
     """
 
     chooses_levels: ClassVar[bool] = True
@@ -81,16 +81,22 @@ class RolloutSettings(LawSettings):
         span=Span(lower=0.1, upper=0.4, start=0.24, scale="linear"),
     )
     peak_weight: float = key(
-        "weight of the peaks over that of the mean squares",
+        "weight of the peaks over the weight of the mean squares",
         default=1.0,
         least=0.0,
         span=Span(lower=0.2, upper=5.0, start=1.0, free=False),
     )
     energy_weight: float = key(
-        "weight of the energy at the horizon, over that of the lowest storey at the reference drift",
+        "weight of the energy at the horizon, over the energy of the lowest storey at the reference drift",
         default=0.3,
         least=0.0,
         span=Span(lower=0.05, upper=2.0, start=0.3, free=False),
+    )
+    residual_weight: float = key(
+        "weight of the square of the largest drift that storeys which yield keep at the horizon, over the square of "
+        "the reference drift",
+        default=0.0,
+        least=0.0,
     )
     force_correction: float = key(
         "share of the error of the model force that the measured force corrects, from 0 to 1",
@@ -110,13 +116,13 @@ class RolloutSettings(LawSettings):
         default="elastic",
     )
     believed_stiffness: float = positive(
-        "stiffness that the law believes, over that of the building", default=1.0
+        "stiffness that the law believes, over the stiffness of the building", default=1.0
     )
     believed_yield_drift: float = positive(
-        "yield drifts that the law believes, over those of the building", default=1.0
+        "yield drifts that the law believes, over the yield drifts of the building", default=1.0
     )
     believed_post_yield: float = positive(
-        "post-yield ratio that the law believes, over that of the building", default=1.0
+        "post-yield ratio that the law believes, over the ratio of the building", default=1.0
     )
     shear_offsets: bool = key(
         "whether what measured accelerations and forces say beyond the model goes into the trials as constant forces",
@@ -148,6 +154,12 @@ class RolloutSettings(LawSettings):
                 f"decision is {self.decision:g} s, which is not a whole number of samples of "
                 f"{problem.sample_time:g} s; give a multiple of them",
             )
+        if self.residual_weight and not any(each.in_stiffness for each in building.elements):
+            raise InvalidSettingError(
+                "residual_weight",
+                "residual_weight has no effect where no storey of the law's model yields; leave it out, or set "
+                "`model` to 'building' for a frame that yields",
+            )
         row = building.drifts[0]
         # Of a shear frame, the stiffness of its lowest storey.
         stiffness = 1.0 / float(row @ np.linalg.solve(building.stiffness, row))
@@ -166,6 +178,7 @@ class RolloutSettings(LawSettings):
                 "energy_weight": np.array([self.energy_weight / (stiffness * drift**2)]),
                 "horizon": np.array([self.horizon]),
                 "force_correction": np.array([self.force_correction]),
+                "residual_weight": np.array([self.residual_weight / drift**2]),
             },
             tables={
                 "timing": np.array([self.decision, self.step or 0.0, problem.delay, rate, first * rate]),
@@ -192,7 +205,7 @@ class RolloutSettings(LawSettings):
         if None not in (self.base, self.drift, self.acceleration) or elastic_frame(frame) is frame:
             return ()
         which = "elastic frame" if self.model == "elastic" else "frame that yields"
-        return (f"Base command and reference peaks are those of the {which}, as its model is.",)
+        return (f"Base command and reference peaks belong to the {which}, as its model does.",)
 
     def _believed(self, problem: DesignProblem) -> Building:
         """The building of the model."""
@@ -210,7 +223,7 @@ class RolloutSettings(LawSettings):
         return replace(believed, elements=tuple(each for each in believed.elements if not each.is_linear))
 
     def _references(self, problem: DesignProblem) -> tuple[Floats, float, float]:
-        """Base command of each device, reference drift and acceleration: those given, else those of the problem."""
+        """Base command of each device, reference drift and acceleration: given, or else from the problem."""
         given = {"base": self.base, "drift": self.drift, "acceleration": self.acceleration}
         missing = [name for name, value in given.items() if value is None]
         if missing and problem.reference_peaks is None:

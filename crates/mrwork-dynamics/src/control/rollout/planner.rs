@@ -54,6 +54,7 @@ const PEAK_WEIGHT: usize = 5;
 const ENERGY_WEIGHT: usize = 6;
 const HORIZON: usize = 7;
 const FORCE_CORRECTION: usize = 8;
+const RESIDUAL_WEIGHT: usize = 9;
 
 /// Commands that follow a tried one: the base and the others.
 const TAILS: usize = 1 + OTHER_TAILS;
@@ -353,7 +354,7 @@ impl<R: Lanes> Planner<'_, R> {
         let zero = R::splat(0.0);
         let mut sums = [zero; 2];
         let mut peaks = self.peaks;
-        let mut energy = zero;
+        let [mut energy, mut left] = [zero; 2];
         for step in 0..self.n_steps {
             let [middle, end] = [self.ground[2 * step + 1], self.ground[2 * step + 2]];
             prediction.advance(&middle, &end);
@@ -371,7 +372,9 @@ impl<R: Lanes> Planner<'_, R> {
                 peaks[kind] = R::select(over, zero, now.largest[kind]).max(peaks[kind]);
             }
             if self.ends[step + 1] {
-                energy = R::select(self.steps.equal(number), prediction.twice_energy(), energy);
+                let ends = self.steps.equal(number);
+                energy = R::select(ends, prediction.twice_energy(), energy);
+                left = R::select(ends, prediction.left_squared(), left);
             }
         }
         let weights = [gains.of_loop(DRIFT_WEIGHT), gains.of_loop(ACCELERATION_WEIGHT)];
@@ -382,6 +385,7 @@ impl<R: Lanes> Planner<'_, R> {
             peak = peaks[kind].mul_add(weights[kind], peak);
         }
         let running = mean.mul_add(self.per_steps, peak * gains.of_loop(PEAK_WEIGHT));
-        energy.mul_add(gains.of_loop(ENERGY_WEIGHT), running)
+        let cost = energy.mul_add(gains.of_loop(ENERGY_WEIGHT), running);
+        left.mul_add(gains.of_loop(RESIDUAL_WEIGHT), cost)
     }
 }

@@ -52,6 +52,12 @@ impl<'a, R: Lanes> Prediction<'a, R> {
         self.0.plant.twice_held()
     }
 
+    /// Square of the largest drift that storeys which yield keep when they unload [m^2].
+    #[inline(always)]
+    pub(super) fn left_squared(&self) -> R {
+        self.0.plant.left_squared()
+    }
+
     /// Evaluates the accelerations at a motion with these forces of the devices and states of the loops.
     #[inline(always)]
     pub(super) fn accelerate(&mut self, [displacement, velocity, loops]: [&[R]; 3], force: &[R], ground: &R) {
