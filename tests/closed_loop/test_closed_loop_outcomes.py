@@ -174,6 +174,6 @@ def test_what_is_no_loop_is_refused() -> None:
     ):
         refusal(simulate_loop, building, given, PASSIVE, [still()], match=word)
     refusal(simulate_loop, building, loop, PASSIVE, [], match="no ground motion")
-    dense = Hardware(sample_time=1e-9, step=1e-9)
-    refusal(simulate_loop, building, loop, PASSIVE, [still()], dense, match="a longer `sample_time`")
-    refusal(simulate_loop, building, loop, PASSIVE, [still()], nominal=building, match="to 'observer'")
+    two = ControlLaw(name="passive", gains={"command": [[0.0, 0.0], [1.0, 1.0]]})
+    slopes = np.ones((3, 2))
+    refusal(simulate_loop, building, loop, two, [still()], shaping=slopes, match="2 of gains, 3 of `shaping`")

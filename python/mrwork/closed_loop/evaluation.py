@@ -20,8 +20,8 @@ from mrwork.base.units import question_on
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.buildings.matrices import DRIFT_RATIOS, Building
-from mrwork.closed_loop.responses import axis_of, unit_of
-from mrwork.errors import ArgumentError, SettingError, UnknownNameError
+from mrwork.closed_loop.responses import quantity_named
+from mrwork.errors import UnknownNameError
 
 Scale = Literal["", "weight", "height", "yield drift", "stability"]
 
@@ -63,9 +63,7 @@ class Scales(Summarised):
 
         return Scales(
             weight=np.array([one.weight for one in scales]).reshape(-1, *further),
-            heights=stacked("heights"),
-            yield_drifts=stacked("yield_drifts"),
-            loads=stacked("loads"),
+            **{name: stacked(name) for name in ("heights", "yield_drifts", "loads")},
         )
 
     def lacking(self, scale: Scale) -> str:
@@ -89,10 +87,6 @@ class Scales(Summarised):
         above = values
         if scale == "stability":
             above, by = values * self.loads, self.heights * shears
-        if np.shape(by)[-1:] != np.shape(values)[-1:]:
-            raise SettingError(
-                f"there are {np.shape(by)[-1]} {scale}s for {np.shape(values)[-1]} storeys; give one for each"
-            )
         by = np.broadcast_to(by, np.shape(values))
         # An unknown shear is no shear of zero.
         return np.divide(above, by, out=np.where(np.isnan(by), np.nan, 0.0), where=by > 0.0)
@@ -103,7 +97,7 @@ class Criterion:
     """One number of a run, computed from one of its quantities; smaller is better.
 
     The value is the largest magnitude of `quantity`, by default the one of its name, over floors, storeys or devices,
-    that of the highest one if `of_roof`, or the sum if `summed`, each divided by its `scale`, see `Scales`. If `ratio`,
+    the value of the roof if `of_roof`, or the sum if `summed`, each divided by its `scale`, see `Scales`. If `ratio`,
     papers report its ratio to the value without dampers, under these `labels`. A number that is `of_command` is zero at
     i = 0, and in A or V unless it is `counted`, which jumps by whole counts. One that is `optional` may be unknown: in
     earlier files, where its scale is, or where commands have two units. `usual` is the range of its limits in SI,
@@ -139,7 +133,7 @@ class Criterion:
     @property
     def unit(self) -> str:
         """Unit of the number, as in tables."""
-        return "1" if self.scale else unit_of(self.quantity).replace("^", "")
+        return "1" if self.scale else quantity_named(self.quantity).unit.replace("^", "")
 
     def in_words(self, value: float, unit: str) -> str:
         """A value with its unit; a drift ratio in per cent."""
@@ -164,18 +158,13 @@ class Criterion:
 
     def value(self, responses: object, scales: Scales) -> Floats:
         """The value for each run of `responses`, which has the quantities of runs as attributes."""
-        if isinstance(responses, type) or not hasattr(responses, self.quantity):
-            raise ArgumentError(
-                f"`responses` is a {type(responses).__name__} without {self.quantity}; give the Responses of "
-                "mr.simulate_loop, or a run of mr.run_study"
-            )
         values = np.abs(getattr(responses, self.quantity))
         if self.scale not in ("", "weight"):
             shears = np.asarray(getattr(responses, "peak_storey_shear", np.nan))
             values = scales.divide(values, self.scale, shears)
         if self.of_roof:
             return np.asarray(values[..., -1])
-        axis = axis_of(self.quantity)
+        axis = quantity_named(self.quantity).axis
         if axis == "device":
             # What a run does not have, NaN, counts as nothing: without devices the largest force is zero.
             values = np.where(np.isnan(values), 0.0, values)
@@ -216,12 +205,7 @@ def values(responses: object, scales: Scales) -> dict[str, Floats]:
 
 def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
     """The quotient, NaN for a zero denominator, infinite beyond the range of numbers."""
-    try:
-        above, below = np.broadcast_arrays(numerator, denominator)
-    except ValueError:
-        raise SettingError(
-            f"`numerator` has shape {numerator.shape} and `denominator` {denominator.shape}; give shapes that broadcast"
-        ) from None
+    above, below = np.broadcast_arrays(numerator, denominator)
     with np.errstate(over="ignore"):
         quotient: Floats = np.divide(above, below, out=np.full(above.shape, np.nan), where=below != 0.0)
     return quotient
@@ -306,7 +290,7 @@ def ties_in_words(
         return ()
     listed = ", ".join(f"{label} ({float(np.mean(each)):+.3f})" for label, each in tied.items())
     return (
-        f"On these {len(scores)} {noun} the score of {leading} is not told apart from that of {listed}: the mean "
+        f"On these {len(scores)} {noun} the score of {leading} is not told apart from the score of {listed}: the mean "
         f"difference{' is' if len(tied) == 1 else 's are'} within two standard errors over the {noun}.",
     )
 

@@ -1,15 +1,17 @@
 """Hardware of the loop between building and damper: sampling, delay, sensors, rate limit, faults.
 
-Its keys are also those of [hardware] in a study file, where floors and dampers count from 1.
+Its fields are also the keys of [hardware] in a study file, where floors and dampers count from 1.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Annotated, ClassVar, Literal
+from types import SimpleNamespace
+from typing import Annotated, Any, ClassVar, Literal
 
 from mrwork.base.arguments import May, checked
+from mrwork.base.hints import Within
 from mrwork.base.keys import key, optional, positive
 from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import InvalidSettingError, SettingError
@@ -17,8 +19,6 @@ from mrwork.errors import InvalidSettingError, SettingError
 LoopSignal = Literal["acceleration", "deformation", "force", "command", "ground_acceleration", "drift"]
 Feedback = Literal["state", "observer"]
 
-# The seed is the upper half of the number of a random stream, the motion the lower.
-_SEEDS = 2**32
 # Larger numbers are mistakes of unit; the first leaves room for the additional steps of stiff dampers.
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
@@ -78,17 +78,6 @@ class Fault:
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SampledFault:
-    """A fault from sample `start` up to `end`; `value` is `None` if the last one before is held."""
-
-    channel: LoopSignal
-    index: int
-    start: int
-    end: int
-    value: float | None
-
-
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Hardware(Summarised):
@@ -96,10 +85,9 @@ class Hardware(Summarised):
 
     The result of an on/off law depends on the sample time. Stiff dampers take more integration steps than `step` asks
     for. With feedback of the state, laws receive the true displacements and velocities, and deformations, forces and
-    the acceleration of the ground from their sensors; with that of the observer, a Kalman filter estimates the state
-    from the accelerations of the measured floors, the deformations and forces of the devices, and the drifts of the
-    measured storeys. Noise is white; its
-    seed is the same for all laws and candidates under the same motion.
+    the acceleration of the ground from their sensors; with feedback of the observer, a Kalman filter estimates the
+    state from the accelerations of the measured floors, the deformations and forces of the devices, and the drifts of
+    the measured storeys. Noise is white; its seed is the same for all laws and candidates under the same motion.
 
     Of a ground record whose interval is shorter than an integration step, by more than a thousandth, the step takes the
     line with the mean and the first moment of the samples in it, and sensors of the ground read the mean over the step
@@ -140,7 +128,7 @@ class Hardware(Summarised):
     )
     kinematic: bool = key(
         "whether the observer integrates the accelerations of all floors and of the ground, corrected by the drifts of "
-        "the measured storeys, and knows nothing else of the frame: for one that yields",
+        "the measured storeys, and knows nothing else of the frame: for frames that yield",
         default=False,
     )
     noise_ratio: float = positive(
@@ -174,12 +162,10 @@ class Hardware(Summarised):
         least=0.0,
         most=_LONGEST_PREVIEW,
     )
-    seed: int = 0
+    seed: Annotated[int, Within(least=0, most=2**32 - 1)] = 0
     faults: tuple[Fault, ...] = key("faults", default=(), named="fault")
 
     def __post_init__(self) -> None:
-        if not 0 <= self.seed < _SEEDS:
-            raise SettingError(f"`seed` is {self.seed}; give a whole number from 0 to 2^32 - 1")
         if self.sample_time / self.step > _MOST_STEPS or self.delay / self.sample_time > _LONGEST_DELAY:
             raise SettingError(
                 f"`step` is {self.step} s and `delay` {self.delay} s for samples of {self.sample_time} s; give at most "
@@ -252,10 +238,10 @@ class Hardware(Summarised):
         return self.sample_time / self.steps
 
     @property
-    def sampled_faults(self) -> list[SampledFault]:
-        """The faults in samples."""
+    def sampled_faults(self) -> list[Any]:
+        """The faults for the core: from sample `start` up to `end`, with no `value` where the last one is held."""
         return [
-            SampledFault(
+            SimpleNamespace(
                 channel=fault.channel,
                 index=fault.index,
                 start=self._sample(fault.start),

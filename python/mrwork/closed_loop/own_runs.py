@@ -12,7 +12,7 @@ from mrwork.control.laws.control_law import control_laws
 OWN_LAWS = (
     "passive", "proportional_direct", "signal_network", "clipped_optimal", "modified_clipped_optimal", "lyapunov",
 )  # fmt: skip
-"""Laws of the registry that loops in JAX have: those of `LAWS` in `twins/loop_laws.py`."""
+"""Laws of the registry that loops in JAX have, as `LAWS` of `twins/loop_laws.py`."""
 
 
 def lacking_in_twin(building: Building, hardware: Hardware, law: str) -> list[str]:

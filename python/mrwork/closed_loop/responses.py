@@ -49,9 +49,14 @@ class Quantity:
 
     @property
     def own_axes(self) -> tuple[str, ...]:
-        """Its axis beside those of runs or of time; empty where it has none."""
+        """Its axis beside the axes of runs or of time; empty where it has none."""
         # The signal `state` has entries of its own name.
         return () if self.axis == "run" else ("entry",) if self.axis == "state" else (self.axis,)
+
+    def array(self, values: NDArray[Any], *axes: str, command_unit: str = BOTH_UNITS) -> NamedArray:
+        """Values over these axes and its own, with the unit of commands of the dampers at hand."""
+        unit = in_command_unit(self.unit, command_unit)
+        return NamedArray.of(values, *axes, *self.own_axes, unit=unit, long_name=self.description)
 
 
 @cache
@@ -73,31 +78,17 @@ def _make_quantities(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quan
     )
 
 
-def unit_of(name: str) -> str:
-    """Unit of a quantity of a run or a signal of its history."""
-    return _by_name()[name].unit
+@cache
+def quantity_named(name: str) -> Quantity:
+    """A quantity of a run or a signal of its history."""
+    return {each.name: each for each in (*history_signals(), *run_quantities())}[name]
 
 
 def in_command_unit(unit: str, command_unit: str) -> str:
-    """A unit, in place of that of commands in general or of their rate the one of the dampers at hand, A or V."""
+    """A unit; where it is the general unit of commands or of their rate, with the A or V of the dampers at hand."""
     if command_unit in (COMMAND_UNIT, BOTH_UNITS):
         return unit
     return {COMMAND_UNIT: command_unit, _COMMAND_RATE_UNIT: f"{command_unit}/s"}.get(unit, unit)
-
-
-def axis_of(name: str) -> Axis:
-    """Axis of a quantity of a run or a signal of its history."""
-    return _by_name()[name].axis
-
-
-def description_of(name: str) -> str:
-    """What a quantity of a run or a signal of its history is, in words."""
-    return _by_name()[name].description
-
-
-@cache
-def _by_name() -> dict[str, Quantity]:
-    return {each.name: each for each in (*history_signals(), *run_quantities())}
 
 
 def columns_by_name(
@@ -117,7 +108,7 @@ class Labelled:
     """A result whose numbers have names: `result.peak_drift` is `result.numbers["peak_drift"]`.
 
     The names with their units and last axes are declared once, by the core (`run_quantities`, `history_signals`);
-    the axes before, as of runs or of time, are those of the class.
+    the class has the axes before, as of runs or of time.
     """
 
     __slots__ = ()
@@ -137,19 +128,16 @@ class Labelled:
         return replace(self, numbers={**self.numbers, **numbers})  # type: ignore[type-var] # a dataclass
 
 
-def own_axis(name: str) -> tuple[str, ...]:
-    """The axis of a quantity beside those of runs or of time; empty where it has none."""
-    return _by_name()[name].own_axes
-
-
 def command_unit_of(devices: Sequence[Device]) -> str:
-    """Unit of the commands of these devices; that of commands in general where none follows a command."""
+    """Unit of the commands of these devices; "A or V" where none follows a command."""
     return joined_units(device.spec.command_unit for device in commanded(devices)) or COMMAND_UNIT
 
 
 def _labels_of_axes(numbers: Mapping[str, Floats], devices: Sequence[Device]) -> dict[str, NamedArray]:
     """Labels along the second axes of quantities: names of the devices, numbers from 1 for storeys and floors."""
-    sizes = {axis: values.shape[1] for name, values in numbers.items() for axis in own_axis(name)}
+    sizes = {
+        axis: values.shape[1] for name, values in numbers.items() for axis in quantity_named(name).own_axes
+    }
     named = {"device": [device.name for device in devices]}
     return {
         axis: labels_of(
@@ -196,13 +184,13 @@ class History(Plotted, Labelled, WithAxes, Summarised):
     @checked
     def kinetic_energy(self, building: Building) -> Floats:
         """Kinetic energy of the motion relative to the ground [J], shape (n_time,)."""
-        velocity = self._of(building)[:, len(building.mass) :]
+        velocity = self.state[:, len(building.mass) :]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", velocity, building.mass, velocity))
 
     @checked
     def strain_energy(self, building: Building) -> Floats:
         """Strain energy of the building without its elements, less the work of weights [J], shape (n_time,)."""
-        displacement = self._of(building)[:, : len(building.mass)]
+        displacement = self.state[:, : len(building.mass)]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.site_stiffness, displacement))
 
     def _named_arrays(self) -> NamedArrays:
@@ -214,20 +202,9 @@ class History(Plotted, Labelled, WithAxes, Summarised):
                 **_labels_of_axes(self.numbers, ()),
             },
             arrays={
-                name: NamedArray.of(
-                    values, *("time", *own_axis(name)), unit=unit_of(name), long_name=description_of(name)
-                )
-                for name, values in self.numbers.items()
+                name: quantity_named(name).array(values, "time") for name, values in self.numbers.items()
             },
         )
-
-    def _of(self, building: Building) -> Floats:
-        if self.state.shape[1] != 2 * len(building.mass):
-            raise SettingError(
-                f"the history is of {self.state.shape[1] // 2} coordinates, and {building.name} has "
-                f"{len(building.mass)}; give the building that was simulated"
-            )
-        return np.asarray(self.state)
 
     def _summary(self) -> Summary:
         return Summary(
@@ -237,7 +214,7 @@ class History(Plotted, Labelled, WithAxes, Summarised):
                 (
                     name.replace("_", " "),
                     format_rounded(float(np.abs(getattr(self, name)).max())),
-                    unit_of(name),
+                    quantity_named(name).unit,
                 )
                 for name in _SHOWN_SIGNALS
             ],
@@ -251,12 +228,12 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     `to_xarray` and `over_axes` have the quantities over candidate, motion and realisation, which is a draw of the
     dampers, and then floor, storey, device or element.
 
-    The quantities and their units are declared by the core, see `run_quantities`. Each is an attribute; those of
-    floors, storeys, devices and passive elements have a second axis. Peaks and mean squares are taken over all
+    The quantities and their units are declared by the core, see `run_quantities`. Each is an attribute; of
+    floors, storeys, devices and passive elements it has a second axis. Peaks and mean squares are taken over all
     integration steps; accelerations are absolute. `energy_error` is the largest imbalance of input, kinetic, strain,
     damping, device and element energy during the run, relative to the largest energy. `steps` is the number of
-    integration steps per sample, `shape` that of candidates, motions and draws. `devices` are the dampers, none where
-    actuators replace them; `seconds` are the lengths of the motions.
+    integration steps per sample, `shape` the numbers of candidates, motions and draws. `devices` are the dampers, none
+    where actuators replace them; `seconds` are the lengths of the motions.
     """
 
     shape: tuple[int, int, int]
@@ -296,11 +273,8 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
                 **_labels_of_axes(self.numbers, self.devices),
             },
             arrays={
-                name: NamedArray.of(
-                    self._over_axes(values),
-                    *(*first, *own_axis(name)),
-                    unit=in_command_unit(unit_of(name), command_unit_of(self.devices)),
-                    long_name=description_of(name),
+                name: quantity_named(name).array(
+                    self._over_axes(values), *first, command_unit=command_unit_of(self.devices)
                 )
                 for name, values in self.numbers.items()
             }
@@ -375,11 +349,12 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
 
     def _summary(self) -> Summary:
         candidates, motions, draws = self.shape
+        finished = np.isfinite(self.energy_error)
         return Summary(
             title=f"Responses of {counted(len(self.outcome), 'run')}: {counted(candidates, 'candidate')} x "
             f"{counted(motions, 'motion')} x {counted(draws, 'draw')}",
             facts=(
-                ("finished", f"{int(np.isfinite(self.energy_error).sum())} of {len(self.outcome)}"),
+                ("finished", f"{int(finished.sum())} of {len(self.outcome)}"),
                 ("histories", "none" if self.histories is None else counted(len(self.histories), "run")),
             ),
             columns=("largest of a run", "least", "median", "largest", "unit"),
@@ -387,17 +362,11 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
                 (
                     name.replace("_", " "),
                     *(format_rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
-                    unit_of(name),
+                    quantity_named(name).unit,
                 )
                 for name in _SHOWN
-                for largest in [_largest(getattr(self, name))]
+                for each in [getattr(self, name).reshape(len(finished), -1).max(axis=1, initial=0.0)]
+                for largest in [each[finished] if finished.any() else np.array([np.nan])]
             ],
             notes=[f"warning: {each}" for each in self.warnings()],
         )
-
-
-def _largest(values: Floats) -> Floats:
-    """The largest value of each run that finished."""
-    each = values.reshape(len(values), -1).max(axis=1, initial=0.0)
-    finite = each[np.isfinite(each)]
-    return finite if finite.size else np.array([np.nan])

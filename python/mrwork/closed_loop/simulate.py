@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 from typing import Annotated, Any
 
@@ -17,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.base.arguments import May, Threads, Whole, checked
-from mrwork.base.numbers import counted
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import (
@@ -51,9 +51,6 @@ _SECONDS = 3e-9
 # They are ready in ten seconds.
 _MOST_COORDINATES = 1500
 
-# Limit of an ideal actuator [N]: so large that an unstable loop overflows and ends as diverged before it.
-_NO_LIMIT = 1e300
-
 
 def _theta_of(devices: Sequence[Device]) -> tuple[Floats, ...]:
     """Parameters of each group of devices, shape (n_draws, n_devices of the group, n_columns)."""
@@ -74,43 +71,26 @@ def _theta_of(devices: Sequence[Device]) -> tuple[Floats, ...]:
 
 
 def _core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_rust.Dampers]:
+    groups = [[devices[each] for each in group] for group in groups_of(devices)]
     return [
-        _core_group([devices[each] for each in group], own)
-        for group, own in zip(groups_of(devices), theta, strict=True)
+        _rust.Dampers(
+            model=group[0].spec.name,
+            laws=[*map(str, group[0].spec.laws)],
+            lagged=group[0].spec.lagged,
+            theta=np.ascontiguousarray(own),
+            counts=[float(device.count) for device in group],
+            differential=[device.differential for device in group],
+            ranges=[_range_of(device) for device in group],
+        )
+        for group, own in zip(groups, theta, strict=True)
     ]
-
-
-def _core_group(devices: Sequence[Device], theta: Floats) -> _rust.Dampers:
-    spec = devices[0].spec
-    return _rust.Dampers(
-        model=spec.name,
-        laws=[*map(str, spec.laws)],
-        lagged=spec.lagged,
-        theta=np.ascontiguousarray(theta),
-        counts=[float(device.count) for device in devices],
-        differential=[device.differential for device in devices],
-        ranges=[_range_of(device) for device in devices],
-    )
 
 
 def _range_of(device: Device) -> tuple[float, float]:
-    """Smallest and largest command: the one that the device holds twice."""
+    """Smallest and largest command; twice the command that a device holds."""
     if device.command is not None:
         return float(device.command), float(device.command)
     return 0.0, float(device.largest_command)
-
-
-def _ideal_actuators(n_devices: int) -> list[_rust.Dampers]:
-    return [
-        _rust.Dampers(
-            model="ideal_actuator",
-            laws=["linear"],
-            theta=np.tile([0.0, 1.0], (1, n_devices, 1)),
-            counts=[1.0] * n_devices,
-            differential=[False] * n_devices,
-            ranges=[(-_NO_LIMIT, _NO_LIMIT)] * n_devices,
-        )
-    ]
 
 
 def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
@@ -171,11 +151,6 @@ def _core_curve(law: ControlLaw) -> _rust.ForceCurve | None:
     if not is_curve(spec):
         raise SettingError(
             f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
-        )
-    if np.shape(theta) != (len(spec.parameters),):
-        raise SettingError(
-            f"the curve of {law.name} has parameters of shape {np.shape(theta)}, this {spec.name} takes "
-            f"({len(spec.parameters)},)"
         )
     return _rust.ForceCurve(
         [*map(str, spec.laws)], np.ascontiguousarray(theta, dtype=np.float64), spec.lagged
@@ -244,9 +219,19 @@ class _Core:
         law, devices, n = self.loop.law, self.loop.devices, self.loop.n_commanded
         if self.loop.is_own:
             return runs
+        actuators = partial(
+            _rust.Dampers,
+            model="ideal_actuator",
+            laws=["linear"],
+            theta=np.tile([0.0, 1.0], (1, n, 1)),
+            counts=[1.0] * n,
+            differential=[False] * n,
+            # No limit: an unstable loop overflows and ends as diverged before it.
+            ranges=[(-1e300, 1e300)] * n,
+        )
         with core_refusals():
             return (
-                [*_ideal_actuators(n), *_core_dampers(devices[n:], runs.theta[1:])]
+                [actuators(), *_core_dampers(devices[n:], runs.theta[1:])]
                 if law.spec.commands_force
                 else _core_dampers(devices, runs.theta),
                 _rust.Controller(
@@ -264,7 +249,7 @@ class _Core:
 class LoopOfRuns:
     """What the runs of a call share, in values that can be sent to another process; designs are made already.
 
-    The gains of `law` are not those of the runs, `varied` are pairs of damping and stiffness, and the observer, if
+    The gains of `law` are zeros, `varied` are pairs of damping and stiffness, and the observer, if
     there is one, measures the accelerations of `floors`.
     """
 
@@ -285,7 +270,7 @@ class LoopOfRuns:
 
     @property
     def is_own(self) -> bool:
-        """Whether some of its dampers are those of the user, which the core does not have."""
+        """Whether some of its dampers are models of the user, which the core does not have."""
         return any(each.spec.own is not None for each in self.devices) and not self.law.spec.commands_force
 
     def core(self) -> _Core:
@@ -336,7 +321,7 @@ def _respond(
 
 
 def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *, histories: bool) -> Any:
-    """Runs with dampers of the user, as `_rust.respond` gives those of others."""
+    """Runs with dampers of the user, in the form of `_rust.respond`."""
     # JAX is needed for these dampers only.
     from mrwork.twins.loop import MATRICES, LoopDevice, believed_devices
     from mrwork.twins.own_loop import OwnLoop, OwnRuns, respond
@@ -427,26 +412,17 @@ def _core_observer(
     )
 
 
-def measured_floors(building: Building, hardware: Hardware) -> list[int]:
-    """Floors whose accelerations the observer measures."""
-    return list(range(len(building.floors)) if hardware.measured_floors is None else hardware.measured_floors)
-
-
 def loop_observer(
     building: Building, devices: Sequence[Device], hardware: Hardware, floors: Sequence[int]
 ) -> Observer:
     """The observer of a loop: accelerations of these floors, deformations of all devices, drifts that are measured."""
-    if unknown := [each for each in hardware.measured_storeys if each >= len(building.storeys)]:
-        raise SettingError(
-            f"{building.name} has {len(building.storeys)} storeys, counted from 0; {unknown} do not exist"
-        )
-    unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
-    if unknown:
-        raise SettingError(
-            f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} do not exist"
-        )
-    if len(set(floors)) < len(floors):
-        raise SettingError(f"the measured floors are {list(floors)}; give each once")
+    for noun, rows, measured in (
+        ("storeys", building.storeys, hardware.measured_storeys), ("floors", building.floors, floors)
+    ):  # fmt: skip
+        if unknown := [each for each in measured if each >= len(rows)]:
+            raise SettingError(
+                f"{building.name} has {len(rows)} {noun}, counted from 0; {unknown} do not exist"
+            )
     rows, names = elongation_rows(building, devices), [device.name for device in devices]
     asked = building, rows.tolist(), names, list(floors), replace(hardware, seed=0, faults=())
     for known, observer in _OBSERVERS:
@@ -474,8 +450,8 @@ def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) ->
     devices = plant.device_names
     accelerated = stretched = 1.0 / hardware.noise_ratio
     if hardware.observes_ground:
-        # What is left to the filter is the error of the sensors: of an elongation or a drift that of the acceleration
-        # which goes with it in the first mode.
+        # What is left to the filter is the error of the sensors: of an elongation or a drift the error of the
+        # acceleration that goes with it in the first mode.
         stretched /= (2.0 * np.pi * float(plant.building.frequencies[0])) ** 4
     if hardware.kinematic:
         if list(floors) != list(range(plant.n_coordinates)):
@@ -520,7 +496,7 @@ class LoopVariation(Summarised):
     buildings
         The building of each realisation; it may have other stiffness and damping only.
     delay
-        Delay beyond that of the hardware, rounded to its integration steps, shape (n,) [s].
+        Delay beyond the delay of the hardware, rounded to its integration steps, shape (n,) [s].
     seed
         Added to the seed of the sensor noise, shape (n,).
     changes
@@ -564,11 +540,8 @@ _BLOCK_SECONDS = 1.0
 # thread; down to this part of it where a call would have fewer chunks.
 _CHUNK_STEPS = 3e7
 _CHUNKS, _FINEST = 16, 8.0
-_MOST_SAMPLES = 100_000_000
 # Quantities in proportion to the command.
 _COMMANDS = ("peak_current", "mean_current", "rms_current", "command_travel")
-# Largest commands that are worked out as shares of others are rounded.
-_ROUNDED = 1.0 + 1e-9
 
 
 @checked
@@ -606,16 +579,15 @@ def simulate_loop(
     step_factor
         Multiplies the number of steps of every run: 2 halves the step, to check convergence.
     nominal
-        The building for which the observer is designed; by default the building itself. It goes with the feedback of
-        an observer only.
+        The building for which the observer is designed, if there is one; by default the building itself.
     largest_commands
         Largest command of each candidate, shape (n_candidates,), up to the largest of the devices, of which each gets
         its own at most, for laws that send a share of the largest command; itself a share where devices follow commands
-        in A and in V. Dampers then follow the scaled command, so results agree to rounding with those of devices of
-        that largest command.
+        in A and in V. Dampers then follow the scaled command, so results agree to rounding with devices of that
+        largest command.
     shaping
         Dead zone [m/s] and slope [A/s or V/s] of the command of each candidate, shape (n_candidates, 2), instead of
-        those of the law.
+        the shaping of the law.
     variation
         Realisations of building, delay and noise, as many as there are draws of the dampers, or any number with one.
     motion_numbers
@@ -628,8 +600,8 @@ def simulate_loop(
     Raises
     ------
     SettingError
-        If devices, law and building do not match, a constant command is negative or above the largest one, the law
-        sends a command to dampers that follow none, or there is a nominal building and no observer.
+        If devices, law and building do not match, a constant command is negative or above the largest one, or the
+        law sends a command to dampers that follow none.
 
     Examples
     --------
@@ -642,32 +614,23 @@ def simulate_loop(
     user = law if isinstance(law, UserLaw) else None
     if isinstance(law, UserLaw):
         law = law.placeholder(commanded(devices))
-    _check_parts(devices, motions, hardware)
+    if not devices:
+        raise SettingError(
+            "a closed loop has at least one device; without dampers, simulate a device of zero force"
+        )
+    refuse_order(devices)
+    refuse_rate(devices, hardware.command_rate, "command_rate")
+    if not motions:
+        raise SettingError("no ground motion was given; give at least one")
     driven = commanded(devices)
     if user is None:
         refuse_units(law.spec, devices)
-    numbers = np.arange(len(motions)) if motion_numbers is None else np.array(motion_numbers)
-    if numbers.size != len(motions):
-        raise SettingError(
-            f"`motion_numbers` are {numbers.size} for {counted(len(motions), 'motion')}; give one for each"
-        )
-    if nominal is not None and hardware.feedback == "state":
-        raise SettingError(
-            "`nominal` is the building of an observer, and the feedback is of the state; leave it out, or set "
-            "`feedback` of the hardware to 'observer'"
-        )
     n_states = 2 * len(building.check().mass)
     gains = law.gain_rows(len(driven), n_states)
-    if not len(gains):
-        raise SettingError(f"the gains of {law.name} are of no candidate; give those of one or more")
-    shaping, n_candidates = _core_shaping(law, shaping), len(gains)
+    shaping, counts = _core_shaping(law, shaping), {"gains": len(gains)}
     if shaping is not None:
         refuse_rate(devices, float(shaping[:, 1].min()), "command_slope")
-        if 1 not in (len(gains), len(shaping)) and len(gains) != len(shaping):
-            raise SettingError(
-                f"the gains are of {len(gains)} candidates and `shaping` of {len(shaping)}; give one for each"
-            )
-        n_candidates = max(len(gains), len(shaping))
+        counts["`shaping`"] = len(shaping)
     actuators = law.spec.commands_force
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(
@@ -683,53 +646,57 @@ def simulate_loop(
     if actuators:
         beside = devices[len(driven) :]
         theta = (np.empty((1, len(driven), 0)), *(_theta_of(beside) if beside else ()))
-    n_draws, factors = len(theta[-1]), np.ones((1, len(devices)))
+    n_draws = len(theta[-1])
+    factors: Floats | None = None
     if largest_commands is not None:
         slope = math.inf if shaping is None else float(shaping[:, 1].min())
         factors = _command_factors(law, hardware, driven, largest_commands, slope, histories=histories)
         factors = np.hstack([factors, np.ones((len(factors), len(devices) - len(driven)))])
-        if n_candidates not in (1, len(factors)):
-            raise SettingError(
-                f"the gains are of {n_candidates} candidates and `largest_commands` of {len(factors)}; give one for "
-                "each"
-            )
-        n_candidates = len(factors)
+        counts["`largest_commands`"] = len(factors)
         theta = tuple(
             _stretch_theta(devices[group[0]].spec, own, factors[:, group])
             for group, own in zip(groups_of(devices), theta, strict=True)
         )
+    n_candidates = max(counts.values())
+    if not n_candidates or {*counts.values()} - {1, n_candidates}:
+        listed = ", ".join(f"{count} of {name}" for name, count in counts.items())
+        raise SettingError(f"the candidates are {listed}; give as many of each, or one")
     gains = np.ascontiguousarray(np.broadcast_to(gains, (n_candidates, gains.shape[1])))
     if shaping is not None:
         shaping = np.ascontiguousarray(np.broadcast_to(shaping, (n_candidates, 2)))
-    n_realisations = n_draws if variation is None else len(variation)
-    if n_draws not in (1, n_realisations):
+    if variation is None:
+        still = np.zeros(n_draws)
+        variation = LoopVariation(buildings=(building,) * n_draws, delay=still, seed=still.astype(np.int64))
+    if n_draws not in (1, len(variation)):
         raise SettingError(
-            f"the devices have {n_draws} draws, and there are {n_realisations} realisations; give as many of both, or "
+            f"the devices have {n_draws} draws, and there are {len(variation)} realisations; give as many of both, or "
             "one draw"
         )
-    varied, places = ([], [0] * n_draws) if variation is None else variation.distinct_from(building)
+    varied, places = variation.distinct_from(building)
     if not varied and building.site_stiffness is not building.stiffness:
         # The law's own building stays elastic.
         varied = [building]
-    changes = None if variation is None else variation.changes
+    changes = variation.changes
     if changes is not None and len(gains) > 1:
         raise SettingError(f"the gains are of {len(gains)} candidates; give changes of the gains of one")
-    late, seeds = np.zeros(n_realisations), np.zeros(n_realisations, dtype=np.int64)
-    if variation is not None:
-        late, seeds = np.round(variation.delay / (hardware.sample_time / hardware.steps)), variation.seed
-    floors = measured_floors(nominal or building, hardware)
-    observer = None
+    late = np.round(variation.delay / (hardware.sample_time / hardware.steps))
+    floors, observer = hardware.measured_floors, None
+    if floors is None:
+        floors = tuple(range(len((nominal or building).floors)))
     if hardware.feedback != "state":
         with core_refusals():
             observer = loop_observer(nominal or building, devices, hardware, floors)
+    shapes = {gain.name: gain.shape_for(len(driven), n_states) for gain in law.spec.gains}
+    zeros = {name: np.zeros(shape) for name, shape in shapes.items() if name in law.gains}
     call = _Call(
         loop=LoopOfRuns(
             building=building,
             varied=tuple((each.damping, each.site_stiffness) for each in varied),
             devices=tuple(devices),
-            law=_without_gains(law, len(driven), n_states),
+            # As its candidates share it: with gains of zero, which belong to no candidate.
+            law=replace(law, gains=zeros, weights=None, margins=None, notes=()),
             hardware=hardware,
-            floors=tuple(floors),
+            floors=floors,
             observer=observer,
             motions=tuple(motions),
             step_factor=step_factor,
@@ -737,14 +704,14 @@ def simulate_loop(
         user=user,
         gains=gains,
         shaping=shaping,
-        factors=None if largest_commands is None else factors,
+        factors=factors,
         theta=theta,
         n_draws=n_draws,
         springs=[each.storey_springs for each in varied],
         places=np.array(places, dtype=np.uint32),
         late=late.astype(np.uint32),
-        streams=numbers.astype(np.uint64),
-        seeds=np.uint64(hardware.seed) + seeds.astype(np.uint64),
+        streams=np.array(range(len(motions)) if motion_numbers is None else motion_numbers, dtype=np.uint64),
+        seeds=np.uint64(hardware.seed) + variation.seed.astype(np.uint64),
         changes=changes,
     )
     runs, core, workers = call.runs(), call.loop.core(), present_workers()
@@ -755,30 +722,12 @@ def simulate_loop(
     return call.responses(core.building, parts, order)
 
 
-def _check_parts(devices: Sequence[Device], motions: Sequence[GroundMotion], hardware: Hardware) -> None:
-    """Refuse a call without devices or motions, and what of them the hardware cannot have."""
-    if not devices:
-        raise SettingError(
-            "a closed loop has at least one device; without dampers, simulate a device of zero force"
-        )
-    refuse_order(devices)
-    refuse_rate(devices, hardware.command_rate, "command_rate")
-    if not motions:
-        raise SettingError("no ground motion was given; give at least one")
-    for motion in motions:
-        if motion.duration / hardware.sample_time > _MOST_SAMPLES:
-            raise SettingError(
-                f"{motion.name} lasts {motion.duration:g} s, which is more than {_MOST_SAMPLES} samples of "
-                f"{hardware.sample_time:g} s; give a longer `sample_time`"
-            )
-
-
 @array_dataclass()
 class _Call:
     """A call of `simulate_loop` that was checked: what its runs share, its candidates and its realisations.
 
-    `gains`, `shaping` and `theta` are those of `RunsOfLoop`, `factors` the largest commands of the candidates over
-    those of the devices, `None` for these. `streams` are numbers of the motions. Each realisation has the building at
+    `gains`, `shaping` and `theta` go into `RunsOfLoop`; `factors` are the largest commands of the candidates over the
+    largest of the devices, `None` for these. `streams` are numbers of the motions. Each realisation has the building at
     its place, of which there are `springs` of the storeys, a further delay in integration steps and a seed.
     """
 
@@ -861,46 +810,46 @@ class _Call:
 
     def responses(self, building: _rust.Building, parts: list[Any], order: NDArray[np.intp]) -> Responses:
         """The responses of runs that were simulated in this order."""
-        loop, shape = self.loop, self.shape
-        if self.changes is not None:
-            parts, shape = (
-                [_moved(parts, order, self.changes.reach)],
-                (1 + 2 * len(self.changes.rows), *shape[1:]),
-            )
-            order = np.arange(math.prod(shape))
-        candidate, _, realisation = np.indices(shape).reshape(3, -1)
-        given = () if loop.law.spec.commands_force else loop.devices
-        found = _responses(parts, np.argsort(order), building, loop.hardware, shape, given, loop.motions)
-        found = found.with_numbers(
-            **_shears(loop.building, found.numbers, self.springs, self.places[realisation])
+        loop, shape, places, histories = self.loop, self.shape, np.argsort(order), None
+        summary, outcome, steps = (
+            np.concatenate([part[each] for part in parts])[places] for each in range(3)
         )
+        if self.changes is not None:
+            slopes = np.concatenate([part[4] for part in parts])[places]
+            reaches = (self.changes.reach, -self.changes.reach)
+            moves = [reach * slopes[:, k] for k in range(slopes.shape[1]) for reach in reaches]
+            shape = (1 + len(moves), *shape[1:])
+            summary = np.concatenate([summary, *(summary + move for move in moves)])
+            outcome, steps = (np.tile(each, shape[0]) for each in (outcome, steps))
+        elif parts[0][3] is not None:
+            layout, rows = building.history_layout, [own for part in parts for own in part[3]]
+            histories = tuple(
+                History(
+                    time=np.arange(len(rows[place]), dtype=np.float64) * loop.hardware.sample_time,
+                    numbers=columns_by_name(rows[place], history_signals(), layout),
+                )
+                for place in places
+            )
+        candidate, _, realisation = np.indices(shape).reshape(3, -1)
+        numbers = columns_by_name(summary, run_quantities(), building.summary_layout)
+        numbers |= _shears(loop.building, numbers, self.springs, self.places[realisation])
         if loop.n_commanded < len(loop.devices):
             # Devices that no law commands count in no criterion of the command.
             of_law = np.arange(len(loop.devices)) < loop.n_commanded
             names = {each.quantity for each in criteria() if each.of_command}
-            found = found.with_numbers(
-                **{name: np.where(of_law, found.numbers[name], np.nan) for name in names}
-            )
-        if self.factors is None:
-            return found
-        scale = self.factors[candidate]
-        return found.with_numbers(**{name: found.numbers[name] * scale for name in _COMMANDS})
-
-
-def _moved(parts: list[Any], order: NDArray[np.intp], reach: float) -> tuple[Any, ...]:
-    """Summaries, outcomes and steps of all runs, candidate by candidate, see `GainChanges`."""
-    places = np.argsort(order)
-    summary, outcome, steps, slopes = (
-        np.concatenate([part[each] for part in parts])[places] for each in (0, 1, 2, 4)
-    )
-    moves = [sign * reach * slopes[:, k] for k in range(slopes.shape[1]) for sign in (1.0, -1.0)]
-    n_candidates = 1 + len(moves)
-    return (
-        np.concatenate([summary, *(summary + move for move in moves)]),
-        np.tile(outcome, n_candidates),
-        np.tile(steps, n_candidates),
-        None,
-    )
+            numbers |= {name: np.where(of_law, numbers[name], np.nan) for name in names}
+        if self.factors is not None:
+            numbers |= {name: numbers[name] * self.factors[candidate] for name in _COMMANDS}
+        return Responses(
+            shape=shape,
+            outcome=outcome,
+            steps=steps,
+            histories=histories,
+            devices=() if loop.law.spec.commands_force else loop.devices,
+            seconds=tuple(motion.duration for motion in loop.motions),
+            motions=tuple(motion.name for motion in loop.motions),
+            numbers=numbers,
+        )
 
 
 def _shears(
@@ -926,16 +875,6 @@ def _shears(
     return linear | {name: np.full_like(numbers[name], np.nan) for name, says in known.items() if not says}
 
 
-def _without_gains(law: ControlLaw, n_devices: int, n_states: int) -> ControlLaw:
-    """The law as its candidates share it: with gains of zero, which are of no candidate."""
-    zeros = {
-        gain.name: np.zeros(gain.shape_for(n_devices, n_states))
-        for gain in law.spec.gains
-        if gain.name in law.gains
-    }
-    return replace(law, gains=zeros, weights=None, margins=None, notes=())
-
-
 def _core_shaping(law: ControlLaw, given: ArrayLike | None) -> Floats | None:
     """Dead zone and slope of the command, shape (1 or n_candidates, 2); `None` for no shaping."""
     if given is None:
@@ -956,7 +895,8 @@ def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
         shape = gain.shape_for(len(devices), 0)
         commands = np.asarray(law.gains[gain.name], dtype=np.float64).reshape(-1, *shape)
         for device, column in zip(devices, np.moveaxis(commands, 1, 0), strict=True):
-            wrong = (column < 0.0) | (column > device.largest_command * _ROUNDED)
+            # Largest commands that are shares of others are rounded.
+            wrong = (column < 0.0) | (column > device.largest_command * (1.0 + 1e-9))
             if wrong.any():
                 warnings.warn(
                     f"`{gain.name}` of {law.name} is {column[wrong][0]:g} for {device.name}, whose driver gives 0 to "
@@ -976,7 +916,7 @@ def _command_factors(
     *,
     histories: bool,
 ) -> Floats:
-    """Largest command of each candidate over that of each device, shape (n_candidates, n_devices)."""
+    """Largest command of each candidate over the largest of each device, shape (n_candidates, n_devices)."""
     if not law.spec.sends_share:
         raise SettingError(
             f"{law.name} sends commands that are no share of the largest one; simulate devices of that largest command"
@@ -988,49 +928,13 @@ def _command_factors(
             "largest commands of candidates go with neither histories nor a rate limit or faults of the command; "
             "simulate devices of that largest command"
         )
-    given = np.atleast_1d(np.asarray(largest_commands, dtype=np.float64))
-    if given.ndim != 1 or not given.size:
-        raise SettingError(f"`largest_commands` has shape {given.shape}; give (n_candidates,)")
+    given = np.ravel(np.asarray(largest_commands, dtype=np.float64))
     largest = [1.0 if sends_shares(devices) else device.largest_command for device in devices]
     factors: Floats = given[:, None] / np.array(largest)
     # A device of a smaller driver gets what that gives.
     if not (factors > 0.0).all() or not (factors.min(axis=1) <= 1.0).all():
         raise SettingError(
             f"`largest_commands` are from {given.min():g} to {given.max():g}; give one for each candidate, positive "
-            "and up to that of the devices"
+            "and up to the largest of the devices"
         )
     return np.minimum(factors, 1.0)
-
-
-def _responses(
-    parts: list[Any],
-    places: NDArray[np.intp],
-    building: _rust.Building,
-    hardware: Hardware,
-    shape: tuple[int, int, int],
-    devices: tuple[Device, ...],
-    motions: Sequence[GroundMotion],
-) -> Responses:
-    summary, outcome, steps = (np.concatenate([part[each] for part in parts])[places] for each in range(3))
-    quantities = columns_by_name(summary, run_quantities(), building.summary_layout)
-    histories = None
-    if parts[0][3] is not None:
-        layout = building.history_layout
-        rows = [own for part in parts for own in part[3]]
-        histories = tuple(
-            History(
-                time=np.arange(len(rows[place]), dtype=np.float64) * hardware.sample_time,
-                numbers=columns_by_name(rows[place], history_signals(), layout),
-            )
-            for place in places
-        )
-    return Responses(
-        shape=shape,
-        outcome=outcome,
-        steps=steps,
-        histories=histories,
-        devices=devices,
-        seconds=tuple(motion.duration for motion in motions),
-        motions=tuple(motion.name for motion in motions),
-        numbers=quantities,
-    )

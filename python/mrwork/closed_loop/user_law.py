@@ -1,13 +1,12 @@
 """Control laws in Python: a function of what is measured, asked by the loop at every control sample.
 
-The loop itself is that of every law. It waits for Python at each sample, some tens of microseconds: a run of the
+The loop itself is the same for every law. It waits for Python at each sample, some tens of microseconds: a run of the
 five-storey frame at 1 ms takes some seven times as long as one with a law of the registry. Candidates in one batch
 share the waiting. What a function raises has file and line.
 """
 
 from __future__ import annotations
 
-import inspect
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,16 +23,6 @@ from mrwork.buildings.matrices import Device
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.store.user_python import file_of, in_words, place_of, place_raised
-
-
-def _never_a_value(function: Callable[..., object]) -> str:
-    """Why what a function returns can be no value, if it cannot."""
-    if inspect.iscoroutinefunction(function) or inspect.isasyncgenfunction(function):
-        return "is declared with async def, so it returns a coroutine and no value; declare it with def"
-    if inspect.isgeneratorfunction(function):
-        return "has a yield, so it returns a generator and no value; return the value instead"
-    return ""
-
 
 MOST_MEMORY = 1_000_000
 """Most numbers that a run may keep from sample to sample."""
@@ -195,7 +184,7 @@ class UserLaw(Summarised):
     Raises
     ------
     SettingError
-        If a number is out of range, or `command` is a coroutine or a generator.
+        If a number is out of range.
 
     Examples
     --------
@@ -222,10 +211,6 @@ class UserLaw(Summarised):
     rms_time: Positive | None = None
     source: str = ""
     notes: ClassVar[tuple[str, ...]] = ()
-
-    def __post_init__(self) -> None:
-        if reason := _never_a_value(self.command):
-            raise SettingError(f"{self._title} {reason}")
 
     @property
     def _title(self) -> str:
@@ -267,9 +252,7 @@ class UserLaw(Summarised):
             )
             try:
                 returned = self.command(sample, kept)
-            except KeyboardInterrupt:
-                raise
-            except BaseException as error:
+            except Exception as error:
                 place = place_raised(error, file_of(self.command))
                 where = f" in {place}" if place else ""
                 raise SettingError(
@@ -286,8 +269,6 @@ class UserLaw(Summarised):
         try:
             commands: Floats = accept(_COMMANDS, returned)
         except Refusal as refusal:
-            if inspect.iscoroutine(returned):
-                returned.close()
             raise SettingError(
                 f"{self._title}: what it returned at {sample.time:g} s {refusal.in_words()}"
             ) from None

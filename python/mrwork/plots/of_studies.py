@@ -15,7 +15,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
-from mrwork.closed_loop.responses import History, Responses, own_axis, run_quantities, unit_of
+from mrwork.closed_loop.responses import History, Responses, quantity_named, run_quantities
 from mrwork.dampers.design.sizing import SizeFront
 from mrwork.errors import SettingError
 from mrwork.plots import style
@@ -133,7 +133,7 @@ def storey_profiles(
         known.append(RATIO)
     check_known(quantity, known, f"storeys and floors have no quantity {quantity!r}", otherwise="they have")
     base = "peak_drift" if quantity == RATIO else quantity
-    (axis,) = own_axis(base)
+    (axis,) = quantity_named(base).own_axes
     if isinstance(result, StudyResults):
         names = result.floor_names if axis == "floor" else result.storey_names
         lines = _lines_of_study(result, base, motion, rows, behind)
@@ -148,7 +148,7 @@ def storey_profiles(
     if quantity == RATIO and facts is not None:
         factor, symbol = 100.0 / np.array(facts.heights), "%"
     else:
-        unit = shown_unit_of(unit_of(quantity), max(float(values.max()) for _, values, _ in lines))
+        unit = shown_unit_of(quantity_named(quantity).unit, max(float(values.max()) for _, values, _ in lines))
         factor, symbol = unit.factor, unit.symbol
     axes, heights = axes_for(ax), np.arange(1, len(names) + 1)
     for number, (label, values, stroke) in enumerate(lines):

@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from mrwork.base.arguments import Whole
 from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
-from mrwork.closed_loop.responses import COMMAND_UNIT, History, axis_of, description_of, unit_of
+from mrwork.closed_loop.responses import COMMAND_UNIT, History, quantity_named
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
@@ -275,16 +275,19 @@ def _signals(result: GroundMotion | History, ax: Axes | None, signal: str, *, le
         signal = "ground_acceleration"
         result = History(time=result.time, numbers={signal: np.asarray(result.acceleration)})
     check_known(signal, result.numbers, f"a history has no signal {signal!r}")
-    words = description_of(signal)
+    of = quantity_named(signal)
     values = np.asarray(result.numbers[signal])
-    axes, unit = axes_for(ax), shown_unit_of(unit_of(signal), _largest(values))
+    axes, unit = axes_for(ax), shown_unit_of(of.unit, _largest(values))
     columns = values.reshape(len(values), -1).T * unit.factor
     for number, column in enumerate(columns):
         tone = to_hex(style.TONES(0.5 if len(columns) == 1 else number / (len(columns) - 1)))
-        label = f"{axis_of(signal)} {number + 1}" if values.ndim > 1 else words
+        label = f"{of.axis} {number + 1}" if values.ndim > 1 else of.description
         axes.plot(result.time, column, color=tone, linewidth=0.9, label=label)
     return finished(
-        axes, "Time (s)", with_unit(f"{words[:1].upper()}{words[1:]}", unit.symbol), legend=legend
+        axes,
+        "Time (s)",
+        with_unit(f"{of.description[:1].upper()}{of.description[1:]}", unit.symbol),
+        legend=legend,
     )
 
 

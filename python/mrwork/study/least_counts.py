@@ -15,7 +15,7 @@ from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.buildings.groups import commanded
 from mrwork.closed_loop.evaluation import Scales, criterion
-from mrwork.closed_loop.responses import axis_of, in_command_unit
+from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.errors import Interrupted, SettingError
 from mrwork.study.constant import n_constant
 from mrwork.study.course import StudyProgress
@@ -222,7 +222,7 @@ def damper_counts(
             "[building]"
         )
     ((name, value),) = limit_of(given, study.command_unit, Scales.of(study.building)).items()
-    if axis_of(criterion(name).quantity) == "device":
+    if quantity_named(criterion(name).quantity).axis == "device":
         raise SettingError(
             f"{name} is of the dampers; give a limit on the building, as peak_drift or peak_acceleration"
         )

@@ -24,10 +24,9 @@ from mrwork.closed_loop.responses import (
     Quantity,
     Responses,
     command_unit_of,
-    description_of,
     in_command_unit,
+    quantity_named,
     run_quantities,
-    unit_of,
 )
 from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import least_stroke
@@ -87,7 +86,8 @@ def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
 def study_criteria(command_unit: str) -> tuple[Quantity, ...]:
     """Every criterion as a quantity of a run, and the error of its energies."""
     named = [(each.name, each.unit, each.title) for each in criteria()]
-    named.append(("energy_error", unit_of("energy_error"), description_of("energy_error")))
+    error = quantity_named("energy_error")
+    named.append((error.name, error.unit, error.description))
     return tuple(
         Quantity(name=name, axis="run", unit=in_command_unit(unit, command_unit), description=words)
         for name, unit, words in named
@@ -278,16 +278,7 @@ class Runs(Labelled, WithAxes, Summarised):
             title=f"Runs by {list_names(first)}",
             rows=first,
             labels={axis: labels_of(list(labels)) for axis, labels in self.axes.items()},
-            arrays={
-                each.name: NamedArray.of(
-                    self.numbers[each.name],
-                    *first,
-                    *each.own_axes,
-                    unit=each.unit,
-                    long_name=each.description,
-                )
-                for each in self.declared
-            }
+            arrays={each.name: each.array(self.numbers[each.name], *first) for each in self.declared}
             | {"outcome": NamedArray.of(outcome_names(self.outcome), *first, long_name="how the run ended")},
         )
 

@@ -15,7 +15,7 @@ import numpy as np
 from mrwork.base.numbers import NOTHING, format_fixed, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import SCORE, criterion
-from mrwork.closed_loop.responses import axis_of, in_command_unit
+from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.study.comparison import (
     BOTH,
     StudyComparison,
@@ -129,7 +129,9 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         )
         for name, shown, _ in values
     )
-    of_building = [axis_of(criterion(name).quantity) != "device" for name, *_ in values].index(False)
+    of_building = [quantity_named(criterion(name).quantity).axis != "device" for name, *_ in values].index(
+        False
+    )
     return Table(
         label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
         columns=("", *heads),
