@@ -92,6 +92,35 @@ def test_posterior_draws_of_a_run_are_spread_over_the_realisations(tmp_path: Pat
     assert found == pytest.approx([0.9, 0.95, 1.0, 1.05, 1.1])
 
 
+def test_storeys_that_yield_vary_in_stiffness_and_strength_and_keep_their_yield_drift(tmp_path: Path) -> None:
+    given = study(tmp_path)
+    arrangement = next(each for each in given.arrangements if each.row.kind == "controller")
+    softer, damping = 0.8 * arrangement.bare.stiffness, arrangement.bare.damping
+    drift = {"yield_drift": 5e-4}
+    frame, soft = (
+        mr.buildings.with_storeys_that_yield(each, **drift)
+        for each in (arrangement.bare, replace(arrangement.bare, stiffness=softer, damping=damping))
+    )
+    arrangement = replace(arrangement, bare=frame, building=frame)
+    varied = vary_building(arrangement, stiffness=0.8, damping=1.0)
+    np.testing.assert_allclose(
+        [each.numbers for each in varied.elements], [each.numbers for each in soft.elements], rtol=1e-12
+    )
+    one = nominal(given.devices)
+    realisations = replace(
+        one, stiffness=np.array([1.0, 0.8]), damping=np.ones(2), delay=np.zeros(2), seed=np.arange(2)
+    )
+    inputs = (given.grounds, given.hardware)
+    found = simulate_criteria(arrangement, arrangement.law, *inputs, realisations, threads=1)
+    assert found.axes["realisation"] == ("1", "2")
+    assert (found.numbers["peak_ductility"] > 1.5).any()
+    for place, building in enumerate((frame, soft)):
+        alone = replace(arrangement, building=building)
+        expected = simulate_criteria(alone, arrangement.law, *inputs, one, threads=1)
+        for name, array in found.numbers.items():
+            np.testing.assert_allclose(array[..., place], expected.numbers[name][..., 0], rtol=1e-9)
+
+
 def test_the_spring_of_a_tuned_mass_does_not_vary_with_the_building() -> None:
     bare = mr.building("uts")
     tuned = with_tuned_mass(bare, floor=5, mass=30.0, frequency=3.0, ratio=0.1)

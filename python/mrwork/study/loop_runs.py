@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
+from mrwork.buildings.yielding import with_factors
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import command_unit_of
@@ -19,7 +21,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.realisations import Realisations
-from mrwork.study.runs import Runs, candidate_axes, runs_of
+from mrwork.study.runs import Runs, candidate_axes, numbered, runs_of
 from mrwork.study.study import Arrangement, StudyLaw
 
 OnBlock = Callable[[int, int], None]
@@ -58,9 +60,33 @@ def simulate_criteria(
 ) -> Runs:
     """Criteria of candidates of a law under motions, with realisations, in one call of the core.
 
-    The observer, if there is one, is that of the nominal building. `largest_commands` and `shaping` are those of the
-    candidates, see `simulate_loop`, and `changes` make candidates of one law.
+    The observer, if there is one, is designed for the nominal building, and laws go on believing in it.
+    `largest_commands` and `shaping` belong to the candidates, see `simulate_loop`; `changes` make candidates of one
+    law. Storeys that yield have one strength in a call, so that realisations of their stiffness are calls of their own.
     """
+    yields = any(each.in_stiffness for each in arrangement.building.elements)
+    if yields and len(realisations) > 1 and (realisations.stiffness != 1.0).any():
+        count = len(realisations)
+
+        def alone(place: int) -> Runs:
+            def on_part(done: int, of: int) -> None:
+                if on_block is not None:
+                    on_block(place * of + done, count * of)
+
+            return simulate_criteria(
+                arrangement,
+                law,
+                motions,
+                hardware,
+                realisations.alone(place),
+                largest_commands=largest_commands,
+                shaping=shaping,
+                threads=threads,
+                on_block=on_part,
+                changes=changes,
+            )
+
+        return reduce(Runs.beside, map(alone, range(count))).with_labels("realisation", numbered(count))
     noisy = any(noise for noise, _ in hardware.sensors)
     factors = list(zip(realisations.stiffness.tolist(), realisations.damping.tolist(), strict=True))
     buildings = {
@@ -71,14 +97,16 @@ def simulate_criteria(
     if arrangement.devices:
         draws = zip(devices, realisations.theta, strict=True)
         devices = [replace(device, theta=theta) for device, theta in draws]
+    varied = tuple(buildings[each] for each in factors)
     responses = simulate_loop(
-        building,
+        varied[0] if yields else building,
         devices,
         loop_law,
         motions,
         hardware,
+        nominal=building,
         variation=LoopVariation(
-            buildings=tuple(buildings[each] for each in factors),
+            buildings=varied,
             delay=realisations.delay,
             seed=realisations.seed if noisy else np.zeros_like(realisations.seed),
             changes=changes,
@@ -107,16 +135,12 @@ def scales_of(arrangement: Arrangement) -> Scales:
 def vary_building(arrangement: Arrangement, *, stiffness: float, damping: float) -> Building:
     """The building of an arrangement with factors of stiffness and damping of the bare building.
 
-    What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned.
+    What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned. Storeys that yield
+    keep their yield drift: before and after yielding, and in strength, they change by the factor of the stiffness.
     """
     if stiffness == 1.0 and damping == 1.0:
         return arrangement.building
     building, bare = arrangement.building, arrangement.bare
-    if stiffness != 1.0 and any(each.in_stiffness for each in building.elements):
-        raise SettingError(
-            f"{building.name} has storeys that yield, of which strength and stiffness go together; leave the stiffness "
-            "of the building out of its uncertainty"
-        )
     drifts = bare.drifts
     if building.n_coordinates == bare.n_coordinates:
         back: Floats = np.eye(bare.n_coordinates)
@@ -125,11 +149,12 @@ def vary_building(arrangement: Arrangement, *, stiffness: float, damping: float)
         back = np.asarray(np.linalg.solve(drifts, building.storeys[arrangement.places["storey"]]))
     else:
         raise SettingError(
-            f"{building.name}: stiffness and damping of the building cannot be told from those of what was added to "
-            "it, because its storeys do not determine its coordinates; leave both out of its uncertainty"
+            f"{building.name}: stiffness and damping of the building cannot be told from what additions have of "
+            "both, because its storeys do not determine its coordinates; leave both out of its uncertainty"
         )
     return replace(
         building,
         stiffness=building.stiffness + (stiffness - 1.0) * back.T @ bare.stiffness @ back,
         damping=building.damping + (damping - 1.0) * back.T @ bare.damping @ back,
+        elements=with_factors(building, stiffness=stiffness).elements,
     )

@@ -39,6 +39,17 @@ class Realisations(Summarised):
         """Number of realisations."""
         return len(self.stiffness)
 
+    def alone(self, place: int) -> Realisations:
+        """The one realisation at a place."""
+        here = slice(place, place + 1)
+        return Realisations(
+            stiffness=self.stiffness[here],
+            damping=self.damping[here],
+            delay=self.delay[here],
+            seed=self.seed[here],
+            theta=tuple(each[here] if len(each) > 1 else each for each in self.theta),
+        )
+
     @property
     def digest(self) -> str:
         """Digest of all numbers."""
