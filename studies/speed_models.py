@@ -64,9 +64,9 @@ def workload(spec):
 
 
 # %% The twin's equations, for one candidate; `vmap` makes a batch of them, split over one device per core.
-def by_simulation(spec, dt):
-    def misfit(theta, stages, measured):
-        return jnp.sum(jnp.square(mr.twins.simulate(spec, theta, stages, dt) - measured))
+def by_simulation(spec):
+    def misfit(theta, record, measured):
+        return jnp.sum(jnp.square(mr.twins.simulate(spec, theta, record, 1) - measured))
 
     return misfit
 
@@ -117,8 +117,9 @@ for name in names:
     theta, objective, stages, test = workload(spec)
     expected = objective.misfits(theta)[0].squared_error
     runs = {"ours": lambda theta=theta, objective=objective: objective.misfits(theta)}
-    for peer, form in {"jax": by_simulation, "jax_scan": by_scan}.items():
-        runs[peer] = compiled(form(spec, test.dt), theta, stages, test.force)
+    simulated = by_simulation(spec), mr.jax.twin(spec).record(test)
+    for peer, (form, motion) in {"jax": simulated, "jax_scan": (by_scan(spec, test.dt), stages)}.items():
+        runs[peer] = compiled(form, theta, motion, test.force)
         difference = float(np.max(np.abs(np.asarray(runs[peer]()) / expected - 1.0)))
         agreement.setdefault(name, {})[peer] = difference
     if max(agreement[name].values()) > 1e-9:

@@ -7,14 +7,16 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from damper_samples import DT, N_TIME, noise, sine
+from damper_samples import N_TIME, noise, sine
 from refusals import refusal
 
 from mrwork import _rust
 from mrwork.dampers import damper
 from mrwork.dampers.laws import named_laws
 from mrwork.dampers.simulation import Outcome, simulate_force, simulate_forces
-from mrwork.twins.models import parameters_at, simulate
+from mrwork.twins.models import parameters_at
+from mrwork.twins.own_stepping import simulate
+from mrwork.twins.record_arrays import RecordArrays
 
 LAWS = ("linear", "values:0,0.5,1", "quadratic", "linear:0.2,0.8", "cubic", "exponential")
 
@@ -91,8 +93,8 @@ def test_twin_agrees_under_a_stepped_command(spec, lagged):
     history = replace(sine(), command=stepped_command(), command_unit="A").history()
     run = simulate_forces(model, theta[None], history)
     assert run.outcome[0] == Outcome.FINISHED
-    twin = jax.jit(lambda theta, stages, command: simulate(model, theta, stages, DT, command))
-    force = np.asarray(twin(theta, history.stages(int(run.substeps[0])), history.command))
+    twin = jax.jit(lambda theta, record: simulate(model, theta, record, int(run.substeps[0])))
+    force = np.asarray(twin(theta, RecordArrays.of(history)))
     assert np.max(np.abs(force - run.force[0])) <= 1e-10 * np.max(np.abs(run.force[0]))
     steady = simulate_force(model, theta, replace(sine(), command=0.4, command_unit="A"))
     # Before the step nothing is known of it, but its stiffness decides the sub-steps; after it the force is another.

@@ -15,7 +15,9 @@ from test_damper_twin import rows_to_compare
 
 from mrwork.dampers import damper_models
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces, simulate_sensitivities
-from mrwork.twins.models import parameters_at, simulate
+from mrwork.twins.models import parameters_at
+from mrwork.twins.own_stepping import simulate
+from mrwork.twins.record_arrays import RecordArrays
 
 MOST_SUBSTEPS = 16
 
@@ -63,8 +65,8 @@ def test_coefficients_of_laws_and_the_lag_are_differentiated_too(spec):
     history = replace(sine(), command=stepped_command(), command_unit="A").history()
     run = simulate_sensitivities(model, theta[None], history)
     assert_same_bits(run.force, simulate_forces(model, theta[None], history).force)
-    stages = history.stages(int(run.substeps[0]))
-    jacobian = jax.jit(jax.jacfwd(lambda theta: simulate(model, theta, stages, DT, history.command)))
+    record, substeps = RecordArrays.of(history), int(run.substeps[0])
+    jacobian = jax.jit(jax.jacfwd(lambda theta: simulate(model, theta, record, substeps)))
     expected = np.asarray(jacobian(theta)).T
     error, norm = (np.linalg.norm(each, axis=1) for each in (run.jacobian[0] - expected, expected))
     # Columns that the force does not feel are let be.

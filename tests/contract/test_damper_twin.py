@@ -11,7 +11,9 @@ from damper_samples import DT, noise, random_theta
 from mrwork import _rust
 from mrwork.dampers import damper_models
 from mrwork.dampers.simulation import Loading, simulate_forces, simulate_sensitivities
-from mrwork.twins.models import simulate, twin_of
+from mrwork.twins.models import twin_of
+from mrwork.twins.own_stepping import simulate
+from mrwork.twins.record_arrays import RecordArrays
 
 # Sub-steps beyond this only make the twin slow, they exercise no other line of it.
 SUBSTEPS_TO_COMPARE = 32
@@ -19,12 +21,13 @@ SUBSTEPS_TO_COMPARE = 32
 
 @pytest.fixture(scope="module")
 def trajectory(spec):
-    return jax.jit(lambda theta, stages: simulate(spec, theta, stages, DT))
+    return jax.jit(lambda theta, record, substeps: simulate(spec, theta, record, substeps), static_argnums=2)
 
 
 @pytest.fixture(scope="module")
 def jacobian(spec):
-    return jax.jit(jax.jacfwd(lambda theta, stages: simulate(spec, theta, stages, DT)))
+    forward = jax.jacfwd(lambda theta, record, substeps: simulate(spec, theta, record, substeps))
+    return jax.jit(forward, static_argnums=2)
 
 
 def rows_to_compare(spec, history, n_random):
@@ -66,7 +69,7 @@ def test_trajectories_agree(spec, motion, trajectory):
     assert len(theta) == 5
     run = simulate_forces(spec, theta, history)
     for row, force, substeps in zip(theta, run.force, run.substeps, strict=True):
-        twin_force = np.asarray(trajectory(row, history.stages(int(substeps))))
+        twin_force = np.asarray(trajectory(row, RecordArrays.of(history), int(substeps)))
         assert np.max(np.abs(twin_force - force)) <= 1e-10 * np.max(np.abs(force))
 
 
@@ -77,7 +80,7 @@ def test_derivative_is_that_of_the_kernel(spec, jacobian):
     run = simulate_sensitivities(spec, rows, history)
     # Those that take as many sub-steps as the nominal one, for which the twin is compiled.
     for k in np.flatnonzero(run.substeps == run.substeps[0]):
-        expected = np.asarray(jacobian(rows[k], history.stages(int(run.substeps[0])))).T
+        expected = np.asarray(jacobian(rows[k], RecordArrays.of(history), int(run.substeps[0]))).T
         error, norm = (np.linalg.norm(each, axis=1) for each in (run.jacobian[k] - expected, expected))
         # Columns that the force does not feel are let be.
         felt = norm * np.abs(rows[k]) > 1e-12 * np.linalg.norm(run.force[k])
@@ -111,7 +114,9 @@ def test_derivative_of_a_damper_that_never_moves_is_finite(spec, jacobian):
     history = noise().history()
     substeps = int(simulate_forces(spec, spec.nominal[None], history).substeps[0])
     # As many sub-steps as of the motion above, for which this is compiled.
-    assert np.all(np.isfinite(jacobian(spec.nominal, np.zeros_like(history.stages(substeps)))))
+    record = RecordArrays.of(history)
+    still = record._replace(splines=0.0 * record.splines, facts=record.facts.at[1:].set(0.0))
+    assert np.all(np.isfinite(jacobian(jnp.array(spec.nominal), still, substeps)))
 
 
 # The step is differentiated backwards by JAX, whatever the model, whose own equations are above; a compilation each.
@@ -127,18 +132,18 @@ def test_gradients_side_by_side_trace_once_and_are_those_of_the_kernel(spec):
     numbers, rows = np.unique(run.substeps[run.substeps > 0], return_counts=True)
     chosen = np.flatnonzero(run.substeps == numbers[np.argmax(rows)])[:4]
     assert len(chosen) == 4
-    theta, stages = theta[chosen], jnp.asarray(history.stages(int(run.substeps[chosen[0]])))
+    theta, record, substeps = theta[chosen], RecordArrays.of(history), int(run.substeps[chosen[0]])
 
-    def energy(theta, stages):
+    def energy(theta, record):
         nonlocal traces
         traces += 1
-        return jnp.sum(simulate(spec, theta, stages, DT) ** 2)
+        return jnp.sum(simulate(spec, theta, record, substeps) ** 2)
 
     gradients = jax.jit(jax.vmap(jax.grad(energy), in_axes=(0, None)))
-    first = gradients(theta, stages)
-    second = gradients(theta[::-1], stages)
+    first = gradients(theta, record)
+    second = gradients(theta[::-1], record)
     assert traces == 1
-    gradients(theta, 0.5 * stages)
+    gradients(theta, record._replace(splines=0.5 * record.splines))
     assert traces == 1
     np.testing.assert_allclose(first, second[::-1], rtol=1e-12)
     assert np.all(np.isfinite(first))

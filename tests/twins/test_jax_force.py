@@ -213,10 +213,6 @@ def test_wrong_points_and_settings_are_told() -> None:
     refusal(mr.jax.twin(SPEC).substeps, nominal * np.nan, RECORD, match="too stiff")
 
 
-def test_the_interface_is_that_of_the_installed_xla() -> None:
-    assert (0, 3) <= kernel._interface() <= kernel._TESTED
-
-
 def test_a_wrong_call_is_an_error_of_xla_and_not_a_crash() -> None:
     record, theta = RecordArrays.of(RECORD.history()), jnp.array(SPEC.nominal)
     Kernel.of(SPEC)

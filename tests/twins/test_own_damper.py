@@ -53,7 +53,7 @@ LOOP: dict[str, Any] = {"rate": fades, "states": 1}
 EQUATION = """
 import jax, jax.numpy as jnp, numpy as np
 class Helper: gain = 2.0
-SHORT, CALLS, HELPER = np.float32(0.1), [0.0], Helper()
+SHORT, HELPER = np.float32(0.1), Helper()
 def force(p, state, {arguments}):
     {lines}
 """
@@ -74,7 +74,6 @@ def force(p, state, {arguments}):
         ("return jnp.sqrt(p.c * jnp.abs(velocity))", "derivative by c"),
         ("return HELPER.gain * p.c * velocity", "HELPER, of the type Helper"),
         ("return -p.c * velocity", "turn its sign"),
-        ("CALLS[0] += 1.0; return p.c * velocity * CALLS[0]", "change nothing outside"),
         ("jax.debug.print('{}', velocity); return p.c * velocity", "jax.debug"),
     ],
 )

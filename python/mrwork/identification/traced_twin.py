@@ -16,7 +16,8 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import loading_for
 from mrwork.records import DamperTest
-from mrwork.twins.models import begin, evaluate_on_processor, parameters_at, simulate, twin_of
+from mrwork.twins.models import begin, evaluate_on_processor, parameters_at, twin_of
+from mrwork.twins.own_stepping import simulate
 from mrwork.twins.record_arrays import RecordArrays
 
 
@@ -59,9 +60,7 @@ class DamperTwin(Summarised):
             raise SettingError(f"`substeps` is {substeps}; give a whole number, see `substeps` of the twin")
 
         def force(theta: Array, record: RecordArrays) -> Array:
-            command = record.command
-            held = command[0] if command.shape[-1] == 1 else command
-            return simulate(self.spec, theta, record.stages(substeps), record.facts[0], held)
+            return simulate(self.spec, theta, record, substeps)
 
         return evaluate_on_processor(force, jnp.asarray(theta), record)
 

@@ -106,7 +106,7 @@ class Loop(Summarised):
     shaping: tuple[float, float]
 
     def __call__(self, inputs: LoopInputs | None = None, *, histories: bool = True) -> LoopOutputs:
-        """The results for inputs, by default those of the loop; without `histories` the history is empty."""
+        """The results for inputs, by default its own; without `histories` the history is empty."""
         given, hardware, steps = self.inputs if inputs is None else inputs, self.hardware, self.steps
         n_samples = len(self.time) - 1
         n_kept = power_of_two(n_samples, STRETCH)
@@ -281,7 +281,7 @@ def loop(
     gains, believed, shaping, commands = {}, None, (0.0, np.inf), None
     if isinstance(law, ControlLaw):
         if len(law.gain_rows(len(devices), 2 * building.n_coordinates)) != 1:
-            raise SettingError(f"the gains of {name} are of several candidates; give those of one")
+            raise SettingError(f"the gains of {name} are of several candidates; give gains of one")
         shapes = {
             gain.name: gain.shape_for(len(devices), 2 * building.n_coordinates) for gain in law.spec.gains
         }

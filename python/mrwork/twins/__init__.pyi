@@ -1,2 +1,2 @@
 from .models import power as power
-from .models import simulate as simulate
+from .own_stepping import simulate as simulate

@@ -6,29 +6,27 @@ record, with its splines, is an operand like the parameters, so a compiled progr
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from pathlib import Path
 from typing import Any
-from warnings import warn
 
 import jax
 import jax.interpreters.batching
 import jax.interpreters.mlir
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 from jax.extend.core import Primitive
 
 from mrwork import _rust
+from mrwork.dampers.simulation import MOST_SUBSTEPS
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import LibraryError, MrworkWarning, SettingError
+from mrwork.errors import LibraryError, SettingError
 from mrwork.store.codec import package_version
-from mrwork.twins.models import begin
-from mrwork.twins.own_kernel import force_and_slope
+from mrwork.twins.models import begin, twin_of
+from mrwork.twins.own_stepping import FINER, N_LEVELS, RESOLUTION, Rows, fastest, simulate_one, whole_steps
 from mrwork.twins.record_arrays import RecordArrays
 
 # jax leaves these unannotated.
@@ -37,8 +35,6 @@ _ffi: Any = jax.ffi
 _interpreters: Any = jax.interpreters
 
 _TARGET = "mrwork_damper_force"
-# The latest version of XLA's interface that the tests have run with, as jaxlib 0.12 has it.
-_TESTED = (0, 5)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,31 +79,15 @@ class Kernel:
 @cache
 def _register() -> None:
     """Register the operation; a version of jaxlib that does not take it raises a LibraryError."""
-    address, spoken = _rust.xla_handler()
-    found = _interface()
-    said = f"mr.jax speaks XLA's interface {spoken[0]}.{spoken[1]}"
-    installed = f"jaxlib {package_version('jaxlib')}"
-    if found < tuple(spoken):
-        raise LibraryError(f"{said}, and {installed} an older one; install jax 0.10 or later")
-    if found > _TESTED:
-        warn(
-            f"{said} and was tested with {_TESTED[0]}.{_TESTED[1]}; {installed} has {found[0]}.{found[1]}, so "
-            "compare a force with mr.simulate first",
-            MrworkWarning,
-            stacklevel=2,
-        )
+    address, (major, minor) = _rust.xla_handler()
     try:
         _ffi.register_ffi_target(_TARGET, _ffi.pycapsule(address), platform="cpu")
     except Exception as error:
         reason = str(error).partition("\n")[0]
-        raise LibraryError(f"{said}, which {installed} refuses ({reason}); install jax 0.12") from None
-
-
-def _interface() -> tuple[int, int]:
-    """The version of the foreign function interface of the XLA that is installed, as its header states it."""
-    header = (Path(_ffi.include_dir()) / "xla" / "ffi" / "api" / "c_api.h").read_text()
-    stated = dict(re.findall(r"define XLA_FFI_API_(MAJOR|MINOR) (\d+)", header))
-    return int(stated["MAJOR"]), int(stated["MINOR"])
+        raise LibraryError(
+            f"mr.jax speaks XLA's interface {major}.{minor}, which jaxlib {package_version('jaxlib')} refuses "
+            f"({reason}); install jax 0.12"
+        ) from None
 
 
 # An identity that has no program but on the processor, so that a program for another device is refused by a sentence.
@@ -132,7 +112,7 @@ def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bo
     """The operation: force, and derivatives, (..., n_columns, n_time), if wanted."""
     if kernel.spec.own is not None:
         columns = kernel.columns if derivatives else ()
-        own = partial(force_and_slope, kernel.spec, columns, kernel.substeps)
+        own = partial(_own_force, kernel.spec, columns, kernel.substeps)
         for _ in theta.shape[:-1]:
             own = jax.vmap(own, in_axes=(0, None))
         return own(theta, record)
@@ -189,3 +169,43 @@ def _refuse_second(kernel: Kernel, primals: object, tangents: object) -> Any:
     raise SettingError(
         "the forces of mr.jax have first derivatives; take second ones from mr.jax.twin, or by differences of gradients"
     )
+
+
+def _own_force(
+    spec: DamperSpec, columns: tuple[int, ...], substeps: int, theta: Array, record: RecordArrays
+) -> tuple[Array, Array]:
+    """Force of one candidate of a damper of the user [N], (n_time,), and its derivatives, (n_columns, n_time).
+
+    Both are infinite and zero where it failed. Sub-steps follow the rule of `own_batches` where `substeps` is 0.
+    """
+    count = jnp.asarray(substeps) if substeps else _own_count(spec, lax.stop_gradient(theta), record)
+
+    def simulated(row: Array) -> Array:
+        return simulate_one(spec, row, record, jnp.maximum(count, 1), bounded=False)[0]
+
+    force, directions = simulated(theta), jnp.eye(len(theta))[jnp.array(columns, dtype=int)]
+    slopes = jax.vmap(lambda direction: jax.jvp(simulated, (theta,), (direction,))[1])(directions)
+    finished = (count > 0) & jnp.all(jnp.isfinite(force)) & jnp.all(jnp.isfinite(slopes))
+    return jnp.where(finished, force, jnp.inf), jnp.where(finished, slopes, 0.0)
+
+
+def _own_count(spec: DamperSpec, theta: Array, record: RecordArrays) -> Array:
+    """Sub-steps that a candidate wants; 0 if they are too many."""
+    if not spec.n_states:
+        return jnp.asarray(1)
+    scale, rows = record.facts[0] / RESOLUTION, Rows(theta[None], record, record.n_time, 1)
+    if twin_of(spec).relaxation is not None:
+        levels = jnp.linspace(jnp.min(record.command), jnp.max(record.command), N_LEVELS)
+        count: Array = whole_steps(fastest(rows, levels, spec=spec)[0] * scale, MOST_SUBSTEPS, jnp)
+        return count
+
+    def finer(carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        count, _ = carry
+        force, bound = simulate_one(spec, theta, record, count, bounded=True)
+        wanted = jnp.where(jnp.all(jnp.isfinite(force)), bound * scale, float(FINER) * count)
+        # NaN at rest stays NaN however fine the step.
+        found = whole_steps(jnp.where(jnp.isfinite(force[0]), wanted, 1.0), MOST_SUBSTEPS, jnp)
+        return jnp.where((found > count) | (found == 0), found, count), (found > count)
+
+    count, _ = lax.while_loop(lambda carry: carry[1], finer, (jnp.asarray(1), jnp.asarray(True)))
+    return count

@@ -89,11 +89,6 @@ class LoopDevice:
         )
 
     @property
-    def lagged(self) -> bool:
-        """Whether the coil follows the command with a lag."""
-        return self.spec.lagged
-
-    @property
     def at_rest(self) -> Array:
         """States of the dampers at rest, one row per direction, shape (1 or 2, n_states)."""
         return jnp.zeros((2 if self.differential else 1, self.spec.n_states))
@@ -114,7 +109,7 @@ class LoopDevice:
 
     def decay(self, time: Array | float) -> Array:
         """Fraction of the difference between command and coil current left after a time [s]; zero without a lag."""
-        left: Array = jnp.exp(-self.theta[-1] * time) if self.lagged else jnp.zeros(())
+        left: Array = jnp.exp(-self.theta[-1] * time) if self.spec.lagged else jnp.zeros(())
         return left
 
     def relaxation(self, p: Any, states: Array, x: Array, v: Array) -> Array:
@@ -322,7 +317,7 @@ class _Loop:
         self.rows = jnp.stack([device.row for device in run.devices])
         # M^-1 e' of all devices, shape (n, n_devices).
         self.pulls = jnp.linalg.solve(run.plant.mass, self.rows.T)
-        self.lagged = jnp.array([device.lagged for device in run.devices])
+        self.lagged = jnp.array([device.spec.lagged for device in run.devices])
         self.fixed = jnp.asarray(run.held, dtype=jnp.float64)
         self.n_driven = len(run.devices) - len(self.fixed)
         self.h = run.sample_time / steps

@@ -129,4 +129,4 @@ LAWS: Mapping[str, Callable[[Gains], Law]] = {
     "signal_network": lambda gains: _SignalNetwork(gains["gain"], gains["network"]),
     "": lambda _: _Prescribed(),
 }
-"""Laws by the name of the law in the core, from their gains; the empty name is that of a table of commands."""
+"""Laws by the name of the law in the core, from their gains; the empty name is for a table of commands."""

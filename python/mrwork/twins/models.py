@@ -1,4 +1,4 @@
-"""Equations of the damper models in JAX: the same as in the Rust core, differentiable, and their simulation.
+"""Equations of the damper models in JAX, the same as in the Rust core, differentiable; and JAX in this process.
 
 A model is its force as a function of parameters `p` (by their names in the spec), state, displacement and velocity,
 under the name of the model. Decorated with `@_twin(rate=...)` it has the rate of its states, a function of the same
@@ -325,89 +325,11 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
     return twin_of(spec).Theta(*values)
 
 
-def simulate(
-    spec: DamperSpec, theta: Array, stages: Array, dt: Array | float, command: Array | float = 0.0
-) -> Array:
-    """Simulate the force of a damper with states that begin at zero, by the stepping rule of the Rust core.
-
-    Parameters
-    ----------
-    theta
-        Parameters in spec order, shape (n_params,).
-    stages
-        Displacement [m] and velocity [m/s] at the stage times, shape (n_time - 1, 2 substeps + 1, 2),
-        from `_rust.LoadingHistory.stages`.
-    dt
-        Sampling step [s].
-    command
-        Command [A or V], one number, or shape (n_time,) with each sample held until the next. The current in
-        the coil begins at the first command.
-
-    Returns
-    -------
-    Array
-        Force [N], shape (n_time,).
-    """
-    twin = twin_of(spec)
-    substeps = (stages.shape[1] - 1) // 2
-    samples = jnp.concatenate([stages[:, 0, :], stages[-1:, -1, :]])
-    command = jnp.asarray(command, dtype=jnp.float64)
-    at_samples, at_steps = None, None
-    if spec.command_unit is not None and command.ndim > 0:
-        at_samples, at_steps = _receive_command(theta, command, dt, substeps, lagged=spec.lagged)
-    else:
-        steady = parameters_at(spec, theta, command)
-
-    def parameters(received: Array | None) -> Any:
-        return steady if received is None else parameters_at(spec, theta, received)
-
-    def force(state: Array, motion: Array, received: Array | None) -> Array:
-        return twin.force(parameters(received), state, motion[0], motion[1])
-
-    if spec.n_states == 0:
-        return jax.vmap(force)(jnp.zeros((len(samples), 0)), samples, at_samples)
-    h = dt / substeps
-
-    def substep(state: Array, motions: Array, received: Array | None) -> Array:
-        start, middle, end = (parameters(None if received is None else received[stage]) for stage in range(3))
-        first = twin.rate(start, state, motions[0, 0], motions[0, 1])
-        second = twin.rate(middle, state + 0.5 * h * first, motions[1, 0], motions[1, 1])
-        third = twin.rate(middle, state + 0.5 * h * second, motions[1, 0], motions[1, 1])
-        fourth = twin.rate(end, state + h * third, motions[2, 0], motions[2, 1])
-        return state + h / 6.0 * (first + 2.0 * (second + third) + fourth)
-
-    def record(state: Array, step: tuple[Array, Array | None]) -> tuple[Array, Array]:
-        return substep(state, *step), state
-
-    # One scan over all sub-steps, with motion and received command at start, middle and end of each.
-    motions = jnp.stack([stages[:, :-1:2], stages[:, 1::2], stages[:, 2::2]], axis=2)
-    last, states = jax.lax.scan(record, jnp.zeros(spec.n_states), (motions.reshape(-1, 3, 2), at_steps))
-    states = jnp.concatenate([states[::substeps], last[None]])
-    return jax.vmap(force)(states, samples, at_samples)
-
-
-def _receive_command(
-    theta: Array, command: Array, dt: Array | float, substeps: int, *, lagged: bool
-) -> tuple[Array, Array]:
-    """Command received by the coil at the samples, shape (n_time,), and at three points of each step, (n_steps, 3)."""
-    if not lagged:
-        return command, jnp.repeat(command[:-1], 3 * substeps).reshape(-1, 3)
-    left = jnp.exp(-theta[-1] * dt / (2 * substeps) * jnp.arange(2 * substeps + 1))
-
-    def interval(received: Array, held: Array) -> tuple[Array, Array]:
-        inside = held + (received - held) * left
-        return inside[-1], inside
-
-    last, inside = jax.lax.scan(interval, command[0], command[:-1])
-    steps = jnp.stack([inside[:, :-1:2], inside[:, 1::2], inside[:, 2::2]], axis=2)
-    return jnp.append(inside[:, 0], last), steps.reshape(-1, 3)
-
-
 # Environment variable; "off" disables the cache.
 _SWITCH = "MRWORK_COMPILATION_CACHE"
 # Shortest compilation time of a cached function [s].
 _WORTH_KEEPING = 0.1
-# The process that has used JAX: this one, or the one that it was forked from.
+# The process that has used JAX: this process, or the parent that it was forked from.
 _process: int | None = None
 
 
@@ -426,7 +348,7 @@ def begin() -> None:
         keep_compiled()
     elif _process != os.getpid():
         raise SettingError(
-            "this process was forked from one that has used JAX, where no computation with JAX can end; start "
+            "this process was forked from a process that has used JAX, where no computation with JAX can end; start "
             'processes by multiprocessing.get_context("spawn")'
         )
 

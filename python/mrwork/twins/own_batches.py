@@ -22,7 +22,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.spec import DamperSpec
 from mrwork.store.long_call import interruptible
 from mrwork.twins.models import on_processor, twin_of
-from mrwork.twins.own_stepping import FINER, N_LEVELS, RESOLUTION, Rows, fastest, force_and_bound
+from mrwork.twins.own_stepping import FINER, N_LEVELS, RESOLUTION, Rows, fastest, force_and_bound, whole_steps
 from mrwork.twins.record_arrays import RecordArrays
 
 T = TypeVar("T")
@@ -92,7 +92,7 @@ def _resolved(
     force = np.full((len(theta), history.n_time), np.inf)
     given = twin_of(spec).relaxation is not None or not spec.n_states
     wanted = _relaxation(spec, theta, history) if given else np.ones(len(theta))
-    substeps = _counts(wanted, most)
+    substeps = whole_steps(wanted, most).astype(np.uint32)
     open_rows = np.flatnonzero(substeps)
     while open_rows.size:
         again = []
@@ -107,7 +107,7 @@ def _resolved(
             wants[~np.isfinite(force[rows, 0])] = count
             wants[~finite & (count >= most)] = count
             wanted[rows] = wants
-            finer = _counts(wants, most)
+            finer = whole_steps(wants, most)
             more = finer > count
             substeps[rows[more | (finer == 0)]] = finer[more | (finer == 0)]
             again.append(rows[more])
@@ -125,13 +125,6 @@ def _resolved(
 def _last_counts(spec: DamperSpec, history: _rust.LoadingHistory) -> dict[bytes, int]:
     """Sub-steps of candidates that were simulated lately, by their bytes."""
     return {}
-
-
-def _counts(wanted: Floats, most: int) -> Counts:
-    """Smallest power of two that is not below `wanted`; 0 beyond `most` and for NaN."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        counts = np.exp2(np.ceil(np.log2(np.maximum(wanted, 1.0))))
-        return np.where(counts <= most, counts, 0.0).astype(np.uint32)
 
 
 def _groups(substeps: Counts) -> Iterator[tuple[int, NDArray[np.intp]]]:

@@ -18,9 +18,19 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from mrwork import _rust
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import MOST_SUBSTEPS, Outcome
-from mrwork.twins.loop import STRETCH, Devices, LoopDevice, LoopPlant, LoopRun, simulate, with_theta
+from mrwork.twins.loop import (
+    STRETCH,
+    Devices,
+    LoopDevice,
+    LoopPlant,
+    LoopResult,
+    LoopRun,
+    simulate,
+    with_theta,
+)
 from mrwork.twins.loop_ground import half_steps, stage_values
 from mrwork.twins.loop_laws import LAWS, Gains
 from mrwork.twins.models import on_processor, parameters_at, twin_of
@@ -75,15 +85,6 @@ class OwnLoop:
         return [max(math.floor(each / self.sample_time * (1.0 + 1e-12)), 1) for each in seconds]
 
 
-class Responded(NamedTuple):
-    """Summary of each run, its outcome and steps of a sample, and rows of its history, as of `_rust.respond`."""
-
-    summary: Floats
-    outcome: NDArray[np.uint8]
-    steps: NDArray[np.uint32]
-    rows: list[Floats] | None
-
-
 class OwnRuns(NamedTuple):
     """Runs: candidate, motion, draw, building and delay of each, shape (n_runs, 5), and the numbers of candidates.
 
@@ -98,8 +99,13 @@ class OwnRuns(NamedTuple):
 
 
 @on_processor()
-def respond(loop: OwnLoop, given: OwnRuns, *, histories: bool = False) -> Responded:
-    """Simulate runs, each with as many steps as it wants."""
+def respond(
+    loop: OwnLoop, given: OwnRuns, *, histories: bool = False
+) -> tuple[Floats, NDArray[np.uint8], NDArray[np.uint32], list[Floats] | None]:
+    """Summaries of runs, outcomes, steps of a sample and rows of histories, as of `_rust.respond`.
+
+    Each run has as many steps as it wants.
+    """
     runs, samples = given.runs, loop.n_samples
     plants = [
         LoopPlant.of({**loop.matrices, "damping": damping, "stiffness": stiffness})
@@ -124,24 +130,24 @@ def respond(loop: OwnLoop, given: OwnRuns, *, histories: bool = False) -> Respon
         for motion, count, members in _groups(
             pending, runs, loop.widths[1] * max(samples) if histories else 0
         ):
-            group = _run_group(loop, plants, given, members, motion, count, histories=histories)
-            displacements = group.summary[:, : len(loop.matrices["floors"])]
-            bounded = np.isfinite(group.summary).all(axis=1)
+            numbers, group = _run_group(loop, plants, given, members, motion, count, histories=histories)
+            displacements = numbers[:, : len(loop.matrices["floors"])]
+            bounded = np.isfinite(numbers).all(axis=1)
             bounded &= np.all(displacements < _LARGEST_DISPLACEMENT, axis=1)
             for place, (run, finite) in enumerate(zip(members, bounded.tolist(), strict=True)):
                 tries[run] += not finite
-                wanted = _steps_after(loop, count, group.bound[place], 0 if finite else tries[run])
+                wanted = _steps_after(loop, count, float(group.bound[place]), 0 if finite else tries[run])
                 if wanted > count:
                     finer[run] = wanted
                 elif wanted:
                     failed = Outcome.FAILED_SAFE if group.invalid[place] else Outcome.FINISHED
                     outcome[run], steps[run] = failed if finite else Outcome.DIVERGED, count
                     if finite:
-                        summary[run] = group.summary[place]
+                        summary[run] = numbers[place]
                     if rows is not None:
                         rows[run][:] = group.rows[place]
         pending = finer
-    return Responded(summary, outcome, steps, rows)
+    return summary, outcome, steps, rows
 
 
 def _steps_for(loop: OwnLoop, bound: float) -> int:
@@ -221,15 +227,6 @@ def _steepest(device: LoopDevice, theta: Array, levels: Array) -> Array:
     return jnp.max(every(theta, levels, at), axis=(1, 2))
 
 
-class _Group(NamedTuple):
-    """Summaries of runs of one motion, bounds of their rates [1/s], whether a command was invalid, and histories."""
-
-    summary: Floats
-    bound: Floats
-    invalid: NDArray[np.bool_]
-    rows: Floats
-
-
 class _Own(NamedTuple):
     """Data in which runs of a group differ, with a leading axis; without varied buildings all share one plant."""
 
@@ -258,7 +255,8 @@ def _run_group(
     steps: int,
     *,
     histories: bool,
-) -> _Group:
+) -> tuple[Floats, LoopResult]:
+    """Summaries of runs of one motion with the results, whose rows end with the end of the last sample."""
     runs, n_samples = given.runs[members], loop.n_samples[motion]
     padding = power_of_two(len(runs), _FEWEST_RUNS) - len(runs)
     places = np.append(runs, np.repeat(runs[-1:], padding, axis=0), axis=0)
@@ -296,11 +294,12 @@ def _run_group(
         depth=1 + power_of_two(-(-int(delay.max()) // steps), 1) if delay.any() else 1,
         histories=histories,
     )
-    summary, bound, invalid, rows, end = (np.asarray(each)[: len(runs)] for each in computed(call))
-    rows = np.concatenate([rows[:, :n_samples], end[:, None]], axis=1)
+    found: Any = jax.tree.map(lambda each: np.array(each[: len(runs)]), computed(call))
+    rows = np.concatenate([found.rows[:, :n_samples], found.end[:, None]], axis=1)
     # The first signal is the record, which a step finer has other values of.
     rows[:, :, :1] = record[::steps, None]
-    return _Group(summary, bound, invalid, rows)
+    summary = [found.numbers[name] for name, *_ in _rust.run_quantities()]
+    return np.concatenate(summary, axis=1), found._replace(rows=rows)
 
 
 @partial(jax.jit, static_argnames=("law", "shared", "n_kept", "depth", "histories"))
@@ -320,8 +319,8 @@ def _simulate(
     n_kept: int,
     depth: int,
     histories: bool,
-) -> tuple[Array, ...]:
-    def of_run(own: _Own) -> tuple[Array, ...]:
+) -> LoopResult:
+    def of_run(own: _Own) -> LoopResult:
         run = LoopRun(
             plant=own.plant,
             devices=with_theta(devices, own.theta),
@@ -335,14 +334,7 @@ def _simulate(
             ground=ground,
             held=held,
         )
-        found = simulate(run, n_samples, steps, n_kept=n_kept, depth=depth, histories=histories, bounded=True)
-        return (
-            jnp.concatenate(list(found.numbers.values())),
-            found.bound,
-            found.invalid,
-            found.rows,
-            found.end,
-        )
+        return simulate(run, n_samples, steps, n_kept=n_kept, depth=depth, histories=histories, bounded=True)
 
     axes: Any = (None if shared else 0, *(0 for _ in own[1:]))
     return jax.vmap(of_run, in_axes=(_Own(*axes),))(own)

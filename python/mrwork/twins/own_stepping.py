@@ -1,6 +1,7 @@
-"""Equations of a damper of the user under a motion, with the stepping rule of the Rust core, for a batch of candidates.
+"""Equations of a damper under a motion, with the stepping rule of the Rust core, for a batch of candidates.
 
-Sub-steps are counted at run time, and the motion follows the splines of the core.
+The motion follows the splines of the core. Sub-steps may be counted at run time; as a number of Python the loop over
+them has derivatives in reverse mode, too.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 
 from mrwork.dampers.spec import DamperSpec
@@ -91,6 +93,42 @@ def _kept(rows: Rows, *, spec: DamperSpec, n_kept: int) -> tuple[Array, Array | 
     state, at_coil, states, received = lax.fori_loop(0, n_time - 1, interval, start)
     states = states.at[n_time - 1].set(state)
     return states, received.at[n_time - 1].set(at_coil) if varies else None
+
+
+def simulate(spec: DamperSpec, theta: Array, record: RecordArrays, substeps: int) -> Array:
+    """Simulate the force of a damper with states that begin at zero, by the stepping rule of the Rust core.
+
+    Parameters
+    ----------
+    theta
+        Parameters in spec order, shape (n_params,).
+    record
+        Motion and command, from `mr.jax.twin(spec).record(test)`. The command is held from sample to sample, and the
+        current in the coil begins at the first one.
+    substeps
+        Sub-steps per sample.
+
+    Returns
+    -------
+    Array
+        Force [N], shape (n_time,).
+    """
+    return simulate_one(spec, theta, record, substeps, bounded=False)[0]
+
+
+def simulate_one(
+    spec: DamperSpec, theta: Array, record: RecordArrays, substeps: Array | int, *, bounded: bool
+) -> tuple[Array, Array]:
+    """Force of one candidate [N], (n_time,), and its bound [1/s], see `force_and_bound`."""
+    rows = Rows(theta[None], record, record.n_time, substeps)
+    force, bound = force_and_bound(rows, spec=spec, n_kept=record.n_time, bounded=bounded)
+    return force[0], bound[0]
+
+
+def whole_steps(wanted: Any, most: int, xp: Any = np) -> Any:
+    """Smallest power of two that is not below `wanted`; 0 beyond `most` and for NaN."""
+    counts = 2 ** np.arange(most.bit_length())
+    return xp.append(counts, 0)[xp.searchsorted(counts.astype(np.float64), wanted)]
 
 
 def fastest(rows: Rows, levels: Any, *, spec: DamperSpec) -> Array:

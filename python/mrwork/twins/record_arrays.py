@@ -52,11 +52,6 @@ class RecordArrays(NamedTuple):
         starts = jnp.concatenate([self.splines[:, np.array([0, 4])], self.facts[None, 1:3]])[:n_kept]
         return jnp.where(jnp.arange(n_kept)[:, None] == n_time - 1, self.facts[1:3], starts)
 
-    def stages(self, substeps: int) -> Array:
-        """Displacement and velocity at the stage times, as `_rust.LoadingHistory.stages`."""
-        shares = np.arange(2 * substeps + 1) / (2.0 * substeps)
-        return jnp.stack(motion_at(jnp.moveaxis(self.splines, -1, 0)[..., None], shares), axis=-1)
-
 
 def motion_at(coefficients: Array, share: Any) -> tuple[Array, Array]:
     """Displacement and velocity at a share of an interval, whose coefficients have shape (8, ...)."""
