@@ -18,7 +18,14 @@ from mrwork.base.hints import Says, Within
 from mrwork.base.keys import check_known
 from mrwork.base.units import RATIOS
 from mrwork.base.values import Floats
-from mrwork.buildings.matrices import Building, PassiveElement, source_with, transform_elements
+from mrwork.buildings.matrices import (
+    Building,
+    PassiveElement,
+    Status,
+    check_size,
+    source_with,
+    transform_elements,
+)
 from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.errors import SettingError
 
@@ -29,18 +36,6 @@ SlabMass = Annotated[Positive, Says("mass of the slab", unit="kg")]
 Name = Annotated[str, Says("name in tables")]
 ISOLATORS, ADDED = (0.7, 10.0), (5e-3, 0.8)
 """Usual periods on isolators [s], and usual damping ratios of what is added to a frame."""
-
-# No building is as tall; natural frequencies of more coordinates take many seconds.
-_MOST_STOREYS = 1000
-
-
-def check_storeys(count: int) -> None:
-    """Refuse a building whose matrices would not fit into memory."""
-    if count > _MOST_STOREYS:
-        raise SettingError(
-            f"a building of {count:,} storeys is taller than any, and would have matrices of "
-            f"{8e-6 * count * count:,.0f} MB each; give {_MOST_STOREYS:,} storeys at most"
-        )
 
 
 @checked
@@ -54,7 +49,7 @@ def shear_building(
     floor_names: Sequence[str] = (),
     storey_names: Sequence[str] = (),
     source: str = "",
-    status: str = "ours",
+    status: Status = "ours",
 ) -> Building:
     """Build a shear building; its coordinates are the floor displacements relative to the ground.
 
@@ -77,7 +72,7 @@ def shear_building(
     3.0
     """
     n = len(masses)
-    check_storeys(n)
+    check_size(n, f"building {name}")
     damping = tuple(storey_damping) or (0.0,) * n
     for title, values in (("stiffnesses", stiffnesses), ("storey_damping", damping)):
         if len(values) != n:

@@ -25,7 +25,6 @@ from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.values import Floats
 from mrwork.buildings.frames import building as published_building
 from mrwork.buildings.frames import (
-    check_storeys,
     number_names,
     shear_building,
     with_base_isolation,
@@ -36,7 +35,7 @@ from mrwork.buildings.frames import (
     with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.matrices import WITHOUT_MASSES, Building, PassiveElement, check_size, source_with
+from mrwork.buildings.matrices import MOST_COORDINATES, WITHOUT_MASSES, Building, PassiveElement, source_with
 from mrwork.buildings.passive_devices import (
     with_friction_damper,
     with_lead_rubber_bearings,
@@ -60,7 +59,7 @@ _Names = tuple[str, ...]
 _Addition = Arguments | None
 _Additions = tuple[Arguments, ...] | Arguments | None
 _OR_FILE: Final = (
-    ", as rows or the name of a text file; with `published` or `file` it replaces that of the building"
+    ", as rows or the name of a text file; with `published` or `file` it replaces the matrix of the building"
 )
 
 
@@ -90,7 +89,9 @@ class BuildingTable:
     stiffnesses: _Numbers | None = positive("stiffnesses of its storeys", unit="N/m")
     storey_damping: _Numbers | None = optional("damping of its storeys", unit="N s/m", least=0.0)
     n_storeys: int | None = optional(
-        "number of its storeys; a single mass, stiffness or damping then applies to all", least=1
+        "number of its storeys; a single mass, stiffness or damping then applies to all",
+        least=1,
+        most=MOST_COORDINATES,
     )
     influence: _Numbers | str | None = optional(
         "coordinates under a unit displacement of the ground; ones by default", file=True
@@ -108,13 +109,15 @@ class BuildingTable:
     )
     height: float | None = positive("height of every storey, of which drift ratios are shares", unit="m")
     heights: _Numbers | None = optional(
-        "heights of the storeys, lowest first, 0 for one that is none, as isolators", unit="m", least=0.0
+        "heights of the storeys, lowest first, 0 where there is no storey, as of isolators",
+        unit="m",
+        least=0.0,
     )
     drift_limit: float | None = positive(
         "drift ratio that is to be kept, as 1 %: a line on the page, and the limit of fragilities", below=1.0
     )
     p_delta: bool | None = optional(
-        "whether weights act on the displaced storeys, each that of the masses above it; needs heights"
+        "whether weights act on the displaced storeys, each the weight of the masses above it; needs heights"
     )
     loads: _Numbers | None = optional(
         "weights on the storeys, lowest first, instead of those that p_delta takes from the masses",
@@ -218,11 +221,9 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
     forms: list[str] = [name for name in ("published", "file", "system", "masses") if name in given]
     forms += ["mass"] if "mass" in given and not forms else []
     if len(forms) != 1:
-        given_forms = " and ".join(forms) or "none of them"
-        raise InvalidSettingError(
-            (),
-            f"a building is given by published, file, system, mass and stiffness, or masses; here by {given_forms}",
-        )
+        ways = "published, file, system, mass and stiffness, or masses"
+        here = " and ".join(forms) or "none of them"
+        raise InvalidSettingError((), f"a building is given by {ways}; here by {here}")
     form = forms[0]
     foreign: tuple[str, ...] = (*_MATRICES, "influence", *_ROWS) if form == "masses" else _SHEAR
     foreign += ("damping", "stiffness") if form == "system" else ("inputs",)
@@ -316,7 +317,9 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
 
 def _shear(table: BuildingTable) -> Building:
     if not table.stiffnesses:
-        raise InvalidSettingError((), "the building has no stiffnesses; give those of its storeys [N/m]")
+        raise InvalidSettingError(
+            (), "the building has no stiffnesses; give the stiffnesses of its storeys [N/m]"
+        )
     masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
     return shear_building(
         name=table.name or "building",
@@ -335,8 +338,6 @@ def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     count = table.n_storeys
     if count is None or not values:
         return values
-    with keyed("n_storeys"):
-        check_storeys(count)
     if len(values) not in (1, count):
         raise InvalidSettingError(
             name, f"{name} has {len(values)} numbers for {count} storeys; give one, or one for each"
@@ -423,12 +424,10 @@ def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Buil
     named = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     for title in ("mass", "stiffness"):
         if title not in named:
-            given_names = ", ".join(matrices) or "nothing"
-            raise InvalidSettingError(
-                (), f"a building needs mass (M), stiffness (K) and usually damping (C); found {given_names}"
-            )
+            found = ", ".join(matrices) or "nothing"
+            sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}"
+            raise InvalidSettingError((), sentence)
     n = len(named["mass"])
-    check_size(n, "building")
     floors = named.get("floors", np.eye(n))
     storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))
     return Building(

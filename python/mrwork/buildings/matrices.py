@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import field, replace
 from itertools import groupby
-from typing import Annotated, ClassVar, Final
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 import scipy
@@ -33,6 +33,9 @@ from mrwork.errors import SettingError, UnknownNameError
 
 KNEE: Final = Says("sharpness of the knee: 1 is round, 10 nearly bilinear")
 Sharpness = Annotated[float, Within(least=1.0, most=50.0), KNEE]
+Status = Literal["verified", "published", "ours", "masses not known"]
+WITHOUT_MASSES: Final = "masses not known"
+"""Status of a building of a state space without M: what a force does to it is not known."""
 
 
 @checked
@@ -70,10 +73,6 @@ class PassiveElement(Summarised):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "row", freeze_samples(self.row))
-        if self.row.ndim != 1 or not self.row.size:
-            raise SettingError(
-                f"{self.name}: `row` has shape {self.row.shape}; give (n,), a row of `building.storeys`"
-            )
 
     def _summary(self) -> Summary:
         facts = (
@@ -168,7 +167,7 @@ class Building(Plotted, Summarised):
     floor_names: tuple[str, ...]
     storey_names: tuple[str, ...]
     source: str = ""
-    status: str = "ours"
+    status: Status = "ours"
     n_strokes: int = 0
     elements: tuple[PassiveElement, ...] = ()
     heights: Floats = field(default_factory=lambda: np.empty(0))
@@ -242,7 +241,7 @@ class Building(Plotted, Summarised):
 
     @property
     def yield_drifts(self) -> Floats:
-        """Drift at which each storey yields [m], shape (n_storeys,), 0 of one that does not; empty if none does."""
+        """Drift at which each storey yields [m], shape (n_storeys,), 0 where a storey does not; empty if none does."""
         drifts = np.zeros(len(self.storeys))
         for each in self.elements:
             if each.in_stiffness:
@@ -483,7 +482,7 @@ class Building(Plotted, Summarised):
             ],
             notes=(
                 "damping: diagonal of the modal damping over 2 omega, without coupling; participation: of shapes that "
-                "are 1 at the highest floor; mass: effective modal mass over that of the building",
+                "are 1 at the highest floor; mass: effective modal mass over the mass of the building",
                 *(f"warning: {each}" for each in self.warnings),
             ),
         )
@@ -518,9 +517,6 @@ def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
 
 
 _ARRAYS: Final = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
-WITHOUT_MASSES: Final = "masses not known"
-"""Status of a building of a state space without M: what a force does to it is not known."""
-STATUSES: Final = ("verified", "published", "ours", WITHOUT_MASSES)
 # Published matrices have five or six digits, with each triangle rounded separately.
 _ASYMMETRY: Final = 1e-6
 # First periods of frames [s]: the shortest for each storey, and the longest by number of storeys, with room for models
@@ -557,16 +553,16 @@ _ROUNDING: Final = 1e-9
 # Five matrices, the copies of a reader and of the checks: gigabytes per coordinate squared.
 _GIGABYTES: Final = 1.1e-7
 # They fit into 1 GiB.
-_MOST_COORDINATES: Final = 3000
+MOST_COORDINATES: Final = 3000
 
 
 def check_size(n_coordinates: int, where: str) -> None:
     """Refuse a building whose matrices would not fit into memory."""
-    if n_coordinates > _MOST_COORDINATES:
+    if n_coordinates > MOST_COORDINATES:
         raise SettingError(
             f"{where}: it has {n_coordinates:,} coordinates, and its matrices would take "
             f"{_GIGABYTES * n_coordinates**2:,.1f} GB until they are checked; condense it to at most "
-            f"{_MOST_COORDINATES:,} coordinates"
+            f"{MOST_COORDINATES:,} coordinates"
         )
 
 
@@ -588,15 +584,13 @@ def _check_form(building: Building) -> None:
     for element in building.elements:
         if element.row.shape != building.influence.shape:
             raise SettingError(
-                f"{where}: the row of {element.name} has {element.row.size} entries; give "
-                f"{building.influence.size}, one for each coordinate"
+                f"{where}: the row of {element.name} has shape {element.row.shape}; give "
+                f"({building.influence.size},), a row of `storeys`"
             )
     for title in ("mass", "stiffness"):
         _check_symmetric(getattr(building, title), title, where)
     _check_names(building.floor_names, len(building.floors), "floor", where)
     _check_names(building.storey_names, len(building.storeys), "storey", where)
-    if building.status not in STATUSES:
-        raise SettingError(f"{where}: the status is {building.status!r}; it is one of {', '.join(STATUSES)}")
     if not 0 <= building.n_strokes <= len(building.storeys):
         raise SettingError(
             f"{where}: {building.n_strokes} of {len(building.storeys)} storey rows are declared as strokes; "
@@ -886,7 +880,7 @@ class Device(Summarised):
     theta: ArrayLike
     row: ArrayLike
     largest_command: float = 0.0
-    count: float = 1.0
+    count: Positive = 1.0
     differential: bool = False
     tested: OperatingRange | None = None
     lag: Positive | None = None
@@ -910,10 +904,6 @@ class Device(Summarised):
                 f"{self.name}: `theta` has shape {np.shape(self.theta)}, {self.spec.name} takes ({n_params},) or "
                 f"(n_draws, {n_params})"
             )
-        if np.ndim(self.row) != 1 or not np.size(self.row):
-            raise SettingError(
-                f"{self.name}: `row` has shape {np.shape(self.row)}; give (n,), a row of `building.storeys`"
-            )
         if not self.largest_command > 0.0:
             raise SettingError(
                 f"{self.name}: the largest command is {self.largest_command}; give a positive number"
@@ -922,8 +912,6 @@ class Device(Summarised):
             raise SettingError(
                 f"{self.name}: it is to hold {self.command:g}, and its driver gives {self.largest_command:g} at most"
             )
-        if not self.count > 0.0:
-            raise SettingError(f"{self.name}: {self.count} dampers in parallel; give a positive number")
 
     def _take_lag(self, lag: float) -> None:
         """Replace the rate of the lag, or append it to model and parameters; from then on it is one of them."""

@@ -111,7 +111,7 @@ def modal_damping(mass: Floats, damping: Floats, stiffness: Floats, floors: Floa
     moving = np.abs(poles) > (_FREE * omega[-1] if n_free else 0.0)
     complex_, real = moving & (poles.imag > 0.0), np.sort(poles.real[moving & (poles.imag == 0.0)])
     pairs, shapes = poles[complex_], modes @ states[n:, complex_]
-    # Two real poles of one sign are an overdamped mode; a motion without stiffness has one that is not zero.
+    # Two real poles of one sign are an overdamped mode; a motion without stiffness has one pole that is not zero.
     grows, decays = real[real > 0.0], real[real <= 0.0]
     grows = np.append(grows, grows[len(grows) - len(grows) % 2 :])
     decays = decays[len(decays) % 2 :]

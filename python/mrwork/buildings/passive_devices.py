@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import pi, sqrt
-from types import MappingProxyType
 from typing import Annotated, Final, Literal
 
 import numpy as np
@@ -31,7 +30,7 @@ from mrwork.errors import SettingError
 # Usual displacements at which devices yield [m], and masses as a share of the building's.
 _YIELDS, _SHARES = (2e-5, 0.15), (5e-4, 0.5)
 MassRatio = Annotated[
-    Positive, Says("mass over that of the building, as 0.02, with a published tuning", usual=_SHARES)
+    Positive, Says("mass over the mass of the building, as 0.02, with a published tuning", usual=_SHARES)
 ]
 TunedMode = Annotated[int, Within(least=1), Says("number of the mode that it is tuned to; with mass_ratio")]
 WidthRatio = Annotated[Level, Says("alpha, horizontal share of the length of the column")]
@@ -280,12 +279,8 @@ def with_optimal_liquid_column(
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tuning:
-    """Frequency of the tuned mass over the frequency of the mode, and damping ratio of the tuned mass."""
-
-    frequency_ratio: float
-    damping_ratio: float
+Tuning = tuple[float, float]
+"""Frequency of the tuned mass over the frequency of the mode, and damping ratio of the tuned mass."""
 
 
 def den_hartog(mass_ratio: float, _: float) -> Tuning:
@@ -294,7 +289,7 @@ def den_hartog(mass_ratio: float, _: float) -> Tuning:
     `1 / (1 + mu)` and `sqrt(3 mu / (8 (1 + mu)))` (Den Hartog, Mechanical Vibrations, 1956, ch. 3).
     """
     mu = mass_ratio
-    return Tuning(frequency_ratio=1.0 / (1.0 + mu), damping_ratio=sqrt(3.0 * mu / (8.0 * (1.0 + mu))))
+    return 1.0 / (1.0 + mu), sqrt(3.0 * mu / (8.0 * (1.0 + mu)))
 
 
 def warburton(mass_ratio: float, _: float) -> Tuning:
@@ -304,10 +299,8 @@ def warburton(mass_ratio: float, _: float) -> Tuning:
     Struct. Dyn. 10, 1982, 381-401).
     """
     mu = mass_ratio
-    return Tuning(
-        frequency_ratio=sqrt(1.0 - mu / 2.0) / (1.0 + mu),
-        damping_ratio=sqrt(mu * (1.0 - mu / 4.0) / (4.0 * (1.0 + mu) * (1.0 - mu / 2.0))),
-    )
+    damping_ratio = sqrt(mu * (1.0 - mu / 4.0) / (4.0 * (1.0 + mu) * (1.0 - mu / 2.0)))
+    return sqrt(1.0 - mu / 2.0) / (1.0 + mu), damping_ratio
 
 
 def sadek(mass_ratio: float, damping_ratio: float) -> Tuning:
@@ -318,12 +311,12 @@ def sadek(mass_ratio: float, damping_ratio: float) -> Tuning:
     """
     mu, beta = mass_ratio, damping_ratio
     share = sqrt(mu / (1.0 + mu))
-    return Tuning(frequency_ratio=(1.0 - beta * share) / (1.0 + mu), damping_ratio=beta / (1.0 + mu) + share)
+    return (1.0 - beta * share) / (1.0 + mu), beta / (1.0 + mu) + share
 
 
-TUNINGS: Final[Mapping[str, Callable[[float, float], Tuning]]] = MappingProxyType(
-    {"den_hartog": den_hartog, "warburton": warburton, "sadek": sadek}
-)
+TUNINGS: Final[Mapping[str, Callable[[float, float], Tuning]]] = {
+    "den_hartog": den_hartog, "warburton": warburton, "sadek": sadek
+}  # fmt: skip
 
 
 @checked
@@ -389,15 +382,15 @@ def with_optimal_tuned_mass(
     modal_ratio = mass * entry**2
     if not modal_ratio < 2.0:
         raise SettingError(
-            f"{name} on {building.name}: its mass is {modal_ratio:.3g} times that of mode {mode} at this floor; "
+            f"{name} on {building.name}: its mass is {modal_ratio:.3g} times the mass of mode {mode} at this floor; "
             "the optima hold for small ratios, give a smaller mass"
         )
-    optimum = TUNINGS[tuning](modal_ratio, damping_ratio)
+    frequency_ratio, ratio = TUNINGS[tuning](modal_ratio, damping_ratio)
     return with_tuned_mass(
         building,
         floor=floor,
         mass=mass,
-        frequency=optimum.frequency_ratio * omega / (2.0 * np.pi),
-        ratio=optimum.damping_ratio,
+        frequency=frequency_ratio * omega / (2.0 * np.pi),
+        ratio=ratio,
         name=name,
     )

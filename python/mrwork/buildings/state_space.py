@@ -15,7 +15,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass, freeze_samples
 from mrwork.buildings.frames import number_names
-from mrwork.buildings.matrices import WITHOUT_MASSES, Building, source_with, transform_elements
+from mrwork.buildings.matrices import WITHOUT_MASSES, Building, Status, source_with, transform_elements
 from mrwork.buildings.modes import modes_of, spaces_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.files.matrices import read_matrices
@@ -51,25 +51,18 @@ class LinearSystem(Summarised):
 
     def __post_init__(self) -> None:
         for title in ("A", "B", "C", "D"):
-            kept = freeze_samples(getattr(self, title))
-            object.__setattr__(self, title, kept)
-            if kept.ndim != 2:
-                raise SettingError(f"linear system: {title} has shape {kept.shape}; give a matrix")
-        n, n_inputs, n_outputs = len(self.A), self.B.shape[1], len(self.C)
+            object.__setattr__(self, title, np.atleast_1d(freeze_samples(getattr(self, title))))
+        n, n_inputs, n_outputs = len(self.A), self.B.shape[-1], len(self.C)
         shapes = {"A": (n, n), "B": (n, n_inputs), "C": (n_outputs, n), "D": (n_outputs, n_inputs)}
-        for title, (rows, columns) in shapes.items():
-            if (given := getattr(self, title).shape) != (rows, columns):
-                raise SettingError(
-                    f"linear system: {title} is {given[0]} x {given[1]} where {rows} x {columns} was expected"
-                )
+        for title, expected in shapes.items():
+            if (given := getattr(self, title).shape) != expected:
+                raise SettingError(f"linear system: {title} has shape {given}; give {expected}")
         for field, noun, count in (("input_names", "input", n_inputs), ("output_names", "output", n_outputs)):
             names = getattr(self, field)
             if names and len(names) != count:
                 raise SettingError(
                     f"linear system: {len(names)} {noun} names for {count} {noun}s; name each of them"
                 )
-            if len(set(names)) < len(names):
-                raise SettingError(f"linear system: two {noun}s have one name; give each a name of its own")
 
     @property
     def n_states(self) -> int:
@@ -232,7 +225,7 @@ def building_of(
     order, n = order_of_states(system.A, name), system.n_states // 2
     ordered = system.A[np.ix_(order, order)]
     stiffness, damping = -ordered[n:, :n], -ordered[n:, n:]
-    status = WITHOUT_MASSES if mass is None else "ours"
+    status: Status = WITHOUT_MASSES if mass is None else "ours"
     mass = _mass_of(stiffness, name) if mass is None else np.asarray(mass, dtype=np.float64)
     if mass.shape != (n, n):
         raise SettingError(f"building {name}: the mass is not {n} x {n}, as half of A is")

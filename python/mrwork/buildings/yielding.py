@@ -260,7 +260,7 @@ def pushover(
     *,
     pattern: LoadPattern = "first mode",
     roof: Positive | None = None,
-    steps: int = 1000,
+    steps: Annotated[int, Within(least=2, most=100_000)] = 1000,
 ) -> Pushover:
     """Push a frame sideways until its highest floor is displaced by `roof` [m], and return forces and drifts.
 
@@ -278,8 +278,6 @@ def pushover(
     drifts, floors = building.check().drifts, building.floors
     if not building.unit_drifts.any():
         raise SettingError(f"{building.name} is no chain of floors; a pushover is of one")
-    if not 2 <= steps <= _MOST_STEPS:
-        raise SettingError(f"`steps` is {steps}; give 2 to {_MOST_STEPS:,}")
     units = building.unit_drifts[: len(drifts)]
     heights = building.drift_heights
     levels = np.cumsum(heights) if heights.size else np.arange(1.0, len(floors) + 1.0)
