@@ -32,7 +32,7 @@ Shape = Literal["device", "state", "numbers", "loop"]
 class GainSpec:
     """A gain of a law: for each device one number, one for each state [q; q'] or `numbers`, or one for the loop.
 
-    A gain that `is_command` is itself the command of each device; one that `scales_with_command` has the unit of the
+    A gain that `is_command` is itself the command of each device; a gain that `scales_with_command` has the unit of the
     command, or that unit per another.
     """
 
@@ -64,9 +64,9 @@ class ControlLawSpec:
 
     `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
     the command, by a static hysteretic model of the damper. A law that `needs_model` predicts the motion by a model of
-    building and dampers. A law that `commands_force` drives ideal actuators, one that `reads_acceleration` needs
-    accelerometers on the floors to which devices are attached. The command of
-    one that `switches` jumps where a signal changes sign, so that results have no derivatives in its gains.
+    building and dampers. A law that `commands_force` drives ideal actuators, a law that `reads_acceleration` needs
+    accelerometers on the floors to which devices are attached. The command of a law that `switches` jumps where a
+    signal changes sign, so that results have no derivatives in its gains.
     """
 
     name: str

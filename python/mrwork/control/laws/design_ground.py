@@ -18,7 +18,7 @@ from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity, SpectrumKind, StationaryGround, stationary_ground
 
 PEAK_FACTOR = 3.0
-"""Peak of a stationary response over its rms, about that of the largest of some hundred cycles."""
+"""Peak of a stationary response over its rms, about the largest of some hundred cycles."""
 # Modes of a tall building from which its rms motion and force are computed.
 _MODES = 20
 

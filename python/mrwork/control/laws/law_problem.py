@@ -181,7 +181,9 @@ def unlike_first(problem: DesignProblem) -> tuple[str, ...]:
         return device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
 
     others = [device.name for device in problem.devices if not same(device)]
-    said = f"It knows the force of {first.name} alone, and takes it for that of {list_names(others)} too."
+    said = (
+        f"It knows the force of {first.name} alone, and takes it for the force of {list_names(others)} too."
+    )
     return (said,) if others else ()
 
 

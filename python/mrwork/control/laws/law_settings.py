@@ -46,7 +46,7 @@ class PassiveSettings(LawSettings):
 
     constant: ClassVar[bool] = True
     command: float | tuple[float, ...] = key(
-        "the command that is held constant, up to the largest; several are those of each [[damper]] that follows one",
+        "the command that is held constant, up to the largest; several, one for each [[damper]] that follows one",
         unit="A or V",
         least=0.0,
         span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),

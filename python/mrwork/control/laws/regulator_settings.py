@@ -238,7 +238,7 @@ class NetworkSettings(RegulatorSettings):
     )
     output: float = key("bias of the output [A or V]")
     reach: tuple[float, ...] = key(
-        "largest magnitude of each input, to which it is clipped: that of the training", above=0.0
+        "largest magnitude of each input, to which it is clipped: the largest of the training", above=0.0
     )
 
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:

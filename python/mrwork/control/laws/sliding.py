@@ -229,7 +229,7 @@ class _SurfaceSettings(LawSettings):
     )
     margin: float = key("switching force over the disturbance", default=1.2, above=1.0)
     bandwidth: float = positive(
-        "bandwidth inside the boundary layer; below that of the driver",
+        "bandwidth inside the boundary layer; below the bandwidth of the driver",
         unit="1/s",
         default=100.0,
         span=Span(lower=10.0, upper=180.0),

@@ -64,10 +64,10 @@ class WeightWishes(RmsLimits):
         "spectrum of the ground acceleration", default="kanai_tajimi"
     )
     ground_frequency: float | None = optional(
-        "frequency of the ground, by default that of the training motions", unit="rad/s", least=1e-3, most=1e4
+        "frequency of the ground, by default of the training motions", unit="rad/s", least=1e-3, most=1e4
     )
     ground_damping: float | None = optional(
-        "damping ratio of the ground, by default that of the training motions", least=1e-4, most=1e3
+        "damping ratio of the ground, by default of the training motions", least=1e-4, most=1e3
     )
     intensity: float | None = positive(
         "two-sided spectral density of the bedrock, by default that with the mean square of the training motions; only "
@@ -78,7 +78,7 @@ class WeightWishes(RmsLimits):
         "record to which the spectrum is fitted instead, relative to the study file"
     )
     semi_active: float | None = positive(
-        "share b of the condition that the desired force be that of a damper, between 0 and 1; the budget decides the "
+        "share b of the condition that a damper can exert the desired force, between 0 and 1; the budget decides the "
         "law then, R hardly matters"
     )
 

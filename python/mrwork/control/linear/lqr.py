@@ -477,7 +477,7 @@ def kinematic_observer_of(
     rows = building.storeys[list(storeys)]
     if np.linalg.matrix_rank(rows) < n:
         raise SettingError(
-            f"a kinematic observer is corrected by measured drifts, and those of `measured_storeys` "
+            f"a kinematic observer is corrected by measured drifts, and the drifts of `measured_storeys` "
             f"({list(storeys)}, counted from 0) leave motions of {building.name} without one; give all storeys"
         )
     step = sample_time * np.eye(n)

@@ -99,7 +99,7 @@ class LoopMargins(Summarised):
                 f"The linear loop of this gain is not stable with the hardware of the study ({loop}), so it has no "
                 "margins: a larger R asks for less."
             )
-        others = ", those of the others closed" if len(self.devices) > 1 else ""
+        others = ", the loops of the others closed" if len(self.devices) > 1 else ""
         margins = "; ".join(each.in_words for each in self.devices)
         return (
             f"Margins of the linear loop, broken at the force of a device{others} ({loop}): {margins}. Ideal forces of "

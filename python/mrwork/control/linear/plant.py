@@ -178,7 +178,7 @@ def stack_outputs(*parts: Outputs) -> Outputs:
     shapes = {(part.C.shape[1], part.D.shape[1]) for part in parts}
     if len(shapes) > 1:
         raise SettingError(
-            "the outputs are of plants with other numbers of states or devices; give those of one plant"
+            "the outputs are of plants with other numbers of states or devices; give outputs of one plant"
         )
     return Outputs(
         names=tuple(name for part in parts for name in part.names),

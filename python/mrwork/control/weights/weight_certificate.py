@@ -120,7 +120,7 @@ SCAN_BUDGET = (
 _SETTING = {"rms_drift": "drifts", "rms_acceleration": "accelerations", "rms_displacement": "displacements"}
 # Excess of the gain of the law over ratio and budget, as a factor, beyond which it is said in words.
 _NEAR = 1.05
-_FORECAST = "the least ratio is that of a law that also knows the state of the soil."
+_FORECAST = "a law with the least ratio also knows the state of the soil."
 # Outputs and sentences on what binds that the summary shows.
 _SHOWN = 4
 # Shares of the multipliers below this one belong to limits that do not bind.
