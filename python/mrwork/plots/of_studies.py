@@ -148,7 +148,9 @@ def storey_profiles(
     if quantity == RATIO and facts is not None:
         factor, symbol = 100.0 / np.array(facts.heights), "%"
     else:
-        unit = shown_unit_of(quantity_named(quantity).unit, max(float(values.max()) for _, values, _ in lines))
+        unit = shown_unit_of(
+            quantity_named(quantity).unit, max(float(values.max()) for _, values, _ in lines)
+        )
         factor, symbol = unit.factor, unit.symbol
     axes, heights = axes_for(ax), np.arange(1, len(names) + 1)
     for number, (label, values, stroke) in enumerate(lines):
