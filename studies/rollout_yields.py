@@ -23,10 +23,15 @@ script = Script(
     __doc__,
     quick="6 s of two motions of each group at 0.5 g, few cases",
     level={"choices": ("0.3 g", "0.5 g", "0.7 g"), "help": "one level of the motions instead of all"},
+    part={
+        "choices": ("levels", "training", "whole", "fragility"),
+        "help": "laws at each level, settings on training motions, whole motions, or a fragility, instead of all",
+    },
 )
 script.data("records", "real")
 LEVELS = ["0.5 g"] if script.quick else np.ravel(script.options.level or ["0.3 g", "0.5 g", "0.7 g"]).tolist()
 SECONDS = 6.0 if script.quick else 12.0  # about the peak of each motion
+PART = script.options.part
 SCORE = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
 CONSTANTS = np.linspace(0.0, 1.88, 21)  # A
 RECORDS = ("el_centro", "hachinohe", "kobe", "northridge")
@@ -46,6 +51,17 @@ PREDICTIONS: dict[str, Any] = {
     },
 }
 AIDS = {"": {}, ", adapted": {"adaptation": 5.0}, ", offsets": {"shear_offsets": True}}
+RATES = (0.0, 2.0, 5.0, 10.0)  # of adaptation [1/s]
+SENSED = PREDICTIONS["yielding, offsets, through sensors, 2 ms"]
+WEIGHTS = (0.0, 1.0, 3.0, 10.0)  # of the residual drift
+WHOLE: dict[str, Any] = {
+    "elastic": {},
+    "elastic, offsets of shear": {"shear_offsets": True},
+    "yielding, offsets, through sensors, 2 ms": SENSED,
+}
+GRAVITY = mr.closed_loop.STANDARD_GRAVITY
+SHAKEN = np.array([0.5, 0.8, 1.1, 1.4])  # levels of the fragility [g]
+LIMIT = 0.02  # drift ratio
 BELIEFS: dict[str, Any] = {
     "yield drift x 0.8": {"believed_yield_drift": 0.8},
     "yield drift x 1.25": {"believed_yield_drift": 1.25},
@@ -55,25 +71,28 @@ BELIEFS: dict[str, Any] = {
 }
 if script.quick:
     PREDICTIONS = {name: case for name, case in PREDICTIONS.items() if "observed" not in name}
-    BELIEFS = {}
+    BELIEFS, RATES, WEIGHTS, SHAKEN = {}, (0.0, 5.0), (0.0, 3.0), np.array([0.4, 0.7, 1.0])
 
 # %% The frame: storeys of 1 m that yield at 5 mm, 3 % of their stiffness after it, and P-delta; and its motions.
 study: Any = mr.read_study(script.folder.parent / "rollout" / "yields.toml")
 FRAME = study.building
 ELASTIC = replace(FRAME, elements=(), loads=np.empty(0))
 YIELD = float(FRAME.yield_drifts.max())  # m
-groups: dict[str, Any] = {"training": [], "sixteen": [], "unseen": []}
-for each in study.motions:
-    name, motion = each.ground.name, each.ground
-    if each.use == "test" and name.startswith(RECORDS):
-        continue
-    peak = motion.dt * int(np.abs(motion.acceleration).argmax())
-    start = max(0.0, min(peak - SECONDS / 3.0, motion.duration - SECONDS))
-    motion = mr.motions.trimmed(motion, start=start, end=min(start + SECONDS, motion.duration))
-    test = "unseen" if name.startswith("Unseen") else "sixteen"
-    groups["training" if each.use == "training" else test].append(motion)
-if script.quick:
-    groups = {name: group[:2] for name, group in groups.items()}
+
+
+def groups_of(seconds: float) -> dict[str, Any]:
+    """Training and test motions at 0.5 g, each cut to so many seconds about its peak."""
+    groups: dict[str, Any] = {"training": [], "sixteen": [], "unseen": []}
+    for each in study.motions:
+        name, motion = each.ground.name, each.ground
+        if each.use == "test" and name.startswith(RECORDS):
+            continue
+        peak = motion.dt * int(np.abs(motion.acceleration).argmax())
+        start = max(0.0, min(peak - seconds / 3.0, motion.duration - seconds))
+        motion = mr.motions.trimmed(motion, start=start, end=min(start + seconds, motion.duration))
+        test = "unseen" if name.startswith("Unseen") else "sixteen"
+        groups["training" if each.use == "training" else test].append(motion)
+    return {name: group[:2] if script.quick else group for name, group in groups.items()}
 
 
 def at_level(motions: Any, level: str) -> Any:
@@ -140,12 +159,11 @@ def row_of(law: Any, hardware: Any, motions: Any, passive: Any) -> dict[str, Any
     return row
 
 
-# %% Each level: constant currents, references of the elastic frame and of the one that yields, laws.
-figure = Figure(figsize=(5.0 * len(LEVELS), 5.0), layout="constrained")
-for axes, level in zip(np.ravel(figure.subplots(1, len(LEVELS))), LEVELS, strict=True):
+def known_at(level: str, groups: Any) -> dict[str, Any]:
+    """What laws and rows of a level want: motions, constant currents, references of both frames, noise."""
     script.say(f"{level}: constant currents")
-    motions = {name: at_level(group, level) for name, group in groups.items()}
     plain = mr.Hardware()
+    motions = {name: at_level(group, level) for name, group in groups.items()}
     passive = {
         name: simulated(FRAME, constant(CONSTANTS), group, plain)[0] for name, group in motions.items()
     }
@@ -160,14 +178,20 @@ for axes, level in zip(np.ravel(figure.subplots(1, len(LEVELS))), LEVELS, strict
         "force_noise": 0.02 * under.peak_force.mean(),
         "ground_acceleration_noise": 0.02 * np.mean([each.peak for each in motions["training"]]),
     }
-    cases = {f"Rollout, {name}": case for name, case in PREDICTIONS.items()}
-    if level == "0.5 g":
-        for name, belief in BELIEFS.items():
-            for words, aid in AIDS.items():
-                believed = {"model": "building", **belief, **aid}
-                cases[f"Rollout, yielding, believes {name}{words}"] = believed
-    rows = {
-        "Best constant current of the training motions": row_of(held, plain, motions, passive),
+    return {"motions": motions, "passive": passive, "of": of, "held": held, "noise": noise}
+
+
+def law_of(case: Any, known: Any) -> tuple[mr.ControlLaw, mr.Hardware]:
+    """The law of a case with what is known at a level, and its loop."""
+    hardware = hardware_of(case.get("loop", ()), known["noise"])
+    return rollout(case, known["of"][case.get("model", "elastic")], hardware), hardware
+
+
+def rows_of(key: str, cases: Any, known: Any) -> dict[str, Any]:
+    """Rows of the constant currents and of the laws."""
+    plain, motions, passive = mr.Hardware(), known["motions"], known["passive"]
+    rows: dict[str, Any] = {
+        "Best constant current of the training motions": row_of(known["held"], plain, motions, passive),
         "Best constant current of these motions": {},
     }
     for group in JUDGED:
@@ -179,20 +203,115 @@ for axes, level in zip(np.ravel(figure.subplots(1, len(LEVELS))), LEVELS, strict
             name: value for name, value in found.items() if name.startswith(group)
         }
     for name, case in cases.items():
-        hardware = hardware_of(case.get("loop", ()), noise)
-        law = rollout(case, of[case.get("model", "elastic")], hardware)
-        rows[name] = script.kept(f"{level}, {name}", partial(row_of, law, hardware, motions, passive))
-    script.table(
-        f"laws_{level[:3].replace('.', '')}",
-        rows,
-        title=f"{level}: ratios to the best constant current of the same motions",
-        digits=3,
-    )
-    ranked = sorted(rows, key=lambda label: -rows[label]["sixteen: larger ratio"])
-    for group, mark in zip(JUDGED, "os", strict=True):
-        axes.plot([rows[label][f"{group}: larger ratio"] for label in ranked], ranked, mark, label=group)
-    axes.axvline(1.0, color="black", linewidth=0.8)
-    axes.set(xlabel="Mean of the larger ratio of both peaks", title=level)
-    axes.legend()
-script.figure(figure, "larger_ratio")
+        rows[f"Rollout, {name}"] = script.kept(
+            f"{key}, {name}", partial(row_of, *law_of(case, known), motions, passive)
+        )
+    return rows
+
+
+GROUPS, TITLE = groups_of(SECONDS), "ratios to the best constant current of the same motions"
+
+# %% Each level: constant currents, references of the elastic frame and of the one that yields, laws.
+if PART in (None, "levels"):
+    figure = Figure(figsize=(5.0 * len(LEVELS), 5.0), layout="constrained")
+    for axes, level in zip(np.ravel(figure.subplots(1, len(LEVELS))), LEVELS, strict=True):
+        cases = dict(PREDICTIONS)
+        if level == "0.5 g":
+            for name, belief in BELIEFS.items():
+                for words, aid in AIDS.items():
+                    cases[f"yielding, believes {name}{words}"] = {"model": "building", **belief, **aid}
+        rows = rows_of(level, cases, known_at(level, GROUPS))
+        script.table(f"laws_{level[:3].replace('.', '')}", rows, title=f"{level}: {TITLE}", digits=3)
+        ranked = sorted(rows, key=lambda label: -rows[label]["sixteen: larger ratio"])
+        for group, mark in zip(JUDGED, "os", strict=True):
+            axes.plot([rows[label][f"{group}: larger ratio"] for label in ranked], ranked, mark, label=group)
+        axes.axvline(1.0, color="black", linewidth=0.8)
+        axes.set(xlabel="Mean of the larger ratio of both peaks", title=level)
+        axes.legend()
+    script.figure(figure, "larger_ratio")
+
+# %% Settings on every fourth training motion at 0.5 g, with true states: rates of adaptation by what the law believes,
+# and weights of the residual drift, with 6 s of rest after the motion.
+known = known_at("0.5 g", GROUPS) if PART != "levels" else {}
+if PART in (None, "training"):
+    taught = known["motions"]["training"][:: 1 if script.quick else 4]
+    rested = [
+        replace(each, acceleration=np.append(each.acceleration, np.zeros(round(6.0 / each.dt))))
+        for each in taught
+    ]
+
+    of_best, _ = simulated(FRAME, constant(CONSTANTS), taught, mr.Hardware())
+    of_best = of_best[best_of(of_best)]
+
+    def judged(case: Any, motions: Any) -> list[float]:
+        """Larger ratio, and the drift that is left [%]."""
+        (found,), responses = simulated(FRAME, law_of(case, known)[0], motions, mr.Hardware())
+        left = np.abs(responses.residual_drift).max(axis=1)
+        return [float((found / of_best)[:, :2].max(axis=1).mean()), float(100.0 * left.mean())]
+
+    beliefs = {"the frame": {}, **{name: case for name, case in BELIEFS.items() if "force" not in case}}
+    rows = {}
+    for rate in RATES:
+        cases = {name: {"model": "building", "adaptation": rate, **each} for name, each in beliefs.items()}
+        row = {
+            name: script.kept(f"training, {rate:g} /s, {name}", partial(judged, case, taught))[0]
+            for name, case in cases.items()
+        }
+        rows[f"{rate:g} /s"] = row | {"mean": float(np.mean([*row.values()]))}
+    script.table("adaptation", rows, title=f"Training motions: {TITLE}", digits=3)
+    rows = {}
+    for weight in WEIGHTS:
+        case = {"model": "building", "residual_weight": weight}
+        found = script.kept(f"training, weight {weight:g}", partial(judged, case, rested))
+        rows[f"weight {weight:g}"] = dict(zip(("larger ratio", "residual drift [%]"), found, strict=True))
+    script.table("residual", rows, title="Training motions with rest: weight of the residual drift", digits=3)
+
+# %% Whole motions with the rest after them, every third of the unseen: the drift that is left is the residual one.
+if PART == "whole" or (PART is None and not script.quick):
+    groups = groups_of(np.inf)
+    groups["unseen"] = groups["unseen"][::3]
+    rows = rows_of("whole", WHOLE, known_at("0.5 g", groups))
+    script.table("whole", rows, title=f"Whole motions, 0.5 g: {TITLE}", digits=3)
+
+# %% Fragility of a drift ratio over the sixteen motions, with laws that are designed for 0.5 g.
+if PART in (None, "fragility"):
+
+    def drifts(law: mr.ControlLaw, hardware: mr.Hardware, level: float) -> list[float]:
+        (found,), _ = simulated(FRAME, law, at_level(GROUPS["sixteen"], f"{level:.1f} g"), hardware)
+        # The storeys are 1 m high.
+        return [float(each) for each in found[:, 0]]
+
+    laws = {
+        "Best constant current of the training motions": (known["held"], mr.Hardware()),
+        "Rollout, elastic": law_of({}, known),
+        "Rollout, yielding, offsets, through sensors, 2 ms": law_of(SENSED, known),
+    }
+    responses = {
+        name: np.transpose(
+            [
+                script.kept(f"fragility, {level:.1f} g, {name}", partial(drifts, *each, level))
+                for level in SHAKEN
+            ]
+        )
+        for name, each in laws.items()
+    }
+    fragilities = mr.study.fragilities_of(responses, GRAVITY * SHAKEN, LIMIT, criterion="peak_drift_ratio")
+    first = next(iter(laws))
+    rows = {}
+    for name in laws:
+        ratio, band = fragilities.ratio(name, first)
+        each = fragilities[name]
+        rows[name] = {
+            "median [g]": each.median / GRAVITY,
+            "from [g]": each.band[0] / GRAVITY,
+            "to [g]": each.band[1] / GRAVITY,
+            "dispersion": each.dispersion,
+            "ratio of medians": ratio,
+            "from": band[0],
+            "to": band[1],
+        }
+    script.table("fragility", rows, title=f"Peak drift ratio of {100.0 * LIMIT:g} %", digits=3)
+    figure = Figure(figsize=(6.0, 3.5), layout="constrained")
+    mr.plots.fragility(fragilities, ax=figure.subplots())
+    script.figure(figure, "fragility")
 script.check()

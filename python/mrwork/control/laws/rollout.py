@@ -129,7 +129,8 @@ class RolloutSettings(LawSettings):
         default=False,
     )
     adaptation: float = key(
-        "rate at which yield drifts of the model follow the measured shears of storeys that yield; 0 for none",
+        "rate at which yield drifts of the model follow the measured shears of storeys that yield; 0 for none, 10 "
+        "where yield drifts are uncertain",
         unit="1/s",
         default=0.0,
         least=0.0,
