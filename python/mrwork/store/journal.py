@@ -192,7 +192,7 @@ class Journal:
 
     def _resume(self, path: Path, note: Callable[[str], None] | None) -> None:
         if not is_there(path, JOURNAL_FILE):
-            raise JournalError(f"there is no journal at {path} to resume; run without --resume")
+            raise JournalError(f"there is no {path.name} to resume in {path.parent}; run without --resume")
         self._take_lock()
         try:
             content = bytes_of(path, JOURNAL_FILE)

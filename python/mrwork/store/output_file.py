@@ -86,11 +86,6 @@ _LONGEST = 300
 _FLAGS = os.O_RDWR | os.O_CREAT
 
 
-def is_lock(name: str) -> bool:
-    """Whether it is the name of a lock file."""
-    return name.startswith(".") and name.endswith(".lock")
-
-
 class Lock(AbstractContextManager["Lock"]):
     """Lock of a folder, or of the file `name` in it, which need not exist; taken at once and held until `release`."""
 

@@ -167,7 +167,7 @@ class RunFolder:
         give = f"give a folder that {' or '.join(verbs)} has written"
         if not (is_folder(folder) and exists(folder / MANIFEST)):
             raise RecordError(_no_run(folder, give))
-        run = cls._at(folder, RecordError)
+        run = cls.at(folder)
         if run is None:
             raise RecordError(f"the {MANIFEST} of {folder} is not that of a run of mrwork; {give}")
         if run.kind not in kinds:
@@ -185,17 +185,17 @@ class RunFolder:
         return run
 
     @classmethod
-    def to_write(cls, path: Path) -> RunFolder | None:
-        """The run in a folder that will be written; `None` where there is no manifest, or another program wrote it."""
-        return cls._at(path, OutputError) if is_file(path / MANIFEST) else None
-
-    @classmethod
-    def _at(cls, path: Path, error: type[MrworkError]) -> RunFolder | None:
+    def at(cls, path: Path) -> RunFolder | None:
+        """The run in a folder of any format; `None` where there is no manifest, or another program wrote it."""
         manifest = path / MANIFEST
+        if not exists(manifest):
+            return None
         try:
             stated = json.loads(text_of(manifest, make_stored_kind("identify", name="the manifest")))
         except ValueError as reason:
-            raise error(f"{manifest} is not JSON ({reason}); restore it, or choose another folder") from None
+            raise OutputError(
+                f"{manifest} is not JSON ({reason}); restore it, or choose another folder"
+            ) from None
         for kind in RUN_KINDS if isinstance(stated, Mapping) else ():
             if (stated.get("verb"), stated.get("kind")) == (kind.verb, kind.kind):
                 return cls(path=path, kind=kind, manifest=stated)
@@ -219,7 +219,7 @@ class RunFolder:
 
     def settled(self) -> RunFolder:
         """The run with all its files by their names; the folder must be locked."""
-        run = RunFolder._at(self.path, OutputError)
+        run = RunFolder.at(self.path)
         if run is None or REPLACED not in run.manifest:
             return run or self
         return replace(run, manifest=end_commit(run.real_path, run.manifest))
@@ -297,7 +297,7 @@ def refuse_path_in_run(path: Path) -> None:
         run = None
         # A damaged manifest may belong to any program.
         with suppress(MrworkError):
-            run = RunFolder.to_write(folder)
+            run = RunFolder.at(folder)
         if run is not None and run.owns(real.relative_to(folder).parts[0]):
             raise OutputError(f"{path} belongs to the run in {folder}; give another name")
 
@@ -324,13 +324,13 @@ def _not_as_written(path: Path, verb: str) -> str:
 def _no_run(path: Path, give: str) -> str:
     """Why what is at `path` is no run folder, and what to give instead."""
     for around in path.parents[:2]:
-        if exists(path) and is_file(around / MANIFEST) and RunFolder._at(around, RecordError):
+        if exists(path) and RunFolder.at(around):
             return f"{path} is a part of the run {around}; give that folder"
     if not exists(path):
         return f"{path} does not exist; {give}"
     if not is_folder(path):
         return f"{path} is a file; {give}"
-    if any(next(path.glob(pattern), None) for pattern in (*JOURNALS, f"{HISTORIES}/*.npz")):
+    if any(next(path.glob(pattern), None) for pattern in JOURNALS):
         return f"{path} has an unfinished run; run the command that began it again with --resume"
     runs: list[str] = []
     with suppress(OSError):

@@ -35,7 +35,7 @@ from mrwork.store.commit import (
 )
 from mrwork.store.input_file import exists
 from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
-from mrwork.store.output_file import Lock, check_name, explain_failure, is_lock
+from mrwork.store.output_file import Lock, check_name, explain_failure
 from mrwork.store.run_folder import (
     ADDITIONS,
     CHAIN,
@@ -67,7 +67,7 @@ def nothing_to_resume(path: Path) -> str:
 
 def is_complete(path: str | Path) -> bool:
     """Whether the folder at `path` has a run that was not interrupted."""
-    run = RunFolder.to_write(real_path(path))
+    run = RunFolder.at(real_path(path))
     return run is not None and run.is_complete
 
 
@@ -122,12 +122,12 @@ class Destination:
             if exists(folder):
                 raise OutputError(f"{self.path} is a file, a run needs a folder; choose another name")
             return None
-        if (run := RunFolder.to_write(folder)) is not None:
+        if (run := RunFolder.at(folder)) is not None:
             return run
         journals = chain.from_iterable(map(folder.glob, JOURNALS))
         if exists(folder / MANIFEST):
             fault = f"has a {MANIFEST} that is not that of a run of mrwork"
-        elif any(map(is_journal, journals)) or all(is_lock(entry.name) for entry in folder.iterdir()):
+        elif any(map(is_journal, journals)) or all(entry.match(".*lock") for entry in folder.iterdir()):
             return None
         else:
             fault = f"holds files but no {MANIFEST}, so it is not a run folder"
@@ -213,13 +213,9 @@ class RunAtWork:
 
     def journal(self, name: str = JOURNAL) -> Journal:
         """The journal of the run, or of a step of it such as `models/dahl/fit.jsonl`, begun or resumed."""
-        growing = self.growing(name)
-        committed = self._folder / name
-        resume = self.destination.resume and (growing.is_file() or committed.is_file())
-        if self.destination.resume and not resume and name == JOURNAL:
-            raise JournalError(
-                f"there is no {JOURNAL} to resume in {self.destination.path}; run without --resume"
-            )
+        growing, committed = self.growing(name), self._folder / name
+        # A step of a comparison that is resumed may not have begun.
+        resume = self.destination.resume and (name == JOURNAL or growing.is_file() or committed.is_file())
         journal = journal_in_run(growing, committed=committed, resume=resume, note=self._note)
         self._journals.append(journal)
         return journal
@@ -332,8 +328,6 @@ def addition_journal(
     with adding(folder, name):
         if not (resume or replace):
             _refuse_steps(kept, [growing])
-        if resume and not (growing.is_file() or kept.is_file()):
-            raise JournalError(f"there is no {kept} to resume; run without --resume")
         journal = journal_in_run(growing, committed=kept, resume=resume, note=note)
         try:
             yield journal
