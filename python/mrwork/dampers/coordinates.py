@@ -21,7 +21,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
 Coordinates = Literal["theta", "unit", "latent"]
-"""How a point gives the free parameters: their values, or their places in [0, 1] or R."""
+"""How a point gives the free parameters: their values, their shares of the range, or the logits of these."""
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
@@ -143,8 +143,8 @@ class Box:
             return value
         xp = value.__array_namespace__()
         columns = [xp.full(value.shape[:-1], lower) for lower in self.lower]
-        for place, index in enumerate(self.free):
-            columns[index] = value[..., place]
+        for column, index in enumerate(self.free):
+            columns[index] = value[..., column]
         return xp.stack(columns, axis=-1)
 
     @checked

@@ -287,7 +287,7 @@ def interpolate(
 ) -> Array:
     """Polynomial through values at the nodes, (n_nodes,), its tangent beyond; of the logarithms where `log`."""
     coefficients = _basis(nodes) @ (xp.log(values) if log else values)
-    t = _place(nodes, command)
+    t = _between(nodes, command)
     inside = xp.clip(t, -1.0, 1.0)
     value, slope = 0.0 * inside, 0.0 * inside
     for power in reversed(range(len(nodes))):
@@ -297,19 +297,19 @@ def interpolate(
     return xp.exp(curve) if log else curve
 
 
-def _place(nodes: tuple[float, ...], command: Array) -> Array:
+def _between(nodes: tuple[float, ...], command: Array) -> Array:
     """-1 at the first node, 1 at the last."""
     return (command - 0.5 * (nodes[0] + nodes[-1])) * (2.0 / (nodes[-1] - nodes[0]))
 
 
 def _powers(nodes: tuple[float, ...], command: Floats) -> Floats:
-    """Powers of the place of each command, shape (n_commands, n_nodes)."""
-    return np.asarray(np.vander(_place(nodes, command), len(nodes), increasing=True))
+    """Powers of each command between the outer nodes, shape (n_commands, n_nodes)."""
+    return np.asarray(np.vander(_between(nodes, command), len(nodes), increasing=True))
 
 
 @cache
 def _basis(nodes: tuple[float, ...]) -> Floats:
-    """Coefficients of the polynomial in the place of the command for a value of 1 at each node, one column each."""
+    """Coefficients of the polynomials that are 1 at one node and 0 at the others, a column for each node."""
     return np.asarray(np.linalg.inv(_powers(nodes, np.array(nodes))), dtype=np.float64)
 
 

@@ -185,8 +185,15 @@ class OperatingRange(Summarised):
             exceedances.append(
                 _exceedance("command", unit, self.command, demand.command, command_noise(0.0, unit))
             )
-            if self.gap is not None and not exceedances[-1]:
-                exceedances.append(_in_gap(unit, self.gap, demand.levels or demand.command))
+            if (gap := self.gap) is not None and not exceedances[-1]:
+                low, high = gap
+                depth, level = max(
+                    (min(each - low, high - each), each) for each in demand.levels or demand.command
+                )
+                if depth > _TOLERANCE * (high - low):
+                    exceedances.append(
+                        Exceedance(quantity="command", demanded=level, lowest=low, highest=high, unit=unit)
+                    )
         return tuple(sorted(filter(None, exceedances), key=lambda each: each.rank))
 
     @property
@@ -346,14 +353,6 @@ def _exceedance(
     return Exceedance(quantity=quantity, demanded=demanded, lowest=lowest, highest=highest, unit=unit)
 
 
-def _in_gap(unit: str, gap: tuple[float, float], demanded: Sequence[float]) -> Exceedance | None:
-    """The demanded command that is deepest in a gap of the tested ones."""
-    depth, command = max((min(each - gap[0], gap[1] - each), each) for each in demanded)
-    if depth <= _TOLERANCE * (gap[1] - gap[0]):
-        return None
-    return Exceedance(quantity="command", demanded=command, lowest=gap[0], highest=gap[1], unit=unit)
-
-
 # Reversals of less than this fraction of the peak-to-peak displacement are noise.
 _LEAST_HALF_CYCLE = 0.01
 
@@ -371,12 +370,12 @@ def half_cycle_ends(displacement: Floats) -> NDArray[np.intp]:
     kept, ends = [float(displacement[0])], [0]
     # 1, -1: the motion goes up, down since the last reversal; 0: it has not begun.
     way = 0
-    for sample, place in zip(samples.tolist(), displacement[samples].tolist(), strict=True):
-        moved = place - kept[-1]
+    for sample, turned_at in zip(samples.tolist(), displacement[samples].tolist(), strict=True):
+        moved = turned_at - kept[-1]
         if way * moved > 0.0:
-            kept[-1], ends[-1] = place, sample
+            kept[-1], ends[-1] = turned_at, sample
         elif abs(moved) > least:
-            kept.append(place)
+            kept.append(turned_at)
             ends.append(sample)
             way = 1 if moved > 0.0 else -1
     if len(ends) > 3:

@@ -76,7 +76,7 @@ class FitBatch:
     _made: Iterator[Future[tuple[Fit, bytes]]] | None = field(default=None, init=False)
 
     def fit(self, number: int) -> Fit:
-        """The fit of a task; the error of one that cannot be fitted is raised."""
+        """The fit of a task; an error of it is raised."""
         self.on_progress(number, None)
         if self._made is None and present_workers() is not None and len(self.tasks) > 1:
             self._made = self._made_elsewhere()

@@ -191,8 +191,8 @@ class CandidateObjective(Summarised):
     """The objective of an identification as a function of the free parameters, for any optimiser.
 
     A point has shape (n_free,), many have (n_batch, n_free): values of `names` in `units`, or, with the coordinates
-    "unit", places between their `bounds` from 0 to 1, on the scale of each parameter, linear or logarithmic, or, with
-    "latent", the logits of these places. Other parameters are held. `mr.identify` minimises the same `objective`.
+    "unit", shares of the range between their `bounds`, on the scale of each parameter, linear or logarithmic, or, with
+    "latent", the logits of these shares. Other parameters are held. `mr.identify` minimises the same `objective`.
     """
 
     _made_by: ClassVar[str] = "mr.objective(model, tests)"
@@ -328,8 +328,8 @@ def objective(
         Loss of the residuals, and the residual [N] from which on it differs from the square; a function maps
         z = (residual/scale)^2 to rho(z) and its derivative, stacked, as in `scipy.optimize.least_squares`.
     coordinates
-        Whether points are physical parameters, "theta", places between the bounds from 0 to 1, "unit", or the logits of
-        these places, "latent", which have no bounds.
+        Whether points are physical parameters, "theta", shares of the range between the bounds, "unit", or the logits
+        of these shares, "latent", which have no bounds.
     threads
         Threads of the simulation, 0 for all.
 

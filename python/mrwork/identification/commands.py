@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -86,13 +87,10 @@ def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
 
 def tests_by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     """The tests at each constant command, lowest first."""
-    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
-    unit = spec.command_unit or "A"
-    level_of = [command_level(command, unit) for command in commands]
-    return {
-        level: tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
-        for level in sorted(set(level_of))
-    }
+    unit, levels = spec.command_unit or "A", defaultdict[float, list[DamperTest]](list)
+    for test in tests:
+        levels[command_level(float(np.mean(np.asarray(loading_of(test, spec).command))), unit)].append(test)
+    return {level: tuple(levels[level]) for level in sorted(levels)}
 
 
 def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:

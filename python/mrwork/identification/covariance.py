@@ -3,7 +3,7 @@
 One rule of effective samples is used everywhere: standard errors, tempering of a posterior, profiles, verdicts, plans,
 blocks of a cross-validation and the residual tests of a report. It is n / tau with the integrated autocorrelation time
 tau, summed over the initial monotone sequence of Geyer (1992). In theory the sums of adjacent correlations decrease
-with the lag; one that increases is chance, and counts as the least before it. Geyer's initial positive sequence counts
+with the lag; an increase is chance, and counts as the least sum before it. Geyer's initial positive sequence counts
 such sums in full, and estimated a third too few samples for nearly white residuals.
 """
 

@@ -448,8 +448,7 @@ class Fit(Plotted, WithAxes, Summarised):
     @property
     def ties(self) -> Mapping[str, str]:
         """The expressions of the parameters that are tied to others, by name."""
-        recorded = self.provenance.settings.get("ties", {})
-        return recorded if isinstance(recorded, Mapping) else {}
+        return self.settings.ties
 
     @property
     def parameters(self) -> Mapping[str, FittedParameter]:

@@ -94,11 +94,11 @@ class OpenedRun:
 def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
     """Open the run folder at `path`, with the tests it was identified from; `on_read` is called before each."""
     run = RunFolder.open(path, FIT_RUN)
-    fit, place = fit_of(run), run.path
-    tests = fit.reading(origin=str(place / FIT)).tests(on_read=on_read)
+    fit = fit_of(run)
+    tests = fit.reading(origin=str(run.path / FIT)).tests(on_read=on_read)
     if len(tests) != len(fit.quality):
         raise RecordError(
-            f"{place / FIT} compares {len(fit.quality)} tests where {len(tests)} were read; "
+            f"{run.path / FIT} compares {len(fit.quality)} tests where {len(tests)} were read; "
             "run `mrwork identify` again"
         )
     opened = []
@@ -107,12 +107,12 @@ def reopen(path: str | Path, *, on_read: OnRead | None = None) -> OpenedRun:
         opened.append(test)
         if test.sha256 not in fit.provenance.inputs.values():
             raise RecordError(
-                f"{test.label} has changed since {place} was identified from it; "
+                f"{test.label} has changed since {run.path} was identified from it; "
                 "restore the file, or run `mrwork identify` again"
             )
         if quality.n_time != test.n_counted:
             raise RecordError(
                 f"{test.label}: {test.n_counted} samples count where {quality.n_time} did "
-                f"when {place} was identified; run `mrwork identify` again with this version"
+                f"when {run.path} was identified; run `mrwork identify` again with this version"
             )
     return OpenedRun(run=run, fit=fit, tests=tuple(opened))

@@ -276,8 +276,8 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
     plain, fits = spec.without_laws, []
     for command, tests in levels_of(spec, objective.tests).items():
         values = plain_parameters(spec, np.array(fit.theta), command)
-        known = dict(zip(plain.names, values.tolist(), strict=True))
-        held = {name: (value, value) for name, value in known.items() if name not in spec.following}
+        pairs = zip(plain.names, values.tolist(), strict=True)
+        held = {name: (value, value) for name, value in pairs if name not in spec.following}
         settings = replace(problem.settings, bounds=held, starts=(), search=None, ties={})
         # A command at which the plain model cannot be fitted is left out.
         with suppress(MrworkError):

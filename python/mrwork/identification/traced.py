@@ -193,8 +193,8 @@ def force(
     record
         A damper test, of which the measured force is not used, or a loading.
     coordinates
-        Whether a point is physical parameters, "theta", places between the bounds of the model from 0 to 1, "unit", or
-        the logits of these places, "latent".
+        Whether a point is physical parameters, "theta", shares of the range between the bounds of the model, "unit", or
+        the logits of these shares, "latent".
     substeps
         Sub-steps per sample of every point, a power of two. By default they follow from the stiffness of the point, and
         the force jumps, within the error of the integration, where their number changes.
@@ -354,7 +354,7 @@ _POWERS = [2**power for power in range(MOST_SUBSTEPS.bit_length())]
 def observe(observation: Observation, dt: float, force: Array) -> Array:
     """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s], as `Observation.observe`."""
     if observation.delay_seconds != 0.0:
-        before, share = _places(force, np.arange(force.shape[-1]) - observation.delay_seconds / dt)
+        before, share = _between_samples(force, np.arange(force.shape[-1]) - observation.delay_seconds / dt)
         force = force[..., before] * (1.0 - share) + force[..., before + 1] * share
     if observation.lag_seconds > 0.0:
         force = _lagged(force, observation.lag_seconds / dt)
@@ -365,12 +365,12 @@ def observe(observation: Observation, dt: float, force: Array) -> Array:
     return observation.gain * force + observation.offset
 
 
-def _places(force: Array, places: Any) -> tuple[Any, Any]:
-    """Sample before each place of a record, held at its ends, and the share of the interval behind it."""
+def _between_samples(force: Array, samples: Any) -> tuple[Any, Any]:
+    """Sample before each point of a record, held at its ends, and the share of the interval behind it."""
     last = force.shape[-1] - 1
-    places = np.clip(places, 0.0, last)
-    before = np.minimum(np.floor(places).astype(int), last - 1)
-    return before, places - before
+    samples = np.clip(samples, 0.0, last)
+    before = np.minimum(np.floor(samples).astype(int), last - 1)
+    return before, samples - before
 
 
 def _averaged(force: Array, samples: float) -> Array:
@@ -378,7 +378,7 @@ def _averaged(force: Array, samples: float) -> Array:
     if samples < SHORTEST_AVERAGE:
         return force
     steps = np.arange(force.shape[-1])
-    ends = [_places(force, steps + side * 0.5 * samples) for side in (-1.0, 1.0)]
+    ends = [_between_samples(force, steps + side * 0.5 * samples) for side in (-1.0, 1.0)]
     width = (ends[1][0] + ends[1][1]) - (ends[0][0] + ends[0][1])
     means = 0.5 * (force[..., 1:] + force[..., :-1])
     integral = jnp.concatenate([jnp.zeros_like(force[..., :1]), jnp.cumsum(means, axis=-1)], axis=-1)

@@ -73,7 +73,7 @@ def _method(form: Residuals, box: Box) -> Callable[..., Any]:
 
     @eqx.filter_jit
     def minimise(args: Any) -> Any:
-        found = optx.least_squares(
+        found: Any = optx.least_squares(
             residuals, solver, jnp.zeros_like(args[0]), args, max_steps=_MAX_STEPS, throw=False
         )
         return found.value, found.stats["num_steps"], found.result == optx.RESULTS.successful

@@ -11,7 +11,8 @@ Steps follow the limit of stiffness, above which a candidate is not simulated.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -187,7 +188,7 @@ def _iterate_once(
     objective: Objective, box: Box, state: _State, tolerance: float, shares: Floats | None
 ) -> _State:
     """Linearise at the points that have moved, then try several dampings for every running start."""
-    new = replace(state, **{each.name: getattr(state, each.name).copy() for each in fields(state)})
+    new = deepcopy(state)
     latent, misfit, damping, normal, gradient = new.latent, new.misfit, new.damping, new.normal, new.gradient
     sensitivity, moved, arrived, running = new.sensitivity, new.moved, new.arrived, new.running
     weights = np.tile(objective.shares, (len(latent), 1)) if shares is None else shares

@@ -15,7 +15,7 @@ from mrwork.identification.problem import Problem
 
 # Largest number of iterations of the final fit.
 _MOST_ITERATIONS = 100
-# Of minima that are fitted together, one that would not reach the best that has converged is given up.
+# Minimisations that would not reach the best minimum that has converged are given up.
 _BEHIND = Hopeless(after=5, factor=4.0, found=1, closeness=0.0)
 
 # Called with the minimisations from starts that are no minima.
