@@ -26,8 +26,8 @@ _OBJECTS_PER_COLLECTION = 100_000
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command line and exit with its status.
 
-    Without `arguments` it is that of this process, whose signals and streams are then taken over; with them, those are
-    of the calling program.
+    Without `arguments` it is this process's, whose signals and streams are then taken over; with them, signals and
+    streams stay the calling program's.
     """
     signals = StopSignals.of_this_process() if arguments is None else StopSignals()
     if arguments is None:

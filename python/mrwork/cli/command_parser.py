@@ -23,7 +23,7 @@ _INDENT = "  "
 
 
 def examples(*lines: str) -> str:
-    """The end of a verb's help; the lines run as they are typed in a folder where those of the tour have run."""
+    """The end of a verb's help; the lines run as they are typed in a folder where the lines of the tour have run."""
     return "\n".join([_EXAMPLES, *(f"{_INDENT}{line}" for line in lines)])
 
 
@@ -81,7 +81,7 @@ class CommandParser(argparse.ArgumentParser):
         return options, left
 
     def _refuse_unknown_option(self, words: Sequence[str]) -> None:
-        # Options after a verb are those of the verb's parser.
+        # Options after a verb belong to the verb's parser.
         own = (
             takewhile(_is_option, words) if self._subparsers else takewhile(lambda word: word != "--", words)
         )

@@ -174,9 +174,9 @@ def _entry_of(value: Node) -> tuple[Callable[[str], Any], str]:
 
 
 class Collect(argparse.Action):
-    """Values of a repeated option, in place of its default; those of one name once."""
+    """Values of a repeated option, in place of its default; a name only once."""
 
-    # The arguments are those of argparse.
+    # argparse calls it with these arguments.
     def __call__(
         self,
         parser: argparse.ArgumentParser,

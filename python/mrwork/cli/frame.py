@@ -35,7 +35,7 @@ class Frame:
 
     @classmethod
     def of(cls, options: argparse.Namespace, kind: RunKind, default: str, kept: str) -> Frame:
-        """That of the folder of the command line, or of `default` in `out`, which is refused if it is of another."""
+        """The frame of the folder of the command line, or `default` in `out`; a folder of another verb is refused."""
         folder = options.out or Path("out") / default
         destination = Destination(path=folder, kind=kind, replace=options.replace, resume=options.resume)
         destination.run()

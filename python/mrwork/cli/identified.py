@@ -60,9 +60,9 @@ class Identification:
     def of(
         cls, options: argparse.Namespace, settings: FitSettings, ending: str, *, kept: str
     ) -> Identification:
-        """That of the tests of the command line.
+        """The identification of the tests of the command line.
 
-        The name of the folder, if none is given, is that of the first test and `ending`.
+        The folder, if none is given, is named by the first test and `ending`.
         """
         reading, tests = read_tests(options, "fit")
         first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
@@ -81,7 +81,7 @@ class Identification:
         kept: str,
         is_step: bool = False,
     ) -> Identification:
-        """That of tests, with the observation models of the settings, into `folder` in `out` if none is given."""
+        """The identification of tests as the settings observe them, into `folder` in `out` if none is given."""
         return cls(
             frame=Frame.of(options, FIT_RUN, folder, kept),
             reading=reading,

@@ -76,7 +76,7 @@ def add_options(parser: CommandParser) -> None:
         "--command-unit",
         choices=[*COMMAND_SCALES],
         metavar="UNIT",
-        help="unit of the command in the laws, where tests have several: A or V, or that of another scalar, as mm, %%, "
+        help="unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %%, "
         "bar, psi, lb or degC; default A where the tests have a current",
     )
     laws.add_argument(

@@ -18,7 +18,7 @@ from mrwork.base.keys import LARGEST_SEED
 
 # As many digits of a number as a message repeats.
 _SHOWN = 40
-# Integers from which on a limit is that of the machine.
+# Integers from which on a limit is the machine's.
 _NO_LIMIT = 2**53
 
 
@@ -33,7 +33,7 @@ class Range:
 
     @classmethod
     def of(cls, node: Node) -> Range:
-        """The range of an annotated number, that of the function which takes it."""
+        """The range that a number is annotated with."""
         within = next((note for note in node.notes if isinstance(note, Within)), Within())
         unit = next((note.unit for note in node.notes if isinstance(note, InUnit)), "")
         return cls(within=within, unit=unit, whole=node.kind is int)

@@ -29,7 +29,7 @@ def add_trust(parser: CommandParser) -> None:
         "--model",
         dest="own_model",
         metavar="FILE.py:NAME",
-        help="let them run if they are those of this file, which runs as Python",
+        help="let them run if they equal this file's, which runs as Python",
     )
 
 

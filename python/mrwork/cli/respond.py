@@ -71,7 +71,7 @@ def add_options(parser: CommandParser) -> None:
         "--motions",
         choices=("test", "training", "all"),
         default="test",
-        help="use of the motions that are simulated, default test; with all, scores are those of the test motions",
+        help="use of the motions that are simulated, default test; with all, scores stand on the test motions",
     )
     study.add_argument(
         "--check-step",

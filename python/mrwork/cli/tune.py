@@ -96,7 +96,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             )
         except Interrupted as interrupt:
             raise Interrupted(unjudged(study, interrupt.result), "tuning") from None
-        # The names of histories are those of the rows.
+        # Histories are named by the rows.
         wider = with_tuned_rows(study, tuned)
         stored = Histories(work, wider)
         return judge(

@@ -82,7 +82,7 @@ def grid_of_axes(count: int, columns: int, size: tuple[float, float]) -> tuple[F
 
 
 def finish(axes: Axes, ordinate: str = "", abscissa: str = "", *, y_bins: int = 5) -> None:
-    """The names of both axes, given or as they are, that of the ordinate above the axes; few, round ticks."""
+    """The names of both axes, given or as they are, the ordinate's above the axes; few, round ticks."""
     name_above(axes, ordinate, abscissa)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND))
     axes.yaxis.set_major_locator(MaxNLocator(nbins=y_bins, steps=_ROUND, symmetric=y_bins == 3))
@@ -95,7 +95,7 @@ def finish_signed(axes: Axes, ordinate: str = "", abscissa: str = "") -> None:
 
 
 def name_above(axes: Axes, ordinate: str = "", abscissa: str = "") -> None:
-    """The names of both axes, given or as they are, that of the ordinate above the axes and at their left."""
+    """The names of both axes, given or as they are, the ordinate's above the axes and at their left."""
     axes.set_title(ordinate or axes.get_ylabel(), loc="left", pad=7)
     axes.set_ylabel("")
     axes.set_xlabel(abscissa or axes.get_xlabel(), labelpad=2)
@@ -218,7 +218,7 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     """An `<svg>` element that scales with its column; `description` is for screen readers.
 
     Its letters are text in the font that the page embeds.
-    `identifier` keeps the element's names apart from those of the other figures of the page.
+    `identifier` keeps the element's names apart from the names in other figures of the page.
     """
     text = _save_svg(figure, font_type="none", transparent=True)
     view_box = re.search(r'viewBox="([^"]+)"', text)

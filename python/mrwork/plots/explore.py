@@ -25,7 +25,7 @@ from mrwork.plots.style import with_unit
 from mrwork.records.damper_test import DamperTest
 from mrwork.uncertainty.bands.prediction import Prediction
 
-# The motion without a test: that of Spencer et al. 1997.
+# The motion without a test, as in Spencer et al. 1997.
 _AMPLITUDE, _FREQUENCY, _PER_CYCLE = 0.015, 2.5, 400
 _STEPS = 400
 _SIZE = (8.0, 3.4)
@@ -35,7 +35,7 @@ _WIDTH, _PICTURE_WIDTH = "420px", "720px"
 class Explorer:
     """Sliders, loops and a button of `mr.explore`; a notebook shows it.
 
-    `sliders` are by parameter, `theta` are the parameters that they make, `lines` those of the model over displacement
+    `sliders` are by parameter, `theta` are the parameters that they make, `lines` draw the model over displacement
     and velocity, and `fit` the last fit from these values, `None` before the first.
     """
 
@@ -170,7 +170,7 @@ def explore(
     spec = damper(model) if isinstance(model, str) else model
     if command is not None and (test is not None or spec.command_unit is None):
         raise SettingError(
-            "`command` is that of a model with current laws where there is no test; leave it out, or leave out `test`"
+            "`command` is for a model with current laws where there is no test; leave it out, or leave out `test`"
         )
     given = None if theta is None else np.asarray(theta, dtype=np.float64)
     if given is not None and given.shape != (len(spec.names),):

@@ -57,7 +57,7 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
     result
         A fit with current laws.
     ax
-        Axes to draw into, one for each parameter; by default those of a new figure.
+        Axes to draw into, one for each parameter; by default a new figure's.
     parameters
         Parameters of the plain model; by default all that follow the command.
 
@@ -129,7 +129,7 @@ def profiles(
     Parameters
     ----------
     result
-        Profiles, or a run that holds them. The threshold of a single one is that of 95 %.
+        Profiles, or a run that holds them. A single one has the threshold of 95 %.
     ax
         As in `laws`.
     parameters
@@ -143,7 +143,7 @@ def profiles(
     """
     if isinstance(result, StoredRun):
         if result.profiles is None:
-            raise _absent(result, "profile likelihoods", "profile", "draw those of `mr.profile(fit, tests)`")
+            raise _absent(result, "profile likelihoods", "profile", "draw `mr.profile(fit, tests)`")
         result = result.profiles
     several = (result,) if isinstance(result, Profile) else result.profiles
     drawn = _choose(parameters, {each.name: each for each in several}, "profiled parameter")
@@ -282,8 +282,8 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     result
         Draws, or a run that holds them; a run also marks its fit.
     ax
-        Axes to draw into, shape (n_parameters, n_parameters), one alone for a single parameter; by default those of a
-        new figure. Axes above the diagonal are switched off.
+        Axes to draw into, shape (n_parameters, n_parameters), one alone for a single parameter; by default a new
+        figure's. Axes above the diagonal are switched off.
     parameters
         Parameters to draw; by default all that varied.
 
@@ -297,7 +297,7 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     if isinstance(result, StoredRun):
         fitted = {each.name: each.value for each in result.fit.estimates}
         if result.draws is None:
-            raise _absent(result, "posterior", "sample", "draw that of `mr.sample(fit, tests)`")
+            raise _absent(result, "posterior", "sample", "draw `mr.sample(fit, tests)`")
         result = result.draws
     drawn = _choose(parameters, {each.name: each for each in result.varied}, "parameter that varied")
     names = [each.name for each in drawn]
@@ -500,5 +500,5 @@ def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingErro
 
 
 def _choose(asked: Sequence[str], known: Mapping[str, T], what: str) -> list[T]:
-    """Those of these names, or all."""
+    """The values of these names, or all."""
     return [list(known.values())[chosen(name, list(known), what)] for name in asked or known]

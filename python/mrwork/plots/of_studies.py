@@ -398,7 +398,7 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
     result
         What `mr.fragility` has found, of a study with records at several levels.
     ax
-        Axes to draw into, as many as there are panels; by default those of a new figure.
+        Axes to draw into, as many as there are panels; by default a new figure's.
     rows
         Labels or numbers of arrangements; by default the first six.
 

@@ -71,7 +71,7 @@ def histories(
     result
         What is drawn.
     ax
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default a new figure's.
     test
         Name or number of the test of a fit, by default the first.
     signal

@@ -64,7 +64,7 @@ def shown_unit_of(unit: str, peak: float) -> DisplayUnit:
 
 
 def axes_for(ax: Axes | None, *, rows: int = 0) -> Axes:
-    """The axes that were given, or those of a new figure of pyplot; `rows` is the number of bars, if there are any."""
+    """The axes that were given, or of a new figure of pyplot; `rows` is the number of bars, if there are any."""
     if ax is not None:
         return ax
     height = style.PANEL_HEIGHT if not rows else 1.1 + 0.26 * rows
@@ -72,7 +72,7 @@ def axes_for(ax: Axes | None, *, rows: int = 0) -> Axes:
 
 
 def panels_for(ax: GivenAxes, count: int, figure: str) -> Panels:
-    """The axes that were given, or those of a new figure of pyplot, shape (count,)."""
+    """The axes that were given, or of a new figure of pyplot, shape (count,)."""
     if ax is not None:
         return _check_axes(ax, (count,), figure)
     columns = min(_COLUMNS, count)
@@ -83,7 +83,7 @@ def panels_for(ax: GivenAxes, count: int, figure: str) -> Panels:
 
 
 def triangle_for(ax: GivenAxes, count: int, figure: str) -> Panels:
-    """The axes that were given, or those of a new figure of pyplot, shape (count, count); the upper half is empty."""
+    """The axes that were given, or of a new figure of pyplot, shape (count, count); the upper half is empty."""
     size = _PANEL if count == 1 else (_CORNER, _CORNER)
     panels = _new_axes(count, count, size) if ax is None else _check_axes(ax, (count, count), figure)
     for row, column in zip(*np.triu_indices(count, 1), strict=True):

@@ -81,8 +81,8 @@ PALETTE: Final = {
 }
 """Colours by name, on a light and on a dark page.
 
-Those of curves, from `data` to `wine` and both inks, are 12 apart (CIEDE2000) from each other to eyes of all kinds; so
-is `band-edge` from those that it is drawn with. All have the contrast 3:1 to the page (`tests/report/test_look.py`).
+Colours of curves, from `data` to `wine` and both inks, are 12 apart (CIEDE2000) from each other to eyes of all kinds,
+and `band-edge` from the colours beside it. All have the contrast 3:1 to the page (`tests/report/test_look.py`).
 """
 
 PAGE, INK, FAINT_INK, RULE, WINDOW, _, DATA, MODEL, RESIDUAL, *_HUES, BAND, BAND_EDGE = (
@@ -184,7 +184,7 @@ _RC: dict[RcKeyType, Any] = {
 
 @contextmanager
 def drawn_in_style() -> Iterator[None]:
-    """Matplotlib settings of all figures, as a context or a decorator; those of the caller are restored."""
+    """Matplotlib settings of all figures, as a context or a decorator; the caller's settings are restored."""
     register()
     with matplotlib.rc_context(_RC):
         yield

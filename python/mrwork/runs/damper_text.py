@@ -27,7 +27,7 @@ from mrwork.records.columns import StatedCommand
 
 _SPEEDS = 20
 _COMMANDS = 5
-# The force is that of the third cycle: the hysteresis has forgotten the start.
+# The force is taken in the third cycle: the hysteresis has forgotten the start.
 _CYCLES = 3
 _PER_CYCLE = 2000
 

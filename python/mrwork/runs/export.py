@@ -28,7 +28,7 @@ from mrwork.uncertainty.bands.predictions import predict
 
 Target = Literal["mat", "opensees", "csv"]
 
-# Which of the options belong to a target, of a fit; those of a study or a tuning have none.
+# Which of the options belong to a target, of a fit; a study or a tuning has none.
 _OPTIONS: dict[Target, tuple[str, ...]] = {
     "mat": (),
     "opensees": ("command", "error", "time_step"),

@@ -1,4 +1,4 @@
-"""Run folders read back by `mr.load`, that of a fit with what later verbs have added; `mr.save` writes one of a fit."""
+"""Run folders read back by `mr.load`, of a fit with what later verbs have added; `mr.save` writes a fit into one."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def load(
 
 @checked
 def save(result: Fit | Draws, folder: str | Path) -> Path:
-    """Save a fit in a new run folder, or draws in that of their fit; return the folder, which has no page.
+    """Save a fit in a new run folder, or draws in the folder of their fit; return the folder, which has no page.
 
     `load` and every verb take it, but for those that need tests again which `mrwork identify` has not read from files.
 
@@ -151,7 +151,7 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
     OutputError
         Where there is a run, or draws, already: nothing is replaced.
     RecordError
-        Where draws are of another fit than that of the folder.
+        Where draws are of another fit than the folder's.
 
     Examples
     --------
@@ -174,7 +174,7 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
         made_of = result.provenance and result.provenance.inputs
         if (result.model, result.names, made_of) != (fit.model, fit.spec.names, fit.provenance.inputs):
             raise RecordError(
-                f"{place} has another fit than that of the draws; save their fit in a folder, then them"
+                f"{place} has another fit than the draws; save their fit in a folder, then them"
             )
         if run.file(DRAWS).exists():
             raise OutputError(f"{place} has draws, which are not replaced; choose another folder")

@@ -1,4 +1,4 @@
-"""Studies of files and of calls, whose dampers may be fits or those of run folders: what joins the two wings."""
+"""Studies of files and of calls, whose dampers may be fits or run folders: what joins the two wings."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
 def _sizes(
     scanned: FreeSetting | None, shape: Mapping[str, Any], space: SettingSpace, magnitudes: Magnitudes
 ) -> list[dict[str, float]]:
-    """Sizes of R of a shape of weights, logarithmically over its range; about that of the shape where it has one.
+    """Sizes of R of a shape of weights, logarithmically over its range; about the shape's own R where it has one.
 
     Of weights with a semi-active condition the budget is scanned, for it decides the law, and R hardly matters.
     """
@@ -165,7 +165,7 @@ def _sizes(
         given = np.asarray(shape[_WEIGHT], dtype=np.float64)
         factors = np.geomspace(1e-5, 10.0, _STEPS + 1)
         return [{_WEIGHT: _round_all(plain_weight(factor * given))} for factor in factors]
-    # The range of R is that of the weights that are held; another shape costs more or less.
+    # The range of R is for the weights that are held; another shape costs more or less.
     factor = kind.cost(shape, magnitudes) / kind.cost(space.held, magnitudes)
     return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 

@@ -1,4 +1,4 @@
-"""The run folder of a tuning: that of the study which judges it, what the search found, the chosen study as a file."""
+"""The run folder of a tuning: the folder of the judging study, what the search found, the chosen study as a file."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def read_tuning(folder: str | Path) -> TunedStudy:
 
 
 def tuning_document(results: TunedStudy) -> dict[str, Any]:
-    """The results as a JSON object: that of the study, and each law and reference with its judgements."""
+    """The results as a JSON object: the study's own, and each law and reference with its judgements."""
 
     def judged(law: TunedLaw) -> dict[str, Any]:
         uses = {"train": results.judgement(law, "training"), "test": results.judgement(law, "test")}

@@ -37,10 +37,10 @@ TRAINING_ONLY = (
 class Judgement:
     """What a law is worth under some motions, of the nominal study.
 
-    `score` is that of a study, whatever was minimised, `criteria` are the mean ratios of the criteria over those at
-    i = 0, `spread` is that of the score and of the ratios under single motions. `objective` and `violation` are those
-    of the tuning, with its risk, and over the realisations where it is robust. `bands` are those of the score and of
-    its ratios over the realisations of the study, on the judged motions.
+    `score` is the study's, whatever was minimised, `criteria` are mean ratios of the criteria to i = 0, and `spread`
+    says how far score and ratios differ between single motions. `objective` and `violation` are what the tuning has
+    minimised, with its risk, and over the realisations where it is robust. `bands` hold the score and its ratios over
+    the realisations of the study, on the judged motions.
     """
 
     score: float
@@ -172,8 +172,7 @@ def judge(
 ) -> TunedStudy:
     """Run a study with the laws and references of its tuning as rows, and every point of their fronts.
 
-    The study is that of the best placement, where placements were compared. All other arguments are those of
-    `run_study`.
+    Where placements were compared, the dampers stand at the best. All other arguments are as in `run_study`.
 
     Returns
     -------
@@ -304,9 +303,9 @@ def with_tuned_law(
     found
         A law of `TuningResults.laws`, or a front of `TuningResults.fronts`.
     point
-        A point of the front; by default that of `Front.pick()`.
+        A point of the front; by default `Front.pick()`.
     label
-        Name of the row; by default that of the law.
+        Name of the row; by default the label of the law.
 
     Raises
     ------

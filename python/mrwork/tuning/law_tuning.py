@@ -45,7 +45,7 @@ _ENDS = {
 class TuningProgress(ProgressReport):
     """Progress of a tuning: the present law, its candidates and most of them, its least objective, laws done.
 
-    `share` is that of all candidates that are done, also before a tuning was resumed; `seconds` are of this process.
+    `share` is the part of all candidates that is done, also before a tuning was resumed; `seconds` are of this process.
     """
 
     label: str

@@ -28,7 +28,7 @@ from mrwork.study.study import (
 )
 from mrwork.tuning.results import Placement
 
-# Best placements that are judged on the test motions, beside that of the study.
+# Best placements that are judged on the test motions, beside the study's own.
 _JUDGED: Final = 5
 
 
@@ -96,7 +96,7 @@ def compare_places(
         run = digest_of_run(arranged(placed), *study.chosen_on)
         ranked.append(call.step("placement", Placement, partial(best_of, placed), [*placed.items()], run))
         on_compared(len(ranked), len(compared), min(each.train for each in ranked))
-    # That of the study comes last where it is not one that may be chosen.
+    # The study's own placement comes last where it may not be chosen.
     ranked.sort(key=lambda each: (each.storeys not in placements, math.isnan(each.train), each.train))
     held_out = 0 < len(testing) < len(study.motions)
     for number, each in enumerate(ranked if held_out else ()):

@@ -32,7 +32,7 @@ from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective
 
 STUDY_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
-"""That of a study, whatever a table minimises, so that all laws are compared by one number."""
+"""The score of a study, whatever a table minimises, so that all laws are compared by one number."""
 
 
 @array_dataclass(repr=False)
@@ -57,7 +57,7 @@ class Scores(Summarised):
 class Bench(Summarised):
     """Training motions and realisations under which candidates are simulated, and the criteria of baselines under them.
 
-    `passive` are those at i = 0, `constant` those of the best constant command where an objective takes them.
+    `passive` are the criteria at i = 0, `constant` under the best constant command where an objective takes them.
     """
 
     study: Study

@@ -45,10 +45,10 @@ class TracePoint:
 class TunedLaw(Summarised):
     """A law with the settings that were chosen for it on the training motions, or a reference.
 
-    `kind` is what it is as a row of a study. `settings` include those of the command. `origin` says where the settings
-    are from. `least` is the value of the `objective` with these settings, over the realisations where it is `robust`,
-    and `violation` by how much they exceed its limits, relative to these. `free` are the free settings with their
-    ranges, `refused` is the number of first candidates that could not be simulated, and `certificate` says what is
+    `kind` is what it is as a row of a study. `settings` include the largest command and its shape. `origin` says where
+    they are from. `least` is the value of the `objective` with these settings, over the realisations where it is
+    `robust`, and `violation` by how much they exceed its limits, relative to these. `free` are the free settings with
+    their ranges, `refused` is the number of first candidates that could not be simulated, and `certificate` says what is
     proved of the law.
     """
 
@@ -282,12 +282,12 @@ class TuningResults(Plotted, WithAxes, Summarised):
         return f"{counted(count, 'candidate')} in {duration_in_words(self.seconds)}"
 
 
-# Placements that are listed, beside that of the study.
+# Placements that are listed, beside the study's own.
 _LISTED = 10
 
 
 def places_table(results: TuningResults) -> Table | None:
-    """The best placements of the dampers and that of the study; `None` where none were compared."""
+    """The best placements of the dampers and the study's own; `None` where none were compared."""
     ranked = enumerate(results.places, start=1)
     shown = [(number, each) for number, each in ranked if number <= _LISTED or each.given]
     if not shown:
@@ -314,7 +314,7 @@ def places_table(results: TuningResults) -> Table | None:
 def settings_in_words(
     settings: Mapping[str, Any], command_unit: str, number: Callable[[float], str] = format_rounded
 ) -> str:
-    """Settings in one line, those of the command last, with a `number` as a page or a terminal has it."""
+    """Settings in one line, first of the law, then of the command, with a `number` as a page or a terminal has it."""
     candidate = LawCandidate(settings)
     words = {
         LARGEST: ("at most", "of the largest" if command_unit == BOTH_UNITS else command_unit),

@@ -63,16 +63,16 @@ def tune(
         Instead of tables: names of laws with all other keys at their defaults, the risk, and the candidates of each
         law.
     rng
-        Seed, added to that of each table.
+        Seed, added to the `seed` of each table.
     journal
-        Records every generation, and recalls those of a tuning that was interrupted.
+        Records every generation, and recalls the generations of a tuning that was interrupted.
     threads
         Threads to use, 0 for all; they change no bit of the result.
     on_progress
         Called with the progress after every generation; where it returns true the tuning is interrupted.
     executor
         Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
-        have the same bits. By default this process does them, as always those of laws in Python.
+        have the same bits. By default this process does them, and always the runs of laws in Python.
 
     Raises
     ------

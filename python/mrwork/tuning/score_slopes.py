@@ -1,7 +1,7 @@
 """Derivatives of the score of a law in its settings.
 
-Those of the loop in the gains are exact, by dual numbers; those of the gains in the settings are differences of
-designs. The score is composed of the results of runs by the code that composes it anywhere else, from results that are
+Derivatives of the loop in the gains are exact, by dual numbers; derivatives of the gains in the settings are
+differences of designs. The score is composed by the code that composes it anywhere else, from results of runs that are
 moved along their derivatives.
 """
 
@@ -39,8 +39,8 @@ def without_gradient(study: Study, table: TuneTable) -> str:
     counted = next((name for name in table.constraints or {} if criterion(name).counted), "")
     smooth = ", ".join(each.name for each in control_laws() if not each.switches)
     for excluded, sentence in (
-        (jumping, f"{jumping} switches, so its score jumps and has no gradient; those of {smooth} have one"),
-        (shaped, f"gradients are those of commands without a free {shaped}; leave it out of free"),
+        (jumping, f"{jumping} switches, so its score jumps and has no gradient; {smooth} have one"),
+        (shaped, f"a command with a free {shaped} has no gradient; leave it out of free"),
         (counted, f"{counted} is a count, which has no gradient; limit command_travel instead"),
         (
             any(resolution for _, resolution in study.hardware.sensors),
@@ -48,7 +48,7 @@ def without_gradient(study: Study, table: TuneTable) -> str:
         ),
         (
             any(device.spec.own is not None for device in study.devices),
-            "gradients are those of the dampers of the core, and these are your own; tune without gradients",
+            "dampers of the core have gradients, and these are your own; tune without gradients",
         ),
     ):
         if excluded:

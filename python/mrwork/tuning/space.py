@@ -33,7 +33,7 @@ PENALTY = 10.0
 class TuningObjective(Summarised):
     """Objective of a tuning.
 
-    The score of a run is the mean (or the largest, by `combine`) of its criteria over those of the baseline
+    The score of a run is the mean (or the largest, by `combine`) of its criteria over the criteria of the baseline
     `relative_to` under the same motion and realisation, with `weights`. `risk` takes one number of the scores of all
     motions and realisations: their mean, the largest, or the mean of the worst share `tail` (conditional value at risk;
     Rockafellar & Uryasev, J. Risk 2, 2000, 21-41). `limits` are the largest admissible criteria by name, in SI.
@@ -364,7 +364,7 @@ def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[
 def _free_names(
     table: TuneTable, law: str, kind: type[LawSettings], spans: Mapping[str, Span], held: Mapping[str, Any]
 ) -> list[str]:
-    """Names of the free settings: those of the table, or those that the law frees by itself."""
+    """Names of the free settings: what the table names, or what the law frees by itself."""
     commands = follows_command(law) and not kind.chooses_levels
     if table.free is not None:
         known = [*spans, *([LARGEST] if commands else [])]

@@ -144,7 +144,7 @@ def study_score(
     """The score of a study as a function of the free settings of a law, for JAX: that which `mr.tune` minimises.
 
     Its derivatives go through the closed loop: building, dampers, driver, observer, delay, sampled commands, as they
-    are simulated. Settings that are not free are held, and shown by `print`: those of the table, `drifts = 1` of a
+    are simulated. Settings that are not free are held, and shown by `print`: the table's, `drifts = 1` of a
     regulator without weights, and the starts of others. `score.settings(point)` and `score.law(point)` have them all.
 
     Parameters
@@ -152,7 +152,7 @@ def study_score(
     law
         The name of a law, of which the table of the study that tunes it decides, if there is one; or such a table,
         `mr.study.TuneTable(laws=(law,), ...)`, with criteria, risk, constraints and free settings of its own. The
-        largest command stays that of the dampers.
+        largest command is always the dampers' own.
     coordinates
         Whether a point is the settings, "theta", their places in their ranges from 0 to 1, "unit", or the logits of
         these, "latent".

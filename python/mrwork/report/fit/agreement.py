@@ -46,7 +46,7 @@ def tests_section(
 ) -> Section:
     """The errors of every test, a small loop of each of many, and figures of some in full.
 
-    Of many tests these are the best, the median and the worst, or with `every_test` all; those of the residual are of
+    Of many tests these are the best, the median and the worst, or with `every_test` all; figures of the residual are of
     the worst alone. `before` hears of each test before it is drawn.
     """
     unit, spread = common_unit(predictions), spread_of(predictions)
@@ -241,7 +241,7 @@ class _HalfCycles:
 
     @property
     def relative(self) -> float:
-        """Root mean square error over that of the force."""
+        """Root mean square error over the root mean square force."""
         _, errors, forces = self.sums.sum(axis=1)
         return math.sqrt(errors / forces) if forces > 0.0 else math.nan
 

@@ -63,7 +63,7 @@ class _Evidence:
 
 
 def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
-    """The best evidence that a run has: tests that it has not seen, else those of the fit."""
+    """The best evidence that a run has: tests that it has not seen, else the fitted ones."""
     own = _Evidence(
         title="Fitted tests",
         opening=f"Nothing was held out: the model describes {_tests(len(predictions))} that it was fitted to,",

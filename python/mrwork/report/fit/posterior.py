@@ -120,7 +120,7 @@ def _rank_figure(name: str, chain: Floats, ess: float) -> Figure:
 
     rank = rankdata(chain).reshape(chain.shape) / chain.size
     groups = np.array_split(rank, _GROUPS)
-    # A group has a quarter of the effective draws; its counts scatter like those of independent draws.
+    # A group has a quarter of the effective draws; its counts scatter like counts of independent draws.
     spread = 1.96 * np.sqrt(_RANK_BINS / max(ess / _GROUPS, 1.0))
     figure, axes = small_axes()
     axes.axhspan(1.0 - spread, 1.0 + spread, color=style.BAND, linewidth=0)

@@ -1,4 +1,4 @@
-"""Residuals: the section on what the tests of `uncertainty.residual_tests` say, and figures of those of a test."""
+"""Residuals: the section on what the tests of `uncertainty.residual_tests` say, and the figures of one test."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _LINE_POINTS = 300
 
 
 def residual_section(predictions: Sequence[Prediction]) -> Section:
-    """Tests of the residuals of all tests; their figures are beside those of the worst test."""
+    """Tests of the residuals of all tests; the figures of the worst test stand beside it."""
     tests = [residual_tests(each.test, each.residual) for each in predictions]
     correlated = sum(not each.is_white for each in tests)
     repeating = [each.repeating for each in tests if not each.is_white and np.isfinite(each.repeating)]
@@ -84,7 +84,7 @@ def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
         (
             "at reversals of the motion",
             [each.at_reversals for each in tests],
-            "At reversals of the motion the force of the model does not change sides as that of the damper does.",
+            "At reversals of the motion the force of the model does not change sides as the damper's does.",
         ),
     )
     found = {}
@@ -175,7 +175,7 @@ def residual_panels(prediction: Prediction, unit: str) -> tuple[Panel, ...]:
             "residual-normal",
             "Normal quantiles of the residual",
             quantile_figure(prediction),
-            f"Quantiles of the residual against those of a normal distribution, test {name}",
+            f"Quantiles of the residual against quantiles of a normal distribution, test {name}",
             "Normally distributed residuals lie on the line; ends that leave it show more or fewer large errors than "
             "a normal distribution has.",
         ),
@@ -192,7 +192,7 @@ def residual_panels(prediction: Prediction, unit: str) -> tuple[Panel, ...]:
 
 @style.drawn_in_style()
 def autocorrelation_figure(prediction: Prediction) -> Figure:
-    """Autocorrelation over a cycle and a half, with the band that holds 95 % of that of white noise."""
+    """Autocorrelation over a cycle and a half, with the band that holds 95 % of white noise."""
     test, residual = prediction.test, prediction.residual
     cycle = mean_cycle(test)
     lags = int(min(max(1.5 * cycle, _LEAST_LAGS), residual.size // 2))

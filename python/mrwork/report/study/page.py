@@ -126,7 +126,7 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
         title="Half the step",
         summary="no runs can be compared."
         if worst is None
-        else f"half the step changes no criterion by more than {significant(worst.change, 2)} of its value, that of "
+        else f"half the step changes no criterion by more than {significant(worst.change, 2)} of its value, for "
         f"{results.rows[worst.row].label}.",
         groups=(Group(table=step_table(results, shown.listed)),),
     )
@@ -211,6 +211,6 @@ def _criteria_section(results: StudyResults, shown: ShownRows) -> Section:
     return Section(
         anchor="criteria",
         title="Criteria",
-        summary=f"in their units{median}; those of every motion are in `criteria.csv`.",
+        summary=f"in their units{median}; `criteria.csv` has every motion.",
         groups=(Group(table=value_table(results, judged, shown.listed)),),
     )

@@ -80,7 +80,7 @@ def _objective_table(results: TunedStudy) -> Table:
         columns=("", "Objective", "Score", "Objective", "Score"),
         rows=tuple((each.label, *cells(each)) for each in (*results.tuned.laws, *results.tuned.references)),
         over=(("", 1), ("Training motions", 2), ("Test motions", 2)),
-        note="The objective is what a law was tuned for; the score is that of the study. A gap between training and "
+        note="The objective is what a law was tuned for; the score is the study's. A gap between training and "
         "test motions is the price of tuning on few motions.",
     )
 
