@@ -12,7 +12,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from mrwork.base.numbers import counted, duration_in_words
+from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names, named
 from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
 from mrwork.cli.derived import add_option_of
@@ -45,10 +45,6 @@ from mrwork.store.run_writer import Destination, adding, is_complete, nothing_to
 
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
-# Seconds, about: of the start of a choice of laws, of each model, and of each model per sample of the fitted tests, at
-# one command and at several; of each step after it, and of the page.
-_START, _OF_MODEL, _PER_SAMPLE = 2.0, 1.2, (1.5e-4, 5e-4)
-_LATER, _PAGE = 0.2, 4.0
 _NAMED = 3
 
 
@@ -134,17 +130,16 @@ def _characterise(options: argparse.Namespace) -> int:
         step, spare = _fitting(options, rows)
         steps.append(step)
     if uses["calibration"] and not (fitted and (place / CALIBRATION).is_file()):
-        steps.append(("calibrating the bands", partial(_calibrate, place, rows), _LATER))
+        steps.append(("calibrating the bands", partial(_calibrate, place, rows)))
     if uses["test"] and not (fitted and (place / HELD_OUT).is_file()):
-        steps.append(("predicting the tests kept for test", partial(_predict, place, rows), _LATER))
+        steps.append(("predicting the tests kept for test", partial(_predict, place, rows)))
     if not steps and (place / SUMMARY).is_file():
         note(nothing_to_resume(place))
-    steps.append(("writing the page and its summary", partial(_draw, place, quiet=quiet), _PAGE))
+    steps.append(("writing the page and its summary", partial(_draw, place, quiet=quiet)))
     done = []
-    for number, (what, work, _) in enumerate(steps):
+    for number, (what, work) in enumerate(steps, start=1):
         if not quiet:
-            left = duration_in_words(sum(seconds for *_, seconds in steps[number:]))
-            note(f"step {number + 1} of {len(steps)}: {what}, about {left} left")
+            note(f"step {number} of {len(steps)}: {what}")
         began = time.perf_counter()
         if status := work():
             return status
@@ -152,8 +147,8 @@ def _characterise(options: argparse.Namespace) -> int:
     return _end(options, place, uses, done, spare)
 
 
-# What a step does, its work, which returns an exit status, and its seconds, about.
-_Step = tuple[str, Callable[[], int], float]
+# What a step does, and its work, which returns an exit status.
+_Step = tuple[str, Callable[[], int]]
 
 
 def _of_use(rows: Sequence[ListedTest], use: Use) -> list[ListedTest]:
@@ -176,8 +171,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
     )
-    several = len({test.command_in_words for test in tests if test.commands}) > 1
-    if several:
+    if len({test.command_in_words for test in tests if test.commands}) > 1:
         _refuse_lone_commands(options.folder, rows, tests)
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
@@ -187,8 +181,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
         fit = partial(fit_best, verb, partial(choose_model, models=models, settings=settings))
     else:
         fit = partial(fit_model, verb, damper(models[0]), settings)
-    of_model = _OF_MODEL + _PER_SAMPLE[several] * sum(test.n_time for test in tests)
-    return ("choosing model and laws", fit, _START + len(models) * of_model), spare
+    return ("choosing model and laws", fit), spare
 
 
 def _calibrate(place: Path, rows: Sequence[ListedTest]) -> int:

@@ -85,6 +85,10 @@ class TunedStudy(StudyResults):
             entry.name: ratios[entry.name][row, list(motions)].tolist() for entry in criteria() if entry.ratio
         }
         objective, violation = self._objective(law, row, motions)
+        realised = {"score": score_band(self, row)} | {
+            name: ratio_band(self, row, off, name) for name in SCORE
+        }
+        judged = motions == tuple(self.judged_motions)
         return Judgement(
             score=self.score_under(row, motions),
             criteria={name: float(np.mean(values)) for name, values in named.items()},
@@ -94,16 +98,8 @@ class TunedStudy(StudyResults):
             },
             objective=objective,
             violation=violation,
-            bands=self._bands(row) if motions == tuple(self.judged_motions) else {},
+            bands={name: band for name, band in realised.items() if judged and band is not None},
         )
-
-    def _bands(self, row: int) -> dict[str, RealisationBand]:
-        off = self.row_of("passive_off")
-        bands = {
-            "score": score_band(self, row),
-            **{name: ratio_band(self, row, off, name) for name in SCORE},
-        }
-        return {name: band for name, band in bands.items() if band is not None}
 
     @checked
     def row_of_law(self, law: TunedLaw) -> int | None:
@@ -137,7 +133,8 @@ class TunedStudy(StudyResults):
         return sentences
 
     def _reference_ahead_of(self, law: TunedLaw) -> list[str]:
-        scores = {each.label: self._score(each) for each in (law, *self.tuned.references)}
+        rows = {each.label: self.row_of_law(each) for each in (law, *self.tuned.references)}
+        scores = {label: self.score(row) for label, row in rows.items() if row is not None}
         known = {label: score for label, score in scores.items() if np.isfinite(score)}
         best = min(known, key=lambda label: known[label], default=law.label)
         if law.label not in known or known[best] >= known[law.label]:
@@ -145,10 +142,6 @@ class TunedStudy(StudyResults):
         on = "test" if self.held_out else "training"
         both = " against ".join(apart(with_decimals, known[law.label], known[best], 3))
         return [f"{law.label} does not reach the score of {best} on the {on} motions ({both})."]
-
-    def _score(self, law: TunedLaw) -> float:
-        row = self.row_of_law(law)
-        return float("nan") if row is None else self.score(row)
 
 
 def _part_of(runs: Runs, row: int, motions: Sequence[int], count: int) -> Runs:

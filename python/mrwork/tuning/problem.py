@@ -244,12 +244,9 @@ def arrange_law(study: Study, law: str, candidate: LawCandidate, row: Row) -> Ar
 
 def check_controllable(study: Study) -> None:
     """Refuse a study of which no law can be tuned."""
-    if study.problem is None or not study.devices:
-        raise SettingError(f"study {study.title!r} has no dampers to be controlled; give it one")
-    if not any(device.is_commanded for device in study.devices):
+    if study.problem is None or not any(device.is_commanded for device in study.devices):
         raise SettingError(
-            f"study {study.title!r}: the dampers are passive or hold a command, so no law can be tuned; give a damper "
-            "that follows a command"
+            f"study {study.title!r} has no damper that follows a command, so no law can be tuned; give it one"
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.base.arguments import Count, NotNegative, Whole, checked
 from mrwork.base.keys import suggestion
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
 from mrwork.base.numbers import counted, duration_in_words, format_rounded, percent, with_decimals
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
@@ -48,8 +48,8 @@ class TunedLaw(Summarised):
     `kind` is what it is as a row of a study. `settings` include the largest command and its shape. `origin` says where
     they are from. `least` is the value of the `objective` with these settings, over the realisations where it is
     `robust`, and `violation` by how much they exceed its limits, relative to these. `free` are the free settings with
-    their ranges, `refused` is the number of first candidates that could not be simulated, and `certificate` says what is
-    proved of the law.
+    their ranges, `refused` is the number of first candidates that could not be simulated, and `certificate` says what
+    is proved of the law.
     """
 
     _made_by: ClassVar[str] = "mr.tune(study).laws"
@@ -76,17 +76,22 @@ class TunedLaw(Summarised):
         return LawCandidate(self.settings)
 
     @property
-    def at_bounds(self) -> list[tuple[str, str]]:
-        """Free settings, other than the largest command, at a bound of their range, and which bound."""
-        at_ends = []
+    def warnings(self) -> Iterator[str]:
+        """Sentences on limits that no candidate keeps, and on free settings at a bound of their range."""
+        if not math.isfinite(self.least):
+            count = counted(self.candidates, "candidate")
+            yield f"{self.label}: none of {count} makes a law that can be simulated."
+        elif self.violation > 0.0:
+            yield (
+                f"{self.label}: no candidate keeps all limits; the chosen one exceeds them by "
+                f"{percent(self.violation, 0)} % of the limits in all, on the training motions."
+            )
         for setting in self.free:
             value = self.settings.get(setting.name)
-            if setting.name == LARGEST or not isinstance(value, int | float):
-                continue
-            place = setting.unit(value)
-            if place is not None and not _MARGIN < place < 1.0 - _MARGIN:
-                at_ends.append((setting.name, "the lower" if place <= _MARGIN else "the upper"))
-        return at_ends
+            at = setting.unit(value) if isinstance(value, int | float) else None
+            if setting.name != LARGEST and at is not None and not _MARGIN < at < 1.0 - _MARGIN:
+                bound = "the lower" if at <= _MARGIN else "the upper"
+                yield f"{self.label}: {setting.name} is at {bound} bound of its range; widen it with free."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -216,39 +221,21 @@ class TuningResults(Plotted, WithAxes, Summarised):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on limits that no candidate keeps, and on settings at an end of their range."""
-        sentences = []
-        for law in self.laws:
-            if not math.isfinite(law.least):
-                sentences.append(
-                    f"{law.label}: none of {counted(law.candidates, 'candidate')} makes a law that can be simulated."
-                )
-            elif law.violation > 0.0:
-                sentences.append(
-                    f"{law.label}: no candidate keeps all limits; the chosen one exceeds them by "
-                    f"{percent(law.violation, 0)} % of the limits in all, on the training motions."
-                )
-            sentences += [
-                f"{law.label}: {name} is at {place} bound of its range; widen it with free."
-                for name, place in law.at_bounds
-            ]
-        return tuple(sentences)
+        return tuple(sentence for law in self.laws for sentence in law.warnings)
 
     def _named_arrays(self) -> NamedArrays:
         found = (*self.laws, *self.references)
         numbers = {
-            "least": ([each.least for each in found], "objective on the training motions"),
-            "violation": ([each.violation for each in found], "excess of the limits, relative to these"),
-            "candidates": ([each.candidates for each in found], "candidates"),
+            "least": ("1", "objective on the training motions"),
+            "violation": ("1", "excess of the limits, relative to these"),
+            "candidates": ("1", "candidates"),
         }
         return NamedArrays(
             title=f"Tuning of {self.title}",
             rows=("law",),
             labels={"law": labels_of([law.label for law in found])},
             along=_setting_arrays([law.settings for law in found], "law"),
-            arrays={
-                name: NamedArray.of(np.array(values, dtype=np.float64), "law", unit="1", long_name=words)
-                for name, (values, words) in numbers.items()
-            },
+            arrays=columns_of(found, "law", numbers),
         )
 
     def _summary(self) -> Summary:
