@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -65,23 +66,12 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
     Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under the
     stationary ground of the training motions, with the damper's force as budget; a peak counts as three times the rms.
     """
-    floors = len(bench.study.building.floor_names)
+    floors, convex = len(bench.study.building.floor_names), list[Mapping[str, Any]]()
     drift = {"rms_drift": round_to(magnitudes.drift / PEAK_FACTOR)}
     limits = (drift, {**drift, "rms_acceleration": round_to(magnitudes.acceleration / PEAK_FACTOR)})
-    return Basis(
-        bench=bench,
-        magnitudes=magnitudes,
-        limits=limits,
-        convex=tuple(_convex(bench, magnitudes, limits)),
-        published=tuple(each for each in PUBLISHED_REGULATORS if each.n_floors == floors),
-    )
-
-
-def _convex(
-    bench: Bench, magnitudes: Magnitudes, limits: Sequence[Mapping[str, float]]
-) -> Iterator[Mapping[str, Any]]:
+    # A building with an undamped mode has no such weights, motions that are too short no ground.
     for each in limits:
-        try:
+        with suppress(SettingError):
             designed = design_weights(
                 bench.problem.building,
                 bench.problem.devices,
@@ -89,10 +79,14 @@ def _convex(
                 budget=magnitudes.force / PEAK_FACTOR,
                 spectrum=ground_of(bench.problem).spectrum,
             )
-            yield {name: _round_all(value) for name, value in designed.settings().items()}
-        except SettingError:
-            # A building with an undamped mode has no such weights, motions that are too short no ground.
-            continue
+            convex.append({name: _round_all(value) for name, value in designed.settings().items()})
+    return Basis(
+        bench=bench,
+        magnitudes=magnitudes,
+        limits=limits,
+        convex=tuple(convex),
+        published=tuple(each for each in PUBLISHED_REGULATORS if each.n_floors == floors),
+    )
 
 
 def _round_all(value: Any) -> Any:

@@ -17,11 +17,10 @@ from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.laws.law_settings import design_law, settings_of
 from mrwork.errors import InvalidSettingError, SettingError
-from mrwork.search import Optimiser, SearchResult, run_search
+from mrwork.search import SearchResult, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.study.runs import Runs
-from mrwork.study.schema import TuneTable
 from mrwork.tuning.first_candidates import Basis, distinct, first_candidates
 from mrwork.tuning.problem import LawPlan, Scores
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
@@ -179,7 +178,7 @@ def _search(
     rng: int,
     on_generation: Callable[[SearchResult], None],
 ) -> SearchResult:
-    """Search the free settings; the best first candidates are among its first generation."""
+    """Search the free settings, with the best first candidates in the first generation, or from the best of them."""
     table, space = plan.table, plan.space
     known: dict[str, float] = {}
 
@@ -194,9 +193,22 @@ def _search(
 
     order = np.argsort(scores.penalised_scores, kind="stable")
     starts = [unit for index in order if (unit := space.unit(firsts[int(index)])) is not None]
-    n_params = len(space.free)
-    optimiser = _optimiser(table, n_params, starts[0] if starts else None)
-    seed = rng + table.seed
+    n_params, seed, chosen = len(space.free), rng + table.seed, ALL_OPTIMISERS[table.search]
+    if starts and table.search in PEERS:
+        chosen = PEERS[table.search].near(starts[0], _SPREAD)
+    optimiser = replace(
+        chosen,
+        population=table.population,
+        stop=StopRules(
+            max_generations=max(1, table.budget),
+            max_evaluations=table.budget,
+            confidence=None,
+            stall_generations=max(_STALL, n_params),
+            stall_tolerance=_TOLERANCE,
+            min_generations=_STALL,
+        ),
+        elite=EliteRule(count=1),
+    )
     state = optimiser.start(n_params, seed)
     if starts:
         kept = np.array(starts[: table.population // 3])
@@ -211,26 +223,6 @@ def _search(
         state=state,
         on_generation=on_generation,
         journal=plan.bench.call.journal,
-    )
-
-
-def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimiser:
-    """The search of a table, with its population and budget; one without a population begins at the best candidate."""
-    chosen = ALL_OPTIMISERS[table.search]
-    if best is not None and table.search in PEERS:
-        chosen = PEERS[table.search].near(best, _SPREAD)
-    return replace(
-        chosen,
-        population=table.population,
-        stop=StopRules(
-            max_generations=max(1, table.budget),
-            max_evaluations=table.budget,
-            confidence=None,
-            stall_generations=max(_STALL, n_params),
-            stall_tolerance=_TOLERANCE,
-            min_generations=_STALL,
-        ),
-        elite=EliteRule(count=1),
     )
 
 

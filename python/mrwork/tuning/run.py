@@ -105,7 +105,10 @@ def tune(
     with place.prefix_errors():
         objectives = read_each(objective_of_table, range(len(tables)))
     if journal is not None:
-        journal.agree("tuning", _fingerprint(study, tables, rng))
+        places_of_study = study.table.places
+        stated = [{each.name: getattr(table, each.name) for each in fields(table)} for table in tables]
+        among = {} if places_of_study is None else {"places": given_in(places_of_study)}
+        journal.agree("tuning", {**fingerprint_of(study), "tune": stated, **among, "rng": rng})
     tuned: list[TunedLaw] = []
     fronts: list[Front] = []
     places: list[Placement] = []
@@ -261,13 +264,3 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
             if lacking := scales.lacking(criterion(name).scale):
                 raise InvalidSettingError(key, f"{name} is known only with {lacking} in [building]; give it")
     return objective
-
-
-def _fingerprint(study: Study, tables: Sequence[TuneTable], rng: int) -> dict[str, object]:
-    places = study.table.places
-    return {
-        **fingerprint_of(study),
-        "tune": [{each.name: getattr(table, each.name) for each in fields(table)} for table in tables],
-        **({} if places is None else {"places": given_in(places)}),
-        "rng": rng,
-    }

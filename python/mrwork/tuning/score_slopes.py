@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.closed_loop.simulate import GainChanges
 from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
@@ -76,12 +76,11 @@ class ScoreSlopes:
         """
         slopes = np.zeros(len(unit))
         try:
-            moved = self._move(unit)
+            problem, law, rows, _ = self._move(unit)
         except SettingError:
             return math.inf, slopes
-        changes = GainChanges(rows=moved.changes, reach=_REACH)
         bench = self.plan.bench
-        runs = bench.simulate(moved.problem, moved.law, changes=changes)
+        runs = bench.simulate(problem, law, changes=GainChanges(rows=rows, reach=_REACH))
         values = bench.scores_of(self.plan.objective, runs).penalised_scores
         if not math.isfinite(values[0]):
             return math.inf, slopes
@@ -97,7 +96,8 @@ class ScoreSlopes:
         SettingError
             For the first of them.
         """
-        for label, refusal in self._move(self.plan.space.start).refusals.items():
+        *_, refusals = self._move(self.plan.space.start)
+        for label, refusal in refusals.items():
             raise SettingError(f"{self.plan.law} has no gradient in {label}: {refusal}; hold that setting")
 
     @property
@@ -105,7 +105,8 @@ class ScoreSlopes:
         """Places of the settings with derivatives: all but the largest command."""
         return [place for place, each in enumerate(self.plan.space.free) if each.name != LARGEST]
 
-    def _move(self, unit: Floats) -> _Moved:
+    def _move(self, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats, dict[str, str]]:
+        """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
         space, name = self.plan.space, self.plan.law
         largest = space.candidate(unit, exact=True).largest_command
         problem = self.plan.bench.problem.limited_to(largest)
@@ -125,26 +126,12 @@ class ScoreSlopes:
         gains[list(designed.designed)] = rows
         around = gains[1:].reshape(len(weights), len(_NODES), -1)
         labels = [space.free[place].label for place in self._places]
-        return _Moved(
-            problem=problem,
-            law=replace(
-                designed.law, gains={gain: np.asarray(each)[:1] for gain, each in designed.law.gains.items()}
-            ),
-            changes=np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around),
-            refusals={
-                labels[(number - 1) // len(_NODES)]: each for number, each in designed.refusals.items()
-            },
+        law = replace(
+            designed.law, gains={gain: np.asarray(each)[:1] for gain, each in designed.law.gains.items()}
         )
-
-
-@array_dataclass()
-class _Moved:
-    """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
-
-    problem: DesignProblem
-    law: ControlLaw
-    changes: Floats
-    refusals: dict[str, str]
+        changes = np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around)
+        refusals = {labels[(number - 1) // len(_NODES)]: each for number, each in designed.refusals.items()}
+        return problem, law, changes, refusals
 
 
 def _differences(setting: FreeSetting, place: float) -> tuple[Floats, Floats]:

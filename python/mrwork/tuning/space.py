@@ -73,7 +73,9 @@ class TuningObjective(Summarised):
 
     def in_words(self, *, robust: bool) -> str:
         """The objective as the end of a sentence; `robust` if it includes the realisations."""
-        names = " and ".join(_weighted_name(name, weight) for name, weight in self.weights.items())
+        titles = {name: criterion(name).title.lower().replace("rms", "RMS") for name in self.weights}
+        weighted = {name: "" if weight == 1.0 else f"{weight:g} x " for name, weight in self.weights.items()}
+        names = " and ".join(f"{weighted[name]}{title}" for name, title in titles.items())
         motions = "motions and realisations" if robust else "motions"
         risk = {
             "mean": f"mean over all {motions}",
@@ -83,11 +85,6 @@ class TuningObjective(Summarised):
         taken = "mean" if self.combine == "mean" else "largest"
         under = "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
         return f"{risk} of the {taken} of {names}, each over its value {under}"
-
-
-def _weighted_name(name: str, weight: float) -> str:
-    text = criterion(name).title.lower().replace("rms", "RMS")
-    return text if weight == 1.0 else f"{weight:g} x {text}"
 
 
 def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:

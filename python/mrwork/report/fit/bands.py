@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from mrwork.base.numbers import percent
 from mrwork.base.summary import list_names
@@ -19,7 +18,7 @@ from mrwork.report.fit.figures import common_unit, name_of
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
-from mrwork.uncertainty.bands.conformal import LEVELS, Calibration, LeftOutCoverage, calibrate
+from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage, calibrate
 from mrwork.uncertainty.bands.prediction import Prediction
 
 # The level that the text discusses, and the range of the mean coverage that counts as nominal at each.
@@ -101,27 +100,16 @@ def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: str)
         test = prediction.test
         calibration = calibrate(bands.others(prediction), held_out=bands.calibration.held_out)
         name = name_of(test)
-        panels += [
-            panel(
-                f"l{number}-{over}",
-                name,
-                _loop_figure(prediction, calibration, unit, over),
-                f"Force against {over} of test {name}, one cycle, with the 90 % prediction band",
-                f"Inside the 90 % band: {percent(shares[test.label])} % of the samples of the whole test.",
-            )
-            for over in get_args(Motion)
-        ]
+        for over in get_args(Motion):
+            with style.drawn_in_style():
+                figure, axes = column_axes()
+                axes.grid(True, axis="both")
+                draw_bands(prediction, axes, calibration=calibration, over=over, level=_LEVEL, unit=unit)
+                finish_signed(axes)
+            words = f"Force against {over} of test {name}, one cycle, with the 90 % prediction band"
+            held = f"Inside the 90 % band: {percent(shares[test.label])} % of the samples of the whole test."
+            panels.append(panel(f"l{number}-{over}", name, figure, words, held))
     return tuple(panels)
-
-
-@style.drawn_in_style()
-def _loop_figure(prediction: Prediction, calibration: Calibration, unit: str, over: Motion) -> Figure:
-    """Force over displacement or velocity, one cycle, with its prediction band."""
-    figure, axes = column_axes()
-    axes.grid(True, axis="both")
-    draw_bands(prediction, axes, calibration=calibration, over=over, level=_LEVEL, unit=unit)
-    finish_signed(axes)
-    return figure
 
 
 BANDS = SectionKind(

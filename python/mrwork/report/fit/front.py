@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import list_names
@@ -120,13 +119,16 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
     banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
     if not banner and fit.warnings:
         (banner,) = first_sentences(fit.warnings[:1], 1)
+    facts = (fit.provenance.settings.get("reading") or {}).get("facts", {})
+    before = {"damper": "", "serial": "no. ", "date": "tested ", "operator": "by ", "temperature": "at "}
+    specimen = ", ".join(f"{word}{facts[name]}" for name, word in before.items() if name in facts)
     # One row of figures, or two of lower ones.
     height = LOW if len(fit.spec.following) > _IN_ROW else SMALL_HEIGHT
     unit = common_unit([*predictions, *evidence.drawn])
     return Lead(
         eyebrow="Damper identification",
         title=fit.spec.title,
-        subject=f"{_specimen(fit)}Fitted to {list_names(names, _NAMED)}",
+        subject=f"{specimen}{'. ' if specimen else ''}Fitted to {list_names(names, _NAMED)}",
         synthetic=any(each.test.synthetic for each in predictions),
         banner=banner,
         verdict=evidence.in_words,
@@ -135,15 +137,6 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
         cautions=_cautions(run, evidence, predictions),
         advice=_advice(run),
     )
-
-
-def _specimen(fit: Fit) -> str:
-    """Damper, serial number, date, operator and temperature, as far as the table of tests has them."""
-    reading = fit.provenance.settings.get("reading") or {}
-    facts = reading.get("facts", {})
-    before = {"damper": "", "serial": "no. ", "date": "tested ", "operator": "by ", "temperature": "at "}
-    said = [f"{word}{facts[name]}" for name, word in before.items() if name in facts]
-    return f"{', '.join(said)}. " if said else ""
 
 
 def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evidence) -> tuple[Number, ...]:
@@ -203,22 +196,17 @@ def _law_panels(fit: Fit, height: float) -> Iterator[Panel]:
     shown = [each for each in fit.spec.plain if each.name in fit.spec.following][:_LAWS]
     count = len(fit.single_commands)
     for number, parameter in enumerate(shown):
+        with style.drawn_in_style():
+            figure, axes = small_axes(height)
+            draw_laws(fit, axes, parameters=[parameter.name])
+            name_above(axes)
         yield panel(
             f"law-{parameter.name}",
             re.split("[:,]", parameter.description)[0].capitalize(),
-            _law_figure(fit, parameter.name, height),
+            figure,
             f"{parameter.name} over the command, with fits at {count} single commands",
             "points: fits at one command" if count and not number else "",
         )
-
-
-@style.drawn_in_style()
-def _law_figure(fit: Fit, name: str, height: float) -> Figure:
-    """The law of a parameter over the command, and its fits at single commands."""
-    figure, axes = small_axes(height)
-    draw_laws(fit, axes, parameters=[name])
-    name_above(axes)
-    return figure
 
 
 def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Prediction]) -> tuple[str, ...]:

@@ -163,6 +163,12 @@ def _ratio(excess: Excess) -> str:
 def residual_panels(prediction: Prediction, unit: str) -> tuple[Panel, ...]:
     """Autocorrelation, normal quantiles and course over the cycle of the residual of a test."""
     name = name_of(prediction.test)
+    with style.drawn_in_style():
+        over_cycle, axes = column_axes()
+        residuals(prediction, axes, over="phase", unit=unit)
+        finish(axes)
+        axes.set_xlim(-180, 180)
+        axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
     return (
         panel(
             "residual-lag",
@@ -182,7 +188,7 @@ def residual_panels(prediction: Prediction, unit: str) -> tuple[Panel, ...]:
         panel(
             "residual-phase",
             "Residual over the cycle",
-            _over_cycle(prediction, unit),
+            over_cycle,
             f"Residual against the phase of the motion, with its mean, test {name}",
             "0° is full extension, ±180° full compression, 90° the largest outward velocity. Where the mean differs "
             "from zero, the model makes the same error in each cycle.",
@@ -236,17 +242,6 @@ def quantile_figure(prediction: Prediction) -> Figure:
     draw_points(axes, expected, standardised, size=3.2, colour=style.RESIDUAL, label="residual")
     finish_signed(axes, "Residual / standard deviation", "Normal quantile")
     legend(axes)
-    return figure
-
-
-@style.drawn_in_style()
-def _over_cycle(prediction: Prediction, unit: str) -> Figure:
-    """Residual over the phase of the motion, which is 0 at full extension."""
-    figure, axes = column_axes()
-    residuals(prediction, axes, over="phase", unit=unit)
-    finish(axes)
-    axes.set_xlim(-180, 180)
-    axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
     return figure
 
 

@@ -119,15 +119,6 @@ def strip_of(history: RunHistory) -> slice:
     return strong_part(time, force, _STRIP_SECONDS * min(1.0, _STRIP_TURNS / max(turns, 1)))
 
 
-@style.drawn_in_style()
-def energy_history_figure(history: RunHistory) -> Figure:
-    """Input energy and its distribution, cumulative from the start and stacked."""
-    figure, axes = small_axes()
-    energies(_signals(history, slice(None)), axes, legend=False)
-    name_above(axes)
-    return figure
-
-
 ReadHistory = Callable[[int, int], RunHistory | None]
 """Reads the history of a row under a motion; `None` if it is not stored."""
 
@@ -201,8 +192,11 @@ def device_section(
             words = f"{what.capitalize()} of {device} under {name}, sample by sample: {label}"
             panels.append(panel(f"command-{row}", "", figure, words, f"{first} to {last} s of {end} s"))
         groups.append(Group(title=label, panels=tuple(panels), layout="small"))
-        words = f"Energies under {name}: {label}"
-        balances.append(panel(f"energy-{row}", label, energy_history_figure(history), words))
+        with style.drawn_in_style():
+            figure, axes = small_axes()
+            energies(_signals(history, slice(None)), axes, legend=False)
+            name_above(axes)
+        balances.append(panel(f"energy-{row}", label, figure, f"Energies under {name}: {label}"))
     about = (
         f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, and "
         f"{what} from the controller and in the coil over a shorter time, where it varies."
@@ -228,12 +222,15 @@ def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequen
     drawn = [row for row in scored if row in shown.drawn]
     if len(results.judged_motions) < 2 or not rows:
         return None
+    others = [each for number, each in enumerate(results.motions) if number not in results.judged_motions]
+    kinds = dict.fromkeys("training motions" if each.use == "training" else "other levels" for each in others)
+    circles = f", circles for {' and '.join(kinds)}" if kinds else ""
     figure = panel(
         "score-spread",
         "Score under each motion",
         score_figure(results, drawn, of_row),
         f"Score of {len(drawn)} arrangements under each of {judged}, with the median",
-        note=f"A dot for each of {judged}{_circles(results)}; the line is the median.",
+        note=f"A dot for each of {judged}{circles}; the line is the median.",
     )
     groups = [
         Group(title=f"Score over {judged}", table=spread_table(comparison, rows)),
@@ -248,13 +245,6 @@ def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequen
         leading = results.rows[comparison.leading].label
         summary = f"the score of {leading} is {mean}, under single motions {least} to {most}."
     return Section(anchor="spread", title="Spread over motions", summary=summary, groups=tuple(groups))
-
-
-def _circles(results: StudyResults) -> str:
-    """What the circles are beside the dots of the judged motions: training motions, other levels, or nothing."""
-    others = [each for number, each in enumerate(results.motions) if number not in results.judged_motions]
-    kinds = dict.fromkeys("training motions" if each.use == "training" else "other levels" for each in others)
-    return f", circles for {' and '.join(kinds)}" if kinds else ""
 
 
 @style.drawn_in_style()

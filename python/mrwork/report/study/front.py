@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
 from mrwork.base.summary import list_names
@@ -52,6 +50,12 @@ def study_lead(comparison: StudyComparison, found: Fragilities | None = None) ->
     results = comparison.results
     drawn = drawn_rows(comparison)
     off_balance, count = [] if results.balanced else [OFF_BALANCE], len(results.judged_motions)
+    places = results.tuned.places if isinstance(results, TunedStudy) else ()
+    placed = (
+        f" Best of {counted(len(places), 'placement')} of the dampers: {places[0].in_words}."
+        if places
+        else ""
+    )
     few = f"{counted(count, 'motion')} {'says' if count == 1 else 'say'} little about the next."
     return Lead(
         eyebrow="Control laws tuned, and the response of the building with them"
@@ -60,7 +64,7 @@ def study_lead(comparison: StudyComparison, found: Fragilities | None = None) ->
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
-        verdict=f"{_verdict(comparison)}{'' if found is None else _medians(comparison, found)}{_placed(results)}",
+        verdict=f"{_verdict(comparison)}{'' if found is None else _medians(comparison, found)}{placed}",
         banner=""
         if results.complete
         else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
@@ -118,16 +122,6 @@ def _medians(comparison: StudyComparison, found: Fragilities) -> str:
     return f" Median {found[shown[0]].measure} at which {found.limit_in_words}: {medians}."
 
 
-def _placed(results: StudyResults) -> str:
-    """Where the dampers stand, if a tuning has compared their places."""
-    places = results.tuned.places if isinstance(results, TunedStudy) else ()
-    return (
-        f" Best of {counted(len(places), 'placement')} of the dampers: {places[0].in_words}."
-        if places
-        else ""
-    )
-
-
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
     """Relative changes of both peaks under each judged motion."""
     ratios, judged = comparison.results.ratios_over(reference), [*comparison.results.judged_motions]
@@ -183,13 +177,15 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
     others = {comparison.passive: "the reference", results.row_of("passive_off"): "dampers without a command"}
     # The best constant command first.
     references = comparison.references[::-1]
-    ratios = {row: _drift_ratio(results, row) for row in drawn}
+    # The peak drift ratio, mean over the judged motions, where heights are known.
+    known = results.building is not None and results.building.has_ratios
+    peaks = results.labelled.numbers["peak_drift_ratio"][:, list(results.judged_motions), 0].mean(axis=1)
 
     def cells(row: int) -> tuple[str, ...]:
         return (
             _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 34)),
             format_fixed(results.score(row), 3),
-            *(significant(100.0 * each, 3) for each in ratios[row]),
+            *([significant(100.0 * peaks[row], 3)] if known else []),
             *(
                 NOTHING if row == reference else signed_percent(comparison.tables[row, reference][name].mean)
                 for reference in references
@@ -199,7 +195,7 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
         )
 
     more = len(set(laws) - set(drawn))
-    own = ("Drift ratio (%)",) if any(ratios.values()) else ()
+    own = ("Drift ratio (%)",) if known else ()
     heads = [f"Against {results.rows[each].label.partition(',')[0]} (%)" for each in references]
     return Table(
         label="What each law is worth",
@@ -209,14 +205,6 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
         over=(("", 2 + len(own)), *((head, 2) for head in heads), ("", 1)) if heads else (),
         note=f"{counted(more, 'more law')} below, in grey above." if more else "",
     )
-
-
-def _drift_ratio(results: StudyResults, row: int) -> tuple[float, ...]:
-    """The peak drift ratio, mean over the judged motions; none where heights are not known."""
-    of_runs = [results.criteria(row, motion) or {} for motion in results.judged_motions]
-    ratios = [each.get("peak_drift_ratio", math.nan) for each in of_runs]
-    known = results.building is not None and results.building.has_ratios
-    return (float(np.mean(ratios)),) if known else ()
 
 
 # Markers of figures, in the middle of a line 26 wide and 8 high.
@@ -275,23 +263,18 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
         return
     dampers = [f"{format_fixed(each.count, 0)} in storey {each.storey + 1}" for each in results.dampers]
     dampers += facts.passive
+    with style.drawn_in_style():
+        figure, axes = small_axes()
+        axes.set_position((0.02, 0.02, 0.96, 0.94))
+        building(results, axes)
     yield panel(
         "front-building",
         "Building",
-        _building_figure(results),
+        figure,
         f"{facts.name}: {len(facts.masses)} floors with masses and stiffnesses of the storeys; dampers: "
         f"{', '.join(dampers) or 'none'}",
         f"Dampers: {list_names(dampers, 4)}" if dampers else "No dampers",
     )
-
-
-@style.drawn_in_style()
-def _building_figure(results: StudyResults) -> Figure:
-    """The building with its dampers."""
-    figure, axes = small_axes()
-    axes.set_position((0.02, 0.02, 0.96, 0.94))
-    building(results, axes)
-    return figure
 
 
 def _advice(comparison: StudyComparison) -> tuple[str, ...]:

@@ -57,15 +57,6 @@ def course_figure(laws: Sequence[TunedLaw]) -> Figure:
     return figure
 
 
-@style.drawn_in_style()
-def front_figure(front: Front) -> Figure:
-    """The first two objectives of a Pareto front, on the training and on the test motions."""
-    figure, axes = column_axes()
-    fronts(front, axes, legend=False)
-    axes.legend(loc="upper right")
-    return figure
-
-
 def _objective_table(results: TunedStudy) -> Table:
     """Objective and score of each law and reference on the training and the test motions."""
 
@@ -148,12 +139,16 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
         words=(1 + len(heads), 2 + len(heads)),
         note="Points of which no other is lower in every objective on the training motions.",
     )
-    figure = panel(f"front-{number}", "Front", front_figure(front), title)
+    with style.drawn_in_style():
+        figure, axes = column_axes()
+        fronts(front, axes, legend=False)
+        axes.legend(loc="upper right")
+    drawn = panel(f"front-{number}", "Front", figure, title)
     return Section(
         anchor=f"front-{number}",
         title=title,
         summary=f"{len(front.points)} points of {front.candidates} candidates.",
-        groups=(Group(panels=(figure,)), Group(table=table)),
+        groups=(Group(panels=(drawn,)), Group(table=table)),
     )
 
 
