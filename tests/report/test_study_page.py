@@ -85,7 +85,7 @@ def test_a_check_of_the_step_has_its_table_and_counts_no_switchings() -> None:
     runs = study_samples.runs_by_place(results)
     assert 'id="step"' not in text_of()
     for number, told in (
-        ("rms_current", "0.25 of its value, that of Lyapunov"),
+        ("rms_current", "0.25 of its value, for Lyapunov"),
         ("switching_rate", "0 of its"),
     ):
         moved = {**runs[4, 1], number: 1.25 * runs[4, 1][number]}

@@ -21,7 +21,7 @@ from mrwork.tuning import law_tuning
 from mrwork.tuning.law_tuning import follow_gradients
 from mrwork.tuning.problem import LawPlan
 from mrwork.tuning.run import plan_of
-from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
+from mrwork.tuning.score_slopes import slopes_at, values_at, without_gradient
 from mrwork.tuning.space import LARGEST
 
 SMOOTH = [law.name for law in control_laws() if not law.switches]
@@ -36,39 +36,39 @@ HELD: dict[str, dict[str, Any]] = {
 }
 
 
-def slopes_of(study: mr.Study, table: TuneTable, threads: int = 1) -> ScoreSlopes:
-    return ScoreSlopes(plan_of(study, table, threads))
+def plan_for(study: mr.Study, table: TuneTable, threads: int = 1) -> LawPlan:
+    return plan_of(study, table, threads)
 
 
-def inside(slopes: ScoreSlopes) -> np.ndarray[Any, Any]:
+def inside(plan: LawPlan) -> np.ndarray[Any, Any]:
     """A point off the middle, at the largest command."""
-    free = slopes.plan.space.free
+    free = plan.space.free
     places = 0.35 + 0.04 * (np.arange(len(free)) % 7)
     return np.where([each.name == LARGEST for each in free], 0.99, places)
 
 
-def score(slopes: ScoreSlopes, unit: Any) -> float:
-    return float(slopes.values(np.atleast_2d(unit))[0])
+def score(plan: LawPlan, unit: Any) -> float:
+    return float(values_at(plan, np.atleast_2d(unit))[0])
 
 
-def agree_with_differences(slopes: ScoreSlopes, unit: Any, *, settings: int = 3) -> None:
+def agree_with_differences(plan: LawPlan, unit: Any, *, settings: int = 3) -> None:
     """Value to the bit, derivatives in the first settings to 1e-6 of the largest."""
-    value, found = slopes.at(unit)
-    assert value == score(slopes, unit)
+    value, found = slopes_at(plan, unit)
+    assert value == score(plan, unit)
     largest = np.abs(found).max()
     assert largest > 0.0
-    moved = [place for place, each in enumerate(slopes.plan.space.free) if each.name != LARGEST]
+    moved = [place for place, each in enumerate(plan.space.free) if each.name != LARGEST]
     for place in moved[:settings]:
         ends = [unit + sign * 1e-6 * np.eye(len(unit))[place] for sign in (1.0, -1.0)]
-        difference = (score(slopes, ends[0]) - score(slopes, ends[1])) / 2e-6
+        difference = (score(plan, ends[0]) - score(plan, ends[1])) / 2e-6
         assert found[place] == pytest.approx(difference, abs=1e-6 * largest)
 
 
 @pytest.mark.parametrize("law", SMOOTH)
 def test_every_law_that_does_not_switch_has_the_derivatives_of_its_score(law: str) -> None:
     study = tuning_samples.study_with(motions=SHORT, tune="")
-    slopes = slopes_of(study, TuneTable(laws=(law,), settings=HELD.get(law)))
-    agree_with_differences(slopes, inside(slopes))
+    plan = plan_for(study, TuneTable(laws=(law,), settings=HELD.get(law)))
+    agree_with_differences(plan, inside(plan))
 
 
 SECOND = '\n[[damper]]\nstorey = 3\npreset = "kwok2006"\nlag = 100\n'
@@ -85,8 +85,8 @@ LOOPS: dict[str, dict[str, str]] = {
 @pytest.mark.parametrize("case", LOOPS)
 def test_the_loop_may_have_whatever_a_study_has(case: str) -> None:
     study = tuning_samples.study_with(motions=SHORT, tune="", **LOOPS[case])
-    slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), robust=case == "draws"))
-    agree_with_differences(slopes, inside(slopes))
+    plan = plan_for(study, TuneTable(laws=("proportional_direct",), robust=case == "draws"))
+    agree_with_differences(plan, inside(plan))
 
 
 def test_passive_devices_are_part_of_the_loop() -> None:
@@ -94,8 +94,8 @@ def test_passive_devices_are_part_of_the_loop() -> None:
     motion = {"synthetic": "kanai_tajimi", "duration": 1.0, "pga": "0.1 g"}
     damper = {"storey": 1, "preset": "kwok2006", "lag": 190.0, "differential": True}
     study = mr.study_of(building={"file": building}, dampers=[damper], motions=[motion])
-    slopes = slopes_of(study, TuneTable(laws=("proportional_direct",)))
-    agree_with_differences(slopes, inside(slopes))
+    plan = plan_for(study, TuneTable(laws=("proportional_direct",)))
+    agree_with_differences(plan, inside(plan))
 
 
 def test_observer_noise_delay_and_a_rate_limit_are_part_of_the_loop() -> None:
@@ -103,8 +103,8 @@ def test_observer_noise_delay_and_a_rate_limit_are_part_of_the_loop() -> None:
     hardware = replace(
         study.hardware, feedback="observer", acceleration_noise=0.01, delay=4e-3, command_rate=30.0
     )
-    slopes = slopes_of(replace(study, hardware=hardware), TuneTable(laws=("proportional_direct",)))
-    agree_with_differences(slopes, inside(slopes))
+    plan = plan_for(replace(study, hardware=hardware), TuneTable(laws=("proportional_direct",)))
+    agree_with_differences(plan, inside(plan))
 
 
 @pytest.mark.parametrize(
@@ -120,16 +120,16 @@ def test_observer_noise_delay_and_a_rate_limit_are_part_of_the_loop() -> None:
 )
 def test_the_score_may_be_whatever_a_table_makes_of_it(table: dict[str, Any]) -> None:
     study = tuning_samples.study_with(motions=SHORT, tune="")
-    slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), **table))
-    agree_with_differences(slopes, inside(slopes))
+    plan = plan_for(study, TuneTable(laws=("proportional_direct",), **table))
+    agree_with_differences(plan, inside(plan))
 
 
 def test_derivatives_at_the_ends_of_a_range_are_as_good_as_inside() -> None:
     study = tuning_samples.study_with(motions=SHORT, tune="")
-    slopes = slopes_of(study, TuneTable(laws=("proportional_direct",), free={"slope": ()}))
+    plan = plan_for(study, TuneTable(laws=("proportional_direct",), free={"slope": ()}))
     for end, inward in ((0.0, 1e-6), (1.0, -1e-6)):
-        _, found = slopes.at(np.array([end]))
-        difference = (score(slopes, [end + inward]) - score(slopes, [end])) / inward
+        _, found = slopes_at(plan, np.array([end]))
+        difference = (score(plan, [end + inward]) - score(plan, [end])) / inward
         assert found[0] == pytest.approx(difference, rel=1e-4)
 
 
@@ -137,11 +137,11 @@ def test_threads_and_instruction_sets_change_no_bit(
     of_instruction_sets: Callable[[Callable[[], Any]], list[Any]],
 ) -> None:
     study = tuning_samples.study_with(motions=SHORT, tune="", more=SECOND)
-    one, two = (slopes_of(study, TuneTable(laws=("proportional_direct",)), threads) for threads in (1, 2))
+    one, two = (plan_for(study, TuneTable(laws=("proportional_direct",)), threads) for threads in (1, 2))
     first, *others = [
         (value, slopes.tobytes())
         for each in (one, two)
-        for value, slopes in of_instruction_sets(lambda each=each: each.at(inside(each)))
+        for value, slopes in of_instruction_sets(lambda each=each: slopes_at(each, inside(each)))
     ]
     assert all(other == first for other in others)
 
@@ -149,8 +149,8 @@ def test_threads_and_instruction_sets_change_no_bit(
 def test_settings_that_make_no_law_have_an_infinite_score_without_derivatives() -> None:
     study = tuning_samples.study_with(motions=SHORT, tune="")
     for weights in ((1e-30, 1e-26), (1e-22, 1e-18)):
-        slopes = slopes_of(study, TuneTable(laws=("active",), free={"control_weight": weights}))
-        value, found = slopes.at(np.array([0.5]))
+        plan = plan_for(study, TuneTable(laws=("active",), free={"control_weight": weights}))
+        value, found = slopes_at(plan, np.array([0.5]))
         assert value == math.inf
         assert not found.any()
 

@@ -123,7 +123,7 @@ def status_of(arguments: Sequence[str], signals: StopSignals) -> int:
     except Exception as error:
         if not isinstance(error, _SAID):
             raise
-        note(*(str(error).split("\n") if isinstance(error, MistakesError) else [sentence_on(error)]))
+        note(*(str(error).split("\n") if isinstance(error, MistakesError) else [_sentence_on(error)]))
         return 2
     return signals.status if status == 130 else status
 
@@ -147,26 +147,24 @@ def _run_command(arguments: Sequence[str], signals: StopSignals) -> int:
 
 
 # What ends a command in a sentence. Any other error is a defect of mrwork, whose traceback is wanted.
-_SAID = (MrworkError, OSError, MemoryError, RecursionError, OverflowError, UnicodeError, ImportError)
+_SAID = (MrworkError, OSError, MemoryError, ImportError)
 
 
-def sentence_on(error: BaseException) -> str:
+def _sentence_on(error: BaseException) -> str:
     """Sentence on an error: what happened and what to do."""
-    if isinstance(error, MrworkError):
-        return reason_of(error)
-    if isinstance(error, OSError):
-        where = f"{error.filename}: " if error.filename else ""
-        what = error.strerror or (reason_of(error) if error.args else "a file could not be read or written")
-        return f"{where}{what}; check the path, its permissions and the free space"
     reason = reason_of(error)
-    sentences = (
-        (MemoryError, "there is not enough memory; give fewer or shorter records, or smaller sizes"),
-        (RecursionError, "an input is nested too deeply; give it fewer levels"),
-        (OverflowError, f"a number is too large ({reason}); give a smaller one"),
-        (UnicodeError, f"a text cannot be read or written ({reason}); save it as UTF-8"),
-        (ImportError, f"a library cannot be loaded ({reason}); install mrwork again"),
-    )
-    return next((sentence for kind, sentence in sentences if isinstance(error, kind)), reason)
+    match error:
+        case MrworkError():
+            return reason
+        case OSError():
+            where = f"{error.filename}: " if error.filename else ""
+            what = error.strerror or (reason if error.args else "a file could not be read or written")
+            return f"{where}{what}; check the path, its permissions and the free space"
+        case MemoryError():
+            return "there is not enough memory; give fewer or shorter records, or smaller sizes"
+        case ImportError():
+            return f"a library cannot be loaded ({reason}); install mrwork again"
+    return reason
 
 
 @contextmanager

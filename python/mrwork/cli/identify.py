@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 from mrwork.base.units import COMMAND_SCALES
 from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
@@ -27,9 +27,6 @@ from mrwork.identification.settings import (
     search_named,
     searches,
 )
-
-if TYPE_CHECKING:
-    from mrwork.records import DamperTest
 
 _AUTO = "auto"
 
@@ -123,100 +120,31 @@ def add_options(parser: CommandParser) -> None:
     )
 
 
-def _models_of(options: argparse.Namespace) -> list[str | DamperSpec]:
-    """The models, or "all"; a damper of the user as its spec."""
-    return [own_model(each) if is_own(each) else each for each in options.model.split(",")]
-
-
-def _laws_are_chosen(options: argparse.Namespace) -> bool:
-    """Whether --law auto is given."""
-    return _AUTO in options.law
-
-
-def _laws_of(options: argparse.Namespace) -> dict[str, LawName]:
-    """Current law by name of parameter, of those that are given."""
-    if options.driver_lag and not options.law:
-        raise SettingError("--driver-lag is of the command, which no parameter follows; give --law NAME=LAW")
-    return {name: law for name, law in options.law.items() if name != _AUTO}
-
-
 def _law(text: str) -> tuple[str, LawName]:
     return (_AUTO, _AUTO) if text == _AUTO else read_entry(str, "LAW", text)
 
 
-def settings_of(options: argparse.Namespace) -> FitSettings:
-    """The settings that the command line gives; starts from earlier fits are added once the model is known."""
-    fixed = {name: (value, value) for name, value in options.fixed.items()}
-    own = {"search": _search(options), "bounds": options.bounds | fixed, "nuisances": nuisances_of(options)}
-    return FitSettings(**arguments_of(options, FitSettings) | own)
-
-
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
-    # What identifies and writes the folder is slow to load, and the help does not need it.
-    from mrwork.cli.identified import Identification, fit_best
-
-    settings = settings_of(options)
-    several, law_is_auto = is_choice(options), _laws_are_chosen(options)
-    if settings.ties and (several or law_is_auto):
-        raise SettingError("--tie goes with one model and without --law auto; leave it out")
+    # A damper of the user as its spec.
+    models = [own_model(each) if is_own(each) else each for each in options.model.split(",")]
+    several, law_is_auto = models == [ALL] or len(models) > 1, _AUTO in options.law
+    settings = _settings_of(options)
+    _refuse_together(options, settings, several=several, law_is_auto=law_is_auto)
     needless = "the laws are chosen on the threads of this process" if law_is_auto else ""
     if not (several or law_is_auto):
         needless = "one model is fitted, on the threads of this process"
     with on_workers(options, needless=needless):
-        if not (several or law_is_auto):
-            return _identify_model(options, settings)
-        from mrwork.uncertainty.choice.choose import choose_model
-        from mrwork.uncertainty.choice.laws import choose_laws
-
-        if law_is_auto and options.starts:
-            raise SettingError("--law auto finds its own starts; leave --start out")
-        if not law_is_auto and options.engine != "lanes":
-            raise SettingError(
-                f"--engine {options.engine} finishes one model; leave it out where models are compared"
-            )
-        ending = "models" if several else options.model.rpartition(":")[2]
-        verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
-        models, unit = _models_of(options), command_unit(verb.tests, options.command_unit)
-        choose = partial(choose_laws, models) if law_is_auto else partial(choose_model, models=models)
-        return fit_best(
-            verb,
-            partial(
-                choose,
-                laws=_laws_of(options),
-                unit=unit,
-                lagged=options.driver_lag,
-                leave_out=options.leave_out,
-                settings=settings,
-            ),
-        )
+        if several or law_is_auto:
+            return _choose(options, models, settings, several=several)
+        return _identify_model(options, models[0], settings)
 
 
-def _identify_model(options: argparse.Namespace, settings: FitSettings) -> int:
-    from mrwork.cli.identified import Identification, fit_model
-    from mrwork.identification.fit_file import read_fit
-    from mrwork.identification.problem import start_from
-
-    (model,) = _models_of(options)
-    plain = damper(model) if isinstance(model, str) else model
-    verb = Identification.of(options, settings, plain.name, kept="the best fit")
-    spec = _with_laws(plain, verb.tests, options)
-    starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
-    return fit_model(verb, spec, replace(settings, starts=starts))
-
-
-def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
-    """The model with the current laws of the command line."""
-    laws = _laws_of(options)
-    if not laws:
-        return plain
-    # Identification is slow to load.
-    from mrwork.identification.commands import spec_by_values, tested_commands
-
-    spec = plain.with_current_laws(
-        laws, unit=command_unit(tests, options.command_unit), lagged=options.driver_lag
-    )
-    return spec_by_values(spec, tested_commands(spec, tests))
+def _settings_of(options: argparse.Namespace) -> FitSettings:
+    """The settings that the command line gives; starts from earlier fits are added once the model is known."""
+    fixed = {name: (value, value) for name, value in options.fixed.items()}
+    own = {"search": _search(options), "bounds": options.bounds | fixed, "nuisances": nuisances_of(options)}
+    return FitSettings(**arguments_of(options, FitSettings) | own)
 
 
 def _search(options: argparse.Namespace) -> Search | None:
@@ -232,12 +160,71 @@ def _search(options: argparse.Namespace) -> Search | None:
     return resize_search(search, **arguments_of(options, resize_search))
 
 
-def is_choice(options: argparse.Namespace) -> bool:
-    """Whether the command line is for a comparison of models."""
-    models = _models_of(options)
-    several = models == [ALL] or len(models) > 1
-    if not several and options.leave_out and not _laws_are_chosen(options):
-        raise SettingError("--leave-out belongs to a comparison; give --model all, or A,B,C")
-    if several and options.starts:
-        raise SettingError("--start gives one model's parameters; leave it out where models are compared")
-    return several
+def _refuse_together(
+    options: argparse.Namespace, settings: FitSettings, *, several: bool, law_is_auto: bool
+) -> None:
+    """Refuse options that do not go together."""
+    for refused, sentence in (
+        (
+            settings.ties and (several or law_is_auto),
+            "--tie goes with one model and without --law auto; leave it out",
+        ),
+        (
+            options.leave_out and not (several or law_is_auto),
+            "--leave-out belongs to a comparison; give --model all, or A,B,C",
+        ),
+        (
+            several and options.starts,
+            "--start gives one model's parameters; leave it out where models are compared",
+        ),
+        (law_is_auto and options.starts, "--law auto finds its own starts; leave --start out"),
+        (
+            several and not law_is_auto and options.engine != "lanes",
+            f"--engine {options.engine} finishes one model; leave it out where models are compared",
+        ),
+        (
+            options.driver_lag and not options.law,
+            "--driver-lag is of the command, which no parameter follows; give --law NAME=LAW",
+        ),
+    ):
+        if refused:
+            raise SettingError(sentence)
+
+
+def _choose(
+    options: argparse.Namespace, models: list[str | DamperSpec], settings: FitSettings, *, several: bool
+) -> int:
+    """Choose among models or among laws of a command, and fit."""
+    # What identifies and writes the folder is slow to load, and the help does not need it.
+    from mrwork.cli.identified import Identification, fit_best
+    from mrwork.uncertainty.choice.choose import choose_model
+    from mrwork.uncertainty.choice.laws import choose_laws
+
+    ending = "models" if several else options.model.rpartition(":")[2]
+    verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
+    given = {
+        "laws": {name: law for name, law in options.law.items() if name != _AUTO},
+        "unit": command_unit(verb.tests, options.command_unit),
+        "lagged": options.driver_lag,
+        "leave_out": options.leave_out,
+        "settings": settings,
+    }
+    if _AUTO in options.law:
+        return fit_best(verb, partial(choose_laws, models, **given))
+    return fit_best(verb, partial(choose_model, models=models, **given))
+
+
+def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settings: FitSettings) -> int:
+    from mrwork.cli.identified import Identification, fit_model
+    from mrwork.identification.commands import spec_by_values, tested_commands
+    from mrwork.identification.fit_file import read_fit
+    from mrwork.identification.problem import start_from
+
+    spec = damper(model) if isinstance(model, str) else model
+    verb = Identification.of(options, settings, spec.name, kept="the best fit")
+    if options.law:
+        unit = command_unit(verb.tests, options.command_unit)
+        spec = spec.with_current_laws(options.law, unit=unit, lagged=options.driver_lag)
+        spec = spec_by_values(spec, tested_commands(spec, verb.tests))
+    starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
+    return fit_model(verb, spec, replace(settings, starts=starts))

@@ -140,14 +140,6 @@ def include_zero(axes: Axes, values: Floats) -> None:
     axes.set_ylim(low - margin, high + margin)
 
 
-def name_rows(axes: Axes, names: Sequence[str], abscissa: str) -> None:
-    """Rows with these names, the first at the bottom, over an abscissa with a grid."""
-    axes.set_yticks(range(len(names)), names)
-    axes.set_ylim(-0.6, len(names) - 0.4)
-    axes.set_xlabel(abscissa)
-    vertical_grid(axes)
-
-
 def vertical_grid(axes: Axes) -> None:
     """Lines of the grid at the ticks of the abscissa only, as beside rows with names."""
     axes.grid(visible=False, axis="y")

@@ -54,7 +54,13 @@ class Explorer:
             name: _slider(spec, name, float(start[spec.names.index(name)]), ends)
             for name, ends in zip(self._objective.names, self._objective.bounds, strict=True)
         }
-        self.figure, self._unit = _empty_loops(test)
+        with style.drawn_in_style():
+            self.figure = Figure(figsize=_SIZE, layout="constrained")
+            left, right = self.figure.subplots(1, 2, sharey=True)
+            drawn = Prediction(test=test, model_force=test.force)
+            loops(drawn, left, legend=False)
+            loops(drawn, right, over="velocity").set_ylabel("")
+        self._unit = style.force_unit(float(np.abs(test.force).max()))
         self.lines = tuple(axes.get_lines()[-1] for axes in self.figure.axes)
         self._picture = ipywidgets.Image(format="png", layout=ipywidgets.Layout(width=_PICTURE_WIDTH))
         self._status = ipywidgets.Label()
@@ -204,14 +210,3 @@ def _slider(spec: DamperSpec, name: str, value: float, ends: tuple[float, float]
         style={"description_width": "38%"},
         layout=ipywidgets.Layout(width=_WIDTH),
     )
-
-
-@style.drawn_in_style()
-def _empty_loops(test: DamperTest) -> tuple[Figure, style.DisplayUnit]:
-    """The loops of a test, each with a line of a model over it, still of no force; the unit of their forces."""
-    figure = Figure(figsize=_SIZE, layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
-    drawn = Prediction(test=test, model_force=test.force)
-    loops(drawn, left, legend=False)
-    loops(drawn, right, over="velocity").set_ylabel("")
-    return figure, style.force_unit(float(np.abs(test.force).max()))

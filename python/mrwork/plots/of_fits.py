@@ -82,7 +82,14 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
     panels = panels_for(ax, len(drawn), "laws")
     for axes, (law, along) in zip(panels, drawn, strict=True):
         axes.plot(commands, along, color=style.MODEL, linewidth=1.4)
-        points = _single_commands(fit, law.name)
+        alone = ((single.command, each) for single in fit.single_commands for each in single.estimates)
+        points = np.array(
+            [
+                (command, each.value, np.nan if each.standard_error is None else each.standard_error)
+                for command, each in alone
+                if each.name == law.name and not each.remark
+            ]
+        ).T
         if points.size:
             axes.errorbar(
                 *points, fmt="o", color=style.INK, markersize=3.2, elinewidth=0.9, label="one command"
@@ -90,18 +97,6 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
         include_zero(axes, np.concatenate([along, *points[1:2]]))
         finished(axes, f"Command ({spec.command_unit})", with_unit(style.symbol_text(law.name), law.unit))
     return panels
-
-
-def _single_commands(fit: Fit, name: str) -> Floats:
-    """Commands, and values of a parameter fitted at them with their errors, NaN without one, shape (3, n_commands)."""
-    return np.array(
-        [
-            (single.command, each.value, np.nan if each.standard_error is None else each.standard_error)
-            for single in fit.single_commands
-            for each in single.estimates
-            if each.name == name and not each.remark
-        ]
-    ).T
 
 
 # Level of the threshold that a single profile shows.
@@ -443,7 +438,10 @@ def _draw_band(
     axes: Axes, prediction: Prediction, band: Band, unit: style.DisplayUnit, over: Abscissa
 ) -> None:
     """Force over one cycle with its prediction band, over time or along the loop over displacement or velocity."""
-    samples, test = middle_cycle(prediction), prediction.test
+    test, cycles = prediction.test, whole_cycles(prediction.test.displacement[prediction.test.counted])
+    # The whole cycle in the middle of the samples that count; all of them where there is none.
+    middle = cycles[len(cycles) // 2] if cycles else slice(0, prediction.force.size - 1)
+    samples = slice(middle.start, middle.stop + 1)
     across = axis_values(test, over)[0][test.counted][samples]
     measured, model, lower, upper = (
         force[samples] * unit.factor
@@ -464,15 +462,6 @@ def _draw_band(
     drawn = even_samples(across, measured, _FORCE_POINTS, aspect=_ASPECT)
     points = across[drawn], measured[drawn]
     draw_points(axes, *points, size=2.6, colour=style.INK, label=data_label(test), zorder=2.2)
-
-
-def middle_cycle(prediction: Prediction) -> slice:
-    """The whole cycle in the middle of the samples that count; all of them where there is none."""
-    cycles = whole_cycles(prediction.test.displacement[prediction.test.counted])
-    if not cycles:
-        return slice(0, prediction.force.size)
-    chosen = cycles[len(cycles) // 2]
-    return slice(chosen.start, chosen.stop + 1)
 
 
 def _fill_loop(axes: Axes, across: Floats, lower: Floats, upper: Floats, label: str) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from mrwork.study.runs import Runs
 from mrwork.tuning.first_candidates import Basis, distinct, first_candidates
 from mrwork.tuning.problem import LawPlan, Scores
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
-from mrwork.tuning.score_slopes import ScoreSlopes
+from mrwork.tuning.score_slopes import check_slopes, slopes_at
 from mrwork.tuning.space import PENALTY, LawCandidate
 
 # A search ends where its least objective has not fallen by the tolerance within this number of generations.
@@ -78,7 +79,7 @@ def follow_gradients(plan: LawPlan, start: Floats, steps: int) -> Finish:
     from scipy.optimize import minimize
 
     minimum = minimize(
-        ScoreSlopes(plan).at,
+        partial(slopes_at, plan),
         start,
         jac=True,
         method="L-BFGS-B",
@@ -100,7 +101,7 @@ def check_settings(plan: LawPlan) -> None:
         # The middle of the ranges may have no gain where other places of them do.
         return
     if plan.table.gradient_steps:
-        ScoreSlopes(plan).check()
+        check_slopes(plan)
 
 
 def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedLaw, int], None]) -> TunedLaw:

@@ -8,7 +8,7 @@ moved along their derivatives.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -56,82 +56,72 @@ def without_gradient(study: Study, table: TuneTable) -> str:
     return ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ScoreSlopes:
-    """The score of a law with its derivatives in the free settings; the largest command stays."""
+def values_at(plan: LawPlan, units: Floats) -> Floats:
+    """Penalised objectives at points of the unit cube, shape (n, n_free); infinite where a point makes no law."""
+    candidates = [plan.space.candidate(unit, exact=True) for unit in units]
+    return plan.bench.scores(plan.objective, plan.law, candidates).penalised_scores
 
-    plan: LawPlan
 
-    def values(self, units: Floats) -> Floats:
-        """Penalised objectives at points of the unit cube, shape (n, n_free); infinite where a point makes no law."""
-        plan = self.plan
-        candidates = [plan.space.candidate(unit, exact=True) for unit in units]
-        return plan.bench.scores(plan.objective, plan.law, candidates).penalised_scores
+def slopes_at(plan: LawPlan, unit: Floats) -> tuple[float, Floats]:
+    """Penalised objective at a point, shape (n_free,), and its derivatives there.
 
-    def at(self, unit: Floats) -> tuple[float, Floats]:
-        """Penalised objective at a point, shape (n_free,), and its derivatives there.
+    Where the settings make no law, or a run has no end, it is infinite, with derivatives of zero. A derivative is
+    not a number where settings next to it make no law.
+    """
+    slopes = np.zeros(len(unit))
+    try:
+        problem, law, rows, _ = _move(plan, unit)
+    except SettingError:
+        return math.inf, slopes
+    bench = plan.bench
+    runs = bench.simulate(problem, law, changes=GainChanges(rows=rows, reach=_REACH))
+    values = bench.scores_of(plan.objective, runs).penalised_scores
+    if not math.isfinite(values[0]):
+        return math.inf, slopes
+    with np.errstate(invalid="ignore"):
+        slopes[_places(plan)] = (values[1::2] - values[2::2]) / (2.0 * _REACH)
+    return float(values[0]), slopes
 
-        Where the settings make no law, or a run has no end, it is infinite, with derivatives of zero. A derivative is
-        not a number where settings next to it make no law.
-        """
-        slopes = np.zeros(len(unit))
-        try:
-            problem, law, rows, _ = self._move(unit)
-        except SettingError:
-            return math.inf, slopes
-        bench = self.plan.bench
-        runs = bench.simulate(problem, law, changes=GainChanges(rows=rows, reach=_REACH))
-        values = bench.scores_of(self.plan.objective, runs).penalised_scores
-        if not math.isfinite(values[0]):
-            return math.inf, slopes
-        with np.errstate(invalid="ignore"):
-            slopes[self._places] = (values[1::2] - values[2::2]) / (2.0 * _REACH)
-        return float(values[0]), slopes
 
-    def check(self) -> None:
-        """Refuse settings that act on more than gains, or make no law, at the point where a search begins.
+def check_slopes(plan: LawPlan) -> None:
+    """Refuse settings that act on more than gains, or make no law, at the point where a search begins."""
+    *_, refusals = _move(plan, plan.space.start)
+    for label, refusal in refusals.items():
+        raise SettingError(f"{plan.law} has no gradient in {label}: {refusal}; hold that setting")
 
-        Raises
-        ------
-        SettingError
-            For the first of them.
-        """
-        *_, refusals = self._move(self.plan.space.start)
-        for label, refusal in refusals.items():
-            raise SettingError(f"{self.plan.law} has no gradient in {label}: {refusal}; hold that setting")
 
-    @property
-    def _places(self) -> list[int]:
-        """Places of the settings with derivatives: all but the largest command."""
-        return [place for place, each in enumerate(self.plan.space.free) if each.name != LARGEST]
+def _places(plan: LawPlan) -> list[int]:
+    """Places of the settings with derivatives: all but the largest command."""
+    return [place for place, each in enumerate(plan.space.free) if each.name != LARGEST]
 
-    def _move(self, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats, dict[str, str]]:
-        """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
-        space, name = self.plan.space, self.plan.law
-        largest = space.candidate(unit, exact=True).largest_command
-        problem = self.plan.bench.problem.limited_to(largest)
-        points, weights = [unit], []
-        for place in self._places:
-            nodes, own = _differences(space.free[place], float(unit[place]))
-            weights.append(own)
-            points += [np.where(np.arange(len(unit)) == place, node, unit) for node in nodes]
-        settings = [settings_of(name, space.candidate(point, exact=True).of_law) for point in points]
-        designed = design_candidates(name, problem, settings)
-        if 0 in designed.refusals:
-            raise SettingError(f"{name} has no score here: {designed.refusals[0]}; choose other settings")
-        assert designed.law is not None
-        rows = designed.law.gain_rows(len(problem.devices), 2 * problem.building.n_coordinates)
-        # A law without gains has one row.
-        gains = np.full((len(points), rows.shape[1]), np.nan)
-        gains[list(designed.designed)] = rows
-        around = gains[1:].reshape(len(weights), len(_NODES), -1)
-        labels = [space.free[place].label for place in self._places]
-        law = replace(
-            designed.law, gains={gain: np.asarray(each)[:1] for gain, each in designed.law.gains.items()}
-        )
-        changes = np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around)
-        refusals = {labels[(number - 1) // len(_NODES)]: each for number, each in designed.refusals.items()}
-        return problem, law, changes, refusals
+
+def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats, dict[str, str]]:
+    """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
+    space, name = plan.space, plan.law
+    largest = space.candidate(unit, exact=True).largest_command
+    problem = plan.bench.problem.limited_to(largest)
+    points, weights = [unit], []
+    for place in _places(plan):
+        nodes, own = _differences(space.free[place], float(unit[place]))
+        weights.append(own)
+        points += [np.where(np.arange(len(unit)) == place, node, unit) for node in nodes]
+    settings = [settings_of(name, space.candidate(point, exact=True).of_law) for point in points]
+    designed = design_candidates(name, problem, settings)
+    if 0 in designed.refusals:
+        raise SettingError(f"{name} has no score here: {designed.refusals[0]}; choose other settings")
+    assert designed.law is not None
+    rows = designed.law.gain_rows(len(problem.devices), 2 * problem.building.n_coordinates)
+    # A law without gains has one row.
+    gains = np.full((len(points), rows.shape[1]), np.nan)
+    gains[list(designed.designed)] = rows
+    around = gains[1:].reshape(len(weights), len(_NODES), -1)
+    labels = [space.free[place].label for place in _places(plan)]
+    law = replace(
+        designed.law, gains={gain: np.asarray(each)[:1] for gain, each in designed.law.gains.items()}
+    )
+    changes = np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around)
+    refusals = {labels[(number - 1) // len(_NODES)]: each for number, each in designed.refusals.items()}
+    return problem, law, changes, refusals
 
 
 def _differences(setting: FreeSetting, place: float) -> tuple[Floats, Floats]:

@@ -19,9 +19,10 @@ from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
+from mrwork.tuning.problem import LawPlan
 from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.run import plan_of
-from mrwork.tuning.score_slopes import ScoreSlopes, without_gradient
+from mrwork.tuning.score_slopes import check_slopes, slopes_at, values_at, without_gradient
 from mrwork.tuning.space import LARGEST
 from mrwork.twins.models import begin
 from mrwork.twins.traced_function import TracedFunction
@@ -33,7 +34,7 @@ _ROUNDING = 1e-12
 class _StudyScore:
     """The score as a function of settings; the simulation is called back from the program of JAX."""
 
-    slopes: ScoreSlopes
+    plan: LawPlan
     box: Box
 
     def __call__(self, settings: Array, _: Any) -> Array:
@@ -45,7 +46,7 @@ class _StudyScore:
         units, _, inside = self.places(given)
         values = np.full(len(units), math.inf)
         if inside.any():
-            values[inside] = self.slopes.values(units[inside])
+            values[inside] = values_at(self.plan, units[inside])
         return values.reshape(given.shape[:-1])
 
     def linearise(self, settings: Floats) -> tuple[Floats, Floats]:
@@ -54,7 +55,7 @@ class _StudyScore:
         units, rates, inside = self.places(given)
         values, slopes = np.full(len(units), math.inf), np.zeros(units.shape)
         for row in np.flatnonzero(inside):
-            values[row], slopes[row] = self.slopes.at(units[row])
+            values[row], slopes[row] = slopes_at(self.plan, units[row])
             slopes[row] *= rates[row]
         return values.reshape(given.shape[:-1]), slopes.reshape(given.shape)
 
@@ -98,11 +99,11 @@ class StudyScore(TracedFunction):
                 f"the point {np.asarray(point).tolist()} is not one inside the ranges; give {len(self.names)} numbers "
                 "from `lower` to `upper`"
             )
-        return self.compute.slopes.plan.space.candidate(units[0], exact=True).of_law
+        return self.compute.plan.space.candidate(units[0], exact=True).of_law
 
     def law(self, point: ArrayLike) -> dict[str, Any]:
         """The law of a point, shape (n_free,), as `mr.study_of(laws=[...])` takes it; see `settings`."""
-        return {"law": self.compute.slopes.plan.law, "settings": self.settings(point)}
+        return {"law": self.compute.plan.law, "settings": self.settings(point)}
 
 
 def _numbers(shape: tuple[int, ...]) -> Any:
@@ -193,8 +194,8 @@ def study_score(
     if not free:
         raise SettingError(f"{plan.law} has no free setting but the largest command; free one that it has")
     space = replace(plan.space, free=free)
-    slopes = ScoreSlopes(replace(plan, space=space))
-    slopes.check()
+    plan = replace(plan, space=space)
+    check_slopes(plan)
     box = Box(
         names=tuple(each.label for each in free),
         lower=tuple(each.lower for each in free),
@@ -203,7 +204,7 @@ def study_score(
     )
     return StudyScore.of(
         f"Score of {plan.law} in {study.title}",
-        _StudyScore(slopes=slopes, box=box),
+        _StudyScore(plan=plan, box=box),
         box=box,
         units=("",) * len(free),
         coordinates=coordinates,

@@ -33,7 +33,14 @@ def _section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     if draws is None:
         return None
     what = f"Densities of {len(draws.varied)} parameters, alone and in pairs"
-    corner = panel("corner", "", _corner_figure(run, len(draws.varied)), what)
+    count = len(draws.varied)
+    size = count * _SIDE + _EDGE
+    with style.drawn_in_style():
+        figure = Figure(figsize=(size, size))
+        within = {"left": _EDGE / size, "right": 0.99, "bottom": _EDGE / size, "top": 0.99}
+        gaps = {"hspace": _GAP, "wspace": _GAP}
+        posterior(run, np.ravel(figure.subplots(count, count, squeeze=False, gridspec_kw=within | gaps)))
+    corner = panel("corner", "", figure, what)
     traces, ranks = [], []
     for each in draws.varied:
         anchor, chain = each.name.replace(".", "-").replace("_", "-"), draws.chain(each.name)
@@ -130,17 +137,6 @@ def _rank_figure(name: str, chain: Floats, ess: float) -> Figure:
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 2.0)
     _finish(axes, name, "Rank")
-    return figure
-
-
-@style.drawn_in_style()
-def _corner_figure(run: StoredRun, count: int) -> Figure:
-    """Density of every parameter on the diagonal, of every pair below it; a cross where the fit is."""
-    size = count * _SIDE + _EDGE
-    figure = Figure(figsize=(size, size))
-    within = {"left": _EDGE / size, "right": 0.99, "bottom": _EDGE / size, "top": 0.99}
-    gaps = {"hspace": _GAP, "wspace": _GAP}
-    posterior(run, np.ravel(figure.subplots(count, count, squeeze=False, gridspec_kw=within | gaps)))
     return figure
 
 

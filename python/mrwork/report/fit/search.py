@@ -72,23 +72,12 @@ def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
     return figure
 
 
+@style.drawn_in_style()
 def waterfall_panel(fit: Fit) -> Panel | None:
-    """Final misfits of the local minimisations; `None` for a search without local minimisations."""
+    """Final misfits of the local minimisations in order; `None` for a search without local minimisations."""
     ends, reached = _local_minimisations(fit)
     if ends.size == 0:
         return None
-    return panel(
-        "starts",
-        "Final misfit of each local minimisation",
-        waterfall_figure(ends, reached),
-        f"Final NRMSE of each of {ends.size} local minimisations, best first; {reached} reached the least",
-        _note(ends.size, reached),
-    )
-
-
-@style.drawn_in_style()
-def waterfall_figure(ends: Floats, reached: int) -> Figure:
-    """Misfits in order, shape (n_fits,); the first `reached` are the least misfit."""
     rank = np.arange(1, ends.size + 1)
     figure, axes = column_axes()
     axes.plot(rank, ends, color=style.RULE, linewidth=1.2, zorder=1)
@@ -101,7 +90,9 @@ def waterfall_figure(ends: Floats, reached: int) -> Figure:
         axes.set_ylim(0.0, 1.12 * ends[-1])
     axes.set_xlim(0.4, ends.size + 0.6)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
-    return figure
+    words = f"Final NRMSE of each of {ends.size} local minimisations, best first; {reached} reached the least"
+    title = "Final misfit of each local minimisation"
+    return panel("starts", title, figure, words, _note(ends.size, reached))
 
 
 def _local_minimisations(fit: Fit) -> tuple[Floats, int]:

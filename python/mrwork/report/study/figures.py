@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from functools import partial
 from operator import attrgetter
 from typing import get_args
 
@@ -23,13 +22,13 @@ from mrwork.plots.canvas import (
     column_axes,
     finish,
     name_above,
-    name_rows,
     plain_ticks,
     room_for,
     small_axes,
     symmetric,
+    vertical_grid,
 )
-from mrwork.plots.of_studies import Stroke, energies, short
+from mrwork.plots.of_studies import Stroke, energies, name_heights, short, storey_profiles
 from mrwork.plots.of_tests import Motion, commands, loops
 from mrwork.plots.samples import envelope, strong_part
 from mrwork.report.section import Group, Section, panel
@@ -49,6 +48,22 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     energies(results, axes, motion=motion, rows=shown)
     axes.set_yticks(range(len(names)), names[::-1])
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
+    return figure
+
+
+@style.drawn_in_style()
+def profile_figure(
+    results: StudyResults, quantity: str, rows: Sequence[int], behind: Sequence[int] = ()
+) -> Figure:
+    """A quantity over the height, mean over the judged motions, with numbers of storeys or floors at the ordinate."""
+    figure, axes = small_axes()
+    storey_profiles(results, axes, quantity=quantity, rows=rows, behind=behind, legend=False)
+    of_floors = quantity == "peak_acceleration"
+    names = results.floor_names if of_floors else results.storey_names
+    name_heights(axes, names, numbers=True)
+    name_above(axes, "Floor" if of_floors else "Storey")
+    wide = axes.get_xlim()[1] >= 1e4
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=2 if wide else 4, steps=[1, 2, 5, 10]))
     return figure
 
 
@@ -260,7 +275,10 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
             axes.plot(score, place, "o", color=colour, markersize=3.6, markerfacecolor=fill, alpha=0.75)
         median = results.spread(row).median
         axes.plot([median, median], [place - 0.34, place + 0.34], color=style.INK, linewidth=1.3)
-    name_rows(axes, names, "Score under one motion")
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(-0.6, len(names) - 0.4)
+    axes.set_xlabel("Score under one motion")
+    vertical_grid(axes)
     axes.set_xlim(left=0.0)
     return figure
 
@@ -278,8 +296,8 @@ _MOTIONS = (
 )
 
 
-def _of_first(cell: Callable[[MotionFacts], str], motions: Sequence[MotionFacts]) -> str:
-    return cell(motions[0])
+def _of_first(column: TableColumn) -> TableColumn:
+    return replace(column, cell=lambda motions: column.cell(motions[0]))
 
 
 def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
@@ -290,9 +308,9 @@ def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
 
 _RECORDS = (
     TableColumn(heading="", cell=lambda motions: motions[0].at_level[0]),
-    *(replace(each, cell=partial(_of_first, each.cell)) for each in _MOTIONS[1:2]),
+    *map(_of_first, _MOTIONS[1:2]),
     TableColumn(heading="levels", cell=_levels_in_words, words=True),
-    *(replace(each, cell=partial(_of_first, each.cell)) for each in _MOTIONS[4:6]),
+    *map(_of_first, _MOTIONS[4:6]),
 )
 
 

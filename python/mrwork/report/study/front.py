@@ -17,7 +17,7 @@ from mrwork.plots.canvas import coinciding, small_axes
 from mrwork.plots.of_buildings import building
 from mrwork.plots.of_studies import RATIO, Stroke, short, strokes
 from mrwork.report.section import Lead, Panel, first_sentences, panel
-from mrwork.report.study.storey_section import profile_figure
+from mrwork.report.study.figures import profile_figure
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     BOTH,

@@ -19,14 +19,15 @@ from mrwork.report.study.figures import (
     energy_figure,
     history_section,
     motion_section,
+    profile_figure,
     spread_section,
 )
 from mrwork.report.study.fragility_section import fragilities_of_page, fragility_section
 from mrwork.report.study.front import drawn_rows, study_lead
-from mrwork.report.study.storey_section import storey_section
 from mrwork.report.study.tuning_section import tuning_sections
 from mrwork.study.comparison import StudyComparison, change_table, compared, findings, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
+from mrwork.study.storeys import OVERTURNING, SHEAR, limits_in_words, storey_table
 from mrwork.study.tables import ShownRows, bands_of_study, shown_rows, step_table, value_table
 from mrwork.tuning.judging import TunedStudy
 
@@ -139,6 +140,34 @@ def _band_section(results: StudyResults, shown: ShownRows) -> Section | None:
         return None
     words = f"{count} realisations of what is not known exactly."
     return Section(anchor="bands", title="Under uncertainty", summary=words, groups=(Group(table=table),))
+
+
+def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[int]) -> Section | None:
+    """Peaks of storeys of the `first` rows, and profiles of shear and overturning of the `drawn` ones."""
+    table = storey_table(results, first)
+    if table is None:
+        return None
+    panels = []
+    for quantity in (SHEAR, OVERTURNING):
+        known = [row for row in drawn if quantity.of_runs(results, row) is not None]
+        if known:
+            panels.append(
+                panel(
+                    quantity.name.replace("_", "-"),
+                    f"{quantity.title} of storeys",
+                    profile_figure(results, quantity.name, known),
+                    f"{quantity.title} of each storey, {len(known)} arrangements, mean over {judged_in_words(results)}",
+                )
+            )
+    return Section(
+        anchor="storeys",
+        title="Storeys",
+        summary=f"peaks of each, mean over {judged_in_words(results)}.",
+        groups=(
+            Group(points=tuple(limits_in_words(results)), table=table),
+            *((Group(panels=tuple(panels), layout="small"),) if panels else ()),
+        ),
+    )
 
 
 def study_page(
