@@ -206,7 +206,10 @@ def test_one_unit_serves_all_tests_of_a_report() -> None:
 
 READING = ["--every", "5"]
 LEFT_OUT = ["synthetic:spencer1997_slow", "synthetic:spencer1997_fast"]
-OWN_SECTIONS = ["tests", "parameters", "amplitudes", "residuals", "search", "absent", "provenance"]
+TESTS, AMPLITUDES = "agreement-with-the-fitted-tests", "errors-by-amplitude"
+OWN_SECTIONS = [
+    *(TESTS, "parameters", AMPLITUDES, "residuals", "search", "not-in-this-report-yet", "provenance"),
+]
 # Text below this is hard to read on a telephone [px].
 READABLE = 8.5
 
@@ -249,8 +252,8 @@ def test_every_verb_adds_its_section_and_a_page_written_again_is_the_same(plain:
     text = (plain / "report.html").read_text()
     for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
         assert f"<code>{command}</code>" in text
-    added = ["tests", "parameters", "bands", "profiles", "posterior", "amplitudes", "residuals", "next-test"]
-    assert anchors(whole) == [*added, *OWN_SECTIONS[-3:]]
+    added = ["prediction-bands", "profile-likelihood", "posterior", AMPLITUDES, "residuals", "next-test"]
+    assert anchors(whole) == [TESTS, "parameters", *added, *OWN_SECTIONS[-3:]]
     page = (whole / "report.html").read_text()
     profiles = mr.load(whole).profiles
     level = f"{100.0 * profiles.level:g}\N{NO-BREAK SPACE}%"

@@ -83,7 +83,7 @@ def test_a_building_without_dampers_shows_no_force() -> None:
 def test_a_check_of_the_step_has_its_table_and_counts_no_switchings() -> None:
     results = study_samples.results()
     runs = study_samples.runs_by_place(results)
-    assert 'id="step"' not in text_of()
+    assert 'id="half-the-step"' not in text_of()
     for number, told in (
         ("rms_current", "0.25 of its value, for Lyapunov"),
         ("switching_rate", "0 of its"),
@@ -105,7 +105,7 @@ def test_records_at_several_levels_have_a_section_and_a_row_each() -> None:
     assert re.match(r"(above )?0\.\d+ g( \(0\.\d+ to [0-9.∞]+\))? with ", stated)
     assert "the PGA at which the peak drift reaches 0.02 m, of 5 records at 4 levels" in text
     assert "4, PGA 0.100 to 0.400 g" in text
-    assert "record 0, 0.1 g</" not in text.partition('id="motions"')[2]
+    assert "record 0, 0.1 g</" not in text.partition('id="ground-motions"')[2]
     assert results.building is not None
     low = replace(results, building=replace(results.building, heights=()))
     for without in (low, replace(study_samples.results(), limit={"peak_drift": 0.02})):

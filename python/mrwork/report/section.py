@@ -95,10 +95,14 @@ class Group:
 class Section:
     """A section of the page, folded below its `title` and its `summary`, which is its result in a sentence."""
 
-    anchor: str
     title: str
     groups: tuple[Group, ...]
     summary: str = ""
+
+    @property
+    def anchor(self) -> str:
+        """The title as the name of a place in the page."""
+        return re.sub(r"\W+", "-", self.title.lower()).strip("-")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +157,6 @@ def warning_section(warnings: Sequence[str]) -> Section | None:
     if not warnings:
         return None
     return Section(
-        anchor="warnings",
         title="Warnings",
         summary=f"{len(warnings)} before you use this.",
         groups=(Group(points=tuple(warnings)),),

@@ -21,16 +21,7 @@ from mrwork.plots.of_tests import Motion, data_label
 from mrwork.plots.samples import zoom_window
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
-from mrwork.report.fit.figures import (
-    command_figure,
-    common_unit,
-    cycles_figure,
-    loop_figure,
-    name_of,
-    record_figure,
-    repair_figure,
-    small_loop,
-)
+from mrwork.report.fit import figures
 from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
@@ -49,7 +40,7 @@ def tests_section(
     Of many tests these are the best, the median and the worst, or with `every_test` all; figures of the residual are of
     the worst alone. `before` hears of each test before it is drawn.
     """
-    unit, spread = common_unit(predictions), spread_of(predictions)
+    unit, spread = figures.common_unit(predictions), spread_of(predictions)
     overview = tuple(_overview(predictions, unit, before))
     drawn = drawn_in_full(predictions, every_test=every_test)
     worst = min(drawn, key=lambda number: predictions[number].fit_percent)
@@ -79,7 +70,6 @@ def tests_section(
     kinds = {"warning": "warning", "note": "note", "repaired": "repair"}
     parts = [numbers.counted(counts[kind], noun) for kind, noun in kinds.items() if counts[kind]]
     return Section(
-        anchor="tests",
         title="Agreement with the fitted tests",
         summary=f"{said}; the checks of {records} found {', '.join(parts) or 'nothing to report'}.",
         groups=(Group(table=_agreement_table(fit, predictions)), *overview, *blocks),
@@ -91,7 +81,7 @@ def _agreement_table(fit: Fit, predictions: Sequence[Prediction]) -> Table:
     every: list[FitQuality | Fit] = [*fit.quality, fit]
     norms = [entry.error_norms for entry in every]
     columns = {
-        "Test": [*(name_of(each.test) for each in predictions), "All tests"],
+        "Test": [*(figures.name_of(each.test) for each in predictions), "All tests"],
         "Fit (%)": [numbers.format_fixed(entry.fit_percent, 2) for entry in every],
         "RMSE (N)": numbers.column([entry.rmse_n for entry in every], 3),
         _norm("t"): numbers.column([norm.time for norm in norms], 3),
@@ -150,19 +140,19 @@ def _test_panels(identifier: str, prediction: Prediction, unit: str) -> tuple[Pa
     test, data = prediction.test, data_label(prediction.test)
     shaded = f"Residual: {data} minus model. The shaded part is enlarged in the next figure."
     drawn = [
-        ("record", "Whole record", record_figure(prediction, unit), shaded),
-        ("cycles", zoom_window(test.displacement).in_words, cycles_figure(prediction, unit), ""),
+        ("record", "Whole record", figures.record_figure(prediction, unit), shaded),
+        ("cycles", zoom_window(test.displacement).in_words, figures.cycles_figure(prediction, unit), ""),
         *(
-            (over, f"Force against {over}", loop_figure(prediction, unit, over), "")
+            (over, f"Force against {over}", figures.loop_figure(prediction, unit, over), "")
             for over in get_args(Motion)
         ),
     ]
     if test.has_varying_command:
         wide = "The loops belong to the whole record, so they are wide where the command changes."
-        drawn.append(("command", "Command", command_figure(prediction), wide))
+        drawn.append(("command", "Command", figures.command_figure(prediction), wide))
     if test.original is not None:
         changed = "The findings below list the repairs; the model is compared with the repaired record."
-        repair = repair_figure(test, test.original, unit)
+        repair = figures.repair_figure(test, test.original, unit)
         drawn.append(("repair", "Before and after repair", repair, changed))
     what = f"of test {test.name}: {data} and model, fit {numbers.format_fixed(prediction.fit_percent, 2)} %"
     return tuple(
@@ -190,7 +180,9 @@ def _overview(predictions: Sequence[Prediction], unit: str, before: Callable[[st
         panels = []
         for number, prediction in enumerate(predictions, start=1):
             before(f"test {prediction.test.name}")
-            panels.append(loop_panel(f"o{number}", prediction, small_loop(prediction, unit, over="velocity")))
+            panels.append(
+                loop_panel(f"o{number}", prediction, figures.small_loop(prediction, unit, over="velocity"))
+            )
         yield Group(
             prose=(
                 "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, "
@@ -206,7 +198,7 @@ def _overview(predictions: Sequence[Prediction], unit: str, before: Callable[[st
 
 def loop_panel(identifier: str, drawn: Prediction, figure: Figure, title: str = "") -> Panel:
     """A small loop of a test with its name and its fit."""
-    name, fitted = name_of(drawn.test), f"fit {numbers.format_fixed(drawn.fit_percent, 1)} %"
+    name, fitted = figures.name_of(drawn.test), f"fit {numbers.format_fixed(drawn.fit_percent, 1)} %"
     what = f"Force against velocity of test {drawn.test.name}, {data_label(drawn.test)} and model, {fitted}"
     return panel(identifier, title or name, figure, what, f"{name}, {fitted}" if title else fitted)
 
@@ -267,7 +259,6 @@ def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
         "better."
     )
     return Section(
-        anchor="amplitudes",
         title="Errors by amplitude",
         summary=f"RMSE over the RMS force of the half cycles, {', '.join(shares)}."
         if len(classes) > 1
@@ -343,7 +334,7 @@ def _held_out_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None
         ),
     )
     said = f"{run.held_out.spread.in_words}."
-    return Section(anchor="held-out", title="Held-out tests", summary=said, groups=(group,))
+    return Section(title="Held-out tests", summary=said, groups=(group,))
 
 
 HELD_OUT = SectionKind(

@@ -48,7 +48,6 @@ def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | Non
         _verdict([*covered.values()]),
     )
     return Section(
-        anchor="bands",
         title="Prediction bands",
         summary=coverage_summary(bands),
         groups=(

@@ -42,7 +42,6 @@ def _ranking_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
         note = f"Mean and standard error over {ranking.held_out}."
         panels.append(panel("ranking", "Left-out fit of the models", ranking_figure(ranking), what, note))
     return Section(
-        anchor="ranking",
         title=f"Choice of {'current laws' if of_laws else 'model'}",
         summary=f"{chosen.in_words}{provisionally} of {len(ranking.standings)} "
         f"{'sets of laws' if of_laws else 'families'}, left-out fit {chosen.left_out_in_words} %.",
@@ -119,7 +118,6 @@ def _test_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     what = f"Variance reduction by each of {len(plan.gains)} tests, best {name}"
     drawn = panel("plan", "", plan_figure(plan), what)
     return Section(
-        anchor="next-test",
         title="Next test",
         summary=f"{name}, of {len(plan.gains)} candidates.",
         groups=(

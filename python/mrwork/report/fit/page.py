@@ -88,7 +88,6 @@ def _absent_section(absent: Sequence[SectionKind]) -> Section | None:
     prose = "RUN is the folder of this page. A command that takes RUN adds its section to the page."
     facts = tuple((each.title, f"`{each.command}` {each.description}") for each in absent)
     return Section(
-        anchor="absent",
         title="Not in this report yet",
         summary=f"{list_names([each.title[:1].lower() + each.title[1:] for each in absent], len(absent))}.",
         groups=(Group(prose=(prose,), facts=facts),),
@@ -123,7 +122,6 @@ def _provenance_section(fit: Fit, predictions: Sequence[Prediction]) -> Section:
         ),
     )
     return Section(
-        anchor="provenance",
         title="Provenance",
         summary=f"{made.created}, seed {made.rng}.",
         groups=(Group(facts=facts),),

@@ -46,7 +46,6 @@ def parameters_section(run: StoredRun) -> Section:
         )
     )
     return Section(
-        anchor="parameters",
         title="Parameters",
         summary=_summary(fit),
         groups=tuple(groups),
@@ -187,7 +186,6 @@ def _profiles_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None
     what = f"Likelihood ratio over each of {count} parameters"
     drawn = panel("profiles", "", profiles_figure(profiles), what)
     return Section(
-        anchor="profiles",
         title="Profile likelihood",
         summary=f"{100 * profiles.level:g} % intervals of {count} parameters, {ends_in_words}.",
         groups=(

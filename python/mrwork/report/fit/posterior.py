@@ -51,7 +51,6 @@ def _section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
         note += f", R-hat {format_fixed(each.rhat, 3)}" if math.isfinite(each.rhat) else ""
         ranks.append(panel(f"rank-{anchor}", "", _rank_figure(each.name, chain, each.ess_bulk), ranked, note))
     return Section(
-        anchor="posterior",
         title="Posterior",
         summary=f"{draws.status.replace('_', ' ')} after {draws.n_steps} steps, "
         f"{format_fixed(len(draws.theta), 0)} draws.",

@@ -65,7 +65,6 @@ def residual_section(predictions: Sequence[Prediction]) -> Section:
             f"could remove{', and the standard errors in the table of parameters hold' if constant else ''}."
         )
     return Section(
-        anchor="residuals",
         title="Residuals",
         summary=f"{'; those '.join(said) or 'consistent with white noise'}.",
         groups=(Group(prose=(first, *places.values(), _variance(tests)), table=_table(predictions, tests)),),

@@ -41,7 +41,6 @@ def search_section(fit: Fit) -> Section:
     )
     said = f"; {best} of {ends.size} local minimisations ended at the least misfit" if ends.size else ""
     return Section(
-        anchor="search",
         title="Search",
         summary=f"{fit.status_in_words}{said}.",
         groups=(Group(panels=tuple(filter(None, (course, waterfall_panel(fit)))), facts=facts),),

@@ -17,17 +17,7 @@ from mrwork.base.table import TableColumn, page_table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import History
-from mrwork.plots import style
-from mrwork.plots.canvas import (
-    column_axes,
-    finish,
-    name_above,
-    plain_ticks,
-    room_for,
-    small_axes,
-    symmetric,
-    vertical_grid,
-)
+from mrwork.plots import canvas, style
 from mrwork.plots.of_studies import Stroke, energies, name_heights, short, storey_profiles
 from mrwork.plots.of_tests import Motion, commands, loops
 from mrwork.plots.samples import envelope, strong_part
@@ -44,7 +34,7 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     """Distribution of the input energy at the end of the motion, a bar for each of the rows."""
     shown = [row for row in results.finished_rows(motion) if row in rows]
     names = [short(results.rows[row].label, 29) for row in shown]
-    figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + 0.30 * len(shown))
+    figure, axes = canvas.column_axes(left=canvas.room_for(names), top=0.42, height=0.95 + 0.30 * len(shown))
     energies(results, axes, motion=motion, rows=shown)
     axes.set_yticks(range(len(names)), names[::-1])
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
@@ -56,12 +46,12 @@ def profile_figure(
     results: StudyResults, quantity: str, rows: Sequence[int], behind: Sequence[int] = ()
 ) -> Figure:
     """A quantity over the height, mean over the judged motions, with numbers of storeys or floors at the ordinate."""
-    figure, axes = small_axes()
+    figure, axes = canvas.small_axes()
     storey_profiles(results, axes, quantity=quantity, rows=rows, behind=behind, legend=False)
     of_floors = quantity == "peak_acceleration"
     names = results.floor_names if of_floors else results.storey_names
     name_heights(axes, names, numbers=True)
-    name_above(axes, "Floor" if of_floors else "Storey")
+    canvas.name_above(axes, "Floor" if of_floors else "Storey")
     wide = axes.get_xlim()[1] >= 1e4
     axes.xaxis.set_major_locator(MaxNLocator(nbins=2 if wide else 4, steps=[1, 2, 5, 10]))
     return figure
@@ -74,12 +64,12 @@ _BINS, _LOOP_SECONDS, _LOOP_POINTS, _STRIP_SECONDS, _STRIP_TURNS = 700, 10.0, 15
 @style.drawn_in_style()
 def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figure:
     """Lines over time with their colours and widths [pt], in a range that is symmetric about zero."""
-    figure, axes = column_axes(height=2.5)
+    figure, axes = canvas.column_axes(height=2.5)
     for time, values, colour, width in lines:
         axes.plot(*envelope(time, values, _BINS), color=colour, linewidth=width)
-    finish(axes, ordinate, "Time (s)")
+    canvas.finish(axes, ordinate, "Time (s)")
     axes.margins(x=0.0)
-    symmetric(axes)
+    canvas.symmetric(axes)
     return figure
 
 
@@ -100,12 +90,12 @@ def _signals(history: RunHistory, part: slice) -> History:
 @style.drawn_in_style()
 def loop_figure(history: RunHistory, over: Motion, unit: str, stroke: Stroke) -> Figure:
     """Force of the first damper over its motion, in the strong part of a ground motion."""
-    figure, axes = small_axes()
+    figure, axes = canvas.small_axes()
     part = strong_part(history.time, history.force[:, 0], _LOOP_SECONDS)
     drawn = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
     loops(_signals(history, drawn), axes, over=over, unit=unit)
     axes.get_lines()[-1].set_color(stroke.colour)
-    name_above(axes)
+    canvas.name_above(axes)
     return figure
 
 
@@ -115,14 +105,14 @@ def command_figure(history: RunHistory, unit: str, largest: float, stroke: Strok
 
     A strip up to `largest`.
     """
-    figure, axes = column_axes(height=2.0)
+    figure, axes = canvas.column_axes(height=2.0)
     commands(_signals(history, strip_of(history)), axes)
     axes.get_lines()[1].set_color(stroke.colour)
-    finish(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})")
+    canvas.finish(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})")
     axes.margins(x=0.0)
     axes.set_ylim(-0.06 * largest, 1.08 * largest)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
-    plain_ticks(axes, 3, "y")
+    canvas.plain_ticks(axes, 3, "y")
     return figure
 
 
@@ -169,7 +159,7 @@ def history_section(
         prose=("Grey: without dampers.",),
         panels=tuple(panels),
     )
-    return Section(anchor="histories", title="Time histories", summary=f"drift of {under}.", groups=(group,))
+    return Section(title="Time histories", summary=f"drift of {under}.", groups=(group,))
 
 
 def device_section(
@@ -208,9 +198,9 @@ def device_section(
             panels.append(panel(f"command-{row}", "", figure, words, f"{first} to {last} s of {end} s"))
         groups.append(Group(title=label, panels=tuple(panels), layout="small"))
         with style.drawn_in_style():
-            figure, axes = small_axes()
+            figure, axes = canvas.small_axes()
             energies(_signals(history, slice(None)), axes, legend=False)
-            name_above(axes)
+            canvas.name_above(axes)
         balances.append(panel(f"energy-{row}", label, figure, f"Energies under {name}: {label}"))
     about = (
         f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, and "
@@ -222,7 +212,6 @@ def device_section(
     )
     last_group = Group(title="Energies", prose=(parts,), panels=tuple(balances), layout="small")
     return Section(
-        anchor="devices",
         title=f"Damper under {name}",
         summary=f"force loops, {what} and energies of {device}.",
         groups=(Group(prose=(about,)), *groups, last_group),
@@ -259,14 +248,14 @@ def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequen
         mean, least, most = (format_fixed(each, 3) for each in (spread.mean, spread.least, spread.most))
         leading = results.rows[comparison.leading].label
         summary = f"the score of {leading} is {mean}, under single motions {least} to {most}."
-    return Section(anchor="spread", title="Spread over motions", summary=summary, groups=tuple(groups))
+    return Section(title="Spread over motions", summary=summary, groups=tuple(groups))
 
 
 @style.drawn_in_style()
 def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke]) -> Figure:
     """Score under each motion, a line of dots for each row, the first on top."""
     names = [short(results.rows[row].label, 36) for row in reversed(rows)]
-    figure, axes = column_axes(left=room_for(names), top=0.15, height=0.8 + 0.26 * len(names))
+    figure, axes = canvas.column_axes(left=canvas.room_for(names), top=0.15, height=0.8 + 0.26 * len(names))
     for place, row in enumerate(reversed(rows)):
         colour = of_row[row].colour
         for motion in range(len(results.motions)):
@@ -278,7 +267,7 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel("Score under one motion")
-    vertical_grid(axes)
+    canvas.vertical_grid(axes)
     axes.set_xlim(left=0.0)
     return figure
 
@@ -336,7 +325,6 @@ def motion_section(results: StudyResults) -> Section:
         table = page_table("Records and their levels", _RECORDS, [*records.values()])
     of = f" of {counted(len(records), 'record')}" if several else ""
     return Section(
-        anchor="motions",
         title="Ground motions",
         summary=f"{uses}{of}, peaks from {peaks} m/s², {lengths} s long.",
         groups=(Group(table=table),),

@@ -68,7 +68,6 @@ def fragility_section(results: StudyResults, found: Fragilities) -> Section:
         "Thin: a record each. Thick: 16, 50 and 84 % of the records lie below. Dashed: the limit.",
     )
     return Section(
-        anchor="fragility",
         title="Records at several levels",
         summary=f"the {at.measure} at which {found.limit_in_words}, of {words}.",
         groups=(

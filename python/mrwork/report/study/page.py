@@ -46,7 +46,6 @@ def energy_section(results: StudyResults, shown: ShownRows) -> Section | None:
     )
     worst = float(np.nanmax(results.quantities.energy_error[..., 0]))
     return Section(
-        anchor="energy",
         title="Energy",
         summary=f"the largest error of the energy balance is {significant(worst, 2)} of the largest energy.",
         groups=(
@@ -109,7 +108,6 @@ def demand_section(results: StudyResults) -> Section | None:
         "The frequency is that of a sinusoid with the peak velocity and the peak stroke of a run.",
     )
     return Section(
-        anchor="demand",
         title="Demand on the dampers",
         summary=summary if known or outside else "the tested ranges of these dampers are not known.",
         groups=(Group(table=table),),
@@ -123,7 +121,6 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
         return None
     worst = max((each for each in changes if each.criterion), key=lambda each: each.change, default=None)
     return Section(
-        anchor="step",
         title="Half the step",
         summary="no runs can be compared."
         if worst is None
@@ -139,7 +136,7 @@ def _band_section(results: StudyResults, shown: ShownRows) -> Section | None:
     if not (count and table.rows):
         return None
     words = f"{count} realisations of what is not known exactly."
-    return Section(anchor="bands", title="Under uncertainty", summary=words, groups=(Group(table=table),))
+    return Section(title="Under uncertainty", summary=words, groups=(Group(table=table),))
 
 
 def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[int]) -> Section | None:
@@ -160,7 +157,6 @@ def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[
                 )
             )
     return Section(
-        anchor="storeys",
         title="Storeys",
         summary=f"peaks of each, mean over {judged_in_words(results)}.",
         groups=(
@@ -209,7 +205,7 @@ def study_page(
         demand_section(results),
         step_section(results, shown),
         motion_section(results),
-        Section(anchor="provenance", title="Provenance", groups=(Group(facts=tuple(facts)),)),
+        Section(title="Provenance", groups=(Group(facts=tuple(facts)),)),
     ]
     return page_html(lead, sections)
 
@@ -227,7 +223,6 @@ def _change_section(comparison: StudyComparison, shown: ShownRows) -> Section | 
         for reference in reversed(comparison.references)
     ]
     return Section(
-        anchor="changes",
         title="Changes of every quantity",
         summary=f"{comparison.heading(comparison.leading)}.",
         groups=(*groups, Group(points=findings(results), prose=(shown.in_words,) if shown.in_words else ())),
@@ -238,7 +233,6 @@ def _criteria_section(results: StudyResults, shown: ShownRows) -> Section:
     judged = results.judged_motions
     median = f", median of {judged_in_words(results)}" if len(judged) > 1 else ""
     return Section(
-        anchor="criteria",
         title="Criteria",
         summary=f"in their units{median}; `criteria.csv` has every motion.",
         groups=(Group(table=value_table(results, judged, shown.listed)),),

@@ -81,7 +81,6 @@ def _places_section(results: TuningResults) -> Section | None:
     if table is None:
         return None
     return Section(
-        anchor="places",
         title="Places",
         summary=f"The lowest score on the training motions: {results.places[0].in_words}.",
         groups=(Group(table=table),),
@@ -111,7 +110,7 @@ def _settings_section(results: TunedStudy) -> Section | None:
             words=(2,),
         )
         groups.append(Group(title=each.label, prose=prose, table=table))
-    return Section(anchor="tuning", title="How the settings were found", groups=tuple(groups))
+    return Section(title="How the settings were found", groups=tuple(groups))
 
 
 def _front_section(number: int, front: Front, command_unit: str) -> Section:
@@ -145,7 +144,6 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
         axes.legend(loc="upper right")
     drawn = panel(f"front-{number}", "Front", figure, title)
     return Section(
-        anchor=f"front-{number}",
         title=title,
         summary=f"{len(front.points)} points of {front.candidates} candidates.",
         groups=(Group(panels=(drawn,)), Group(table=table)),
@@ -162,7 +160,6 @@ def _search_section(results: TuningResults) -> Section:
         "First candidates, then generations of the search. One that exceeds a limit has a higher objective.",
     )
     return Section(
-        anchor="searches",
         title="Searches",
         summary=f"{results.effort_in_words}.",
         groups=(Group(panels=(figure,) if laws else ()),),
