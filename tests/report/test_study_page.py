@@ -57,6 +57,7 @@ def test_every_row_motion_and_warning_stands_on_the_page(page: str) -> None:
     assert len(names) == len(set(names))
     still = {key: {**run, "input_energy": 0.0} if key[0] == 2 else run for key, run in whole.items()}
     assert "nan" not in text_of(runs=still).split("Balance of energy")[1].split("</table>")[0].lower()
+    assert '<th scope="row" class="name">El Centro</th>' in page
 
 
 @pytest.mark.contract

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from base64 import b64decode
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -48,7 +49,7 @@ def blank() -> Iterator[None]:
 
     def savefig(drawn: Any, target: Any, *, format: str, **given: Any) -> None:
         if format == "svg":
-            target.write(_BLANK)
+            target.write(_BLANK if isinstance(target, io.TextIOBase) else _BLANK.encode())
         elif format == "png":
             target.write(_BLANK_PNG)
         else:

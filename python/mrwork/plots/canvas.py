@@ -10,7 +10,7 @@ import io
 import re
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import matplotlib
 import numpy as np
@@ -194,16 +194,12 @@ def draw_points(
 
 def svg_bytes(figure: Figure) -> bytes:
     """An SVG file with outlines for letters, which looks the same everywhere."""
-    return _save_svg(figure, font_type="path").encode()
+    return _saved(figure, "path", format="svg", metadata={"Date": None})
 
 
 def png_bytes(figure: Figure) -> bytes:
     """A picture for a slide or a text processor, 200 dots per inch."""
-    target = io.BytesIO()
-    _without_controls(figure)
-    with style.drawn_in_style():
-        figure.savefig(target, format="png", dpi=200)
-    return target.getvalue()
+    return _saved(figure, "path", format="png", dpi=200)
 
 
 def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
@@ -212,7 +208,7 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     Its letters are text in the font that the page embeds.
     `identifier` keeps the element's names apart from the names in other figures of the page.
     """
-    text = _save_svg(figure, font_type="none", transparent=True)
+    text = _saved(figure, "none", format="svg", metadata={"Date": None}, transparent=True).decode()
     view_box = re.search(r'viewBox="([^"]+)"', text)
     body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
@@ -228,19 +224,15 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     )
 
 
-def _save_svg(figure: Figure, *, font_type: str, transparent: bool = False) -> str:
-    target = io.StringIO()
-    _without_controls(figure)
-    with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):
-        # Without a date, equal figures are equal files.
-        figure.savefig(target, format="svg", metadata={"Date": None}, transparent=transparent)
-    return target.getvalue()
-
-
-def _without_controls(figure: Figure) -> None:
-    """Show control characters of names as escapes: no font has them, and no XML may."""
+def _saved(figure: Figure, font_type: str, **options: Any) -> bytes:
+    """A figure as a file; without a date, equal figures are equal files."""
+    target = io.BytesIO()
+    # Control characters of names are shown as escapes: no font has them, and no XML may.
     for text in figure.findobj(Text):
         text.set_text(escaped_lines(text.get_text()))
+    with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):
+        figure.savefig(target, **options)
+    return target.getvalue()
 
 
 # Looked behind, so that nothing is put back: there are ten thousands of numbers on a page.

@@ -350,7 +350,11 @@ def fronts(
     >>> axes = mr.tune(study).plot.fronts()  # doctest: +SKIP
     """
     if isinstance(result, SizeFront):
-        return _designs(result, ax)
+        axes = axes_for(ax)
+        volume = [1e3 * each.envelope_volume for each in result.designs]
+        dynamic_range = [each.dynamic_range for each in result.designs]
+        draw_points(axes, volume, dynamic_range, size=4.5, colour=style.MODEL)
+        return finished(axes, "Volume (l)", with_unit("Dynamic range", "1"))
     if isinstance(result, TunedStudy):
         result = result.tuned
     if isinstance(result, TuningResults):
@@ -369,14 +373,6 @@ def fronts(
             axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
     names = (f"{criterion(each).title} over i = 0" for each in (first, second))
     return finished(axes, *names, legend=legend)
-
-
-def _designs(front: SizeFront, ax: Axes | None) -> Axes:
-    axes = axes_for(ax)
-    volume = [1e3 * each.envelope_volume for each in front.designs]
-    dynamic_range = [each.dynamic_range for each in front.designs]
-    draw_points(axes, volume, dynamic_range, size=4.5, colour=style.MODEL)
-    return finished(axes, "Volume (l)", with_unit("Dynamic range", "1"))
 
 
 # Panels of incremental dynamic analyses that can be read.

@@ -47,9 +47,6 @@ def ignore_progress(_: PageProgress) -> None:
     """Ignore progress."""
 
 
-Layout = Literal["columns", "small", "whole"]
-"""Layout of figures: two in a row, four small ones in a row, or one at its natural width, scrolled sideways."""
-
 # At this scale the letters of a figure are as large as the small ones of the page.
 _PIXELS_PER_INCH = 78
 
@@ -76,7 +73,8 @@ class Group:
     """Part of a section: paragraphs, a table, points, figures and facts; `synthetic` where its data were not measured.
 
     The `summary` of a result stands below the paragraphs, and so does `markup`, a `Markup` of its own such as an
-    equation. A fact is a name and a text.
+    equation. A fact is a name and a text. The `layout` of figures is two in a row, four small ones in a row, or one at
+    its natural width, scrolled sideways.
     """
 
     title: str = ""
@@ -87,7 +85,7 @@ class Group:
     table: Table | None = None
     facts: tuple[tuple[str, str], ...] = ()
     panels: tuple[Panel, ...] = ()
-    layout: Layout = "columns"
+    layout: Literal["columns", "small", "whole"] = "columns"
     synthetic: bool = False
 
 

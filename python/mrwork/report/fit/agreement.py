@@ -320,7 +320,6 @@ def _classes(amplitude: Floats) -> NDArray[np.intp]:
 
 
 AMPLITUDES = SectionKind(make=lambda _, predictions: amplitude_section(predictions))
-"""The errors by amplitude."""
 
 
 def _held_out_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
@@ -343,4 +342,3 @@ HELD_OUT = SectionKind(
     command="mrwork predict RUN TESTS",
     description="predicts tests that the fit has not seen: the evidence of how well it predicts.",
 )
-"""The tests that were kept for test."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import get_args
 
 import numpy as np
@@ -29,23 +29,19 @@ _FEW_TESTS = 5
 # Tests left out that are drawn.
 _LEFT_OUT = 3
 
-_Levels = dict[float, LeftOutCoverage]
-"""Coverage of a test at every level."""
-
 
 def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | None:
     """Coverage of tests left out, and bands around those that are covered least; `None` without calibration."""
     bands = run.bands
     if bands is None:
         return None
-    covered = bands.by_test
     conditions = [(each.test.name, ", ".join(excitation(each.test))) for each in bands.predictions]
     names = [f"{name} ({known})" if known else name for name, known in conditions]
     prose = (
         "The prediction band (light blue) should contain the stated share of a measurement. It is "
         f"{bands.calibration.basis}: {'; '.join(names or bands.calibration.tests)}. It is valid for excitations and "
         f"commands like these; known beyond them: {bands.calibration.reach_in_words}.",
-        _verdict([*covered.values()]),
+        _verdict([*bands.by_test.values()]),
     )
     return Section(
         title="Prediction bands",
@@ -54,7 +50,7 @@ def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | Non
             Group(
                 summary=bands._summary(),
                 prose=prose,
-                panels=_left_out_panels(bands, covered, common_unit(predictions)),
+                panels=_left_out_panels(bands, common_unit(predictions)),
             ),
         ),
     )
@@ -71,7 +67,7 @@ def coverage_summary(bands: StoredBands) -> str:
     return f"the 90 % bands contain {span}, {percent(float(np.mean(shares)), 0)} % on average."
 
 
-def _verdict(tests: Sequence[_Levels]) -> str:
+def _verdict(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
     """What the coverage of the tests by the bands of every level says about them, beside the summary."""
     if not tests:
         return "A single test cannot be left out of its own calibration. Give `mrwork calibrate` more tests."
@@ -88,9 +84,9 @@ def _verdict(tests: Sequence[_Levels]) -> str:
     return " ".join(said)
 
 
-def _left_out_panels(bands: StoredBands, covered: dict[str, _Levels], unit: str) -> tuple[Panel, ...]:
+def _left_out_panels(bands: StoredBands, unit: str) -> tuple[Panel, ...]:
     """Loops of the tests that their bands cover least, with these bands."""
-    shares = {test: row[_LEVEL].samples.coverage for test, row in covered.items()}
+    shares = {test: row[_LEVEL].samples.coverage for test, row in bands.by_test.items()}
     known = [each for each in bands.predictions if each.test.label in shares and bands.others(each)]
     panels = []
     for number, prediction in enumerate(

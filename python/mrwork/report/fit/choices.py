@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
@@ -18,7 +17,7 @@ from mrwork.report.section import Group, Section, SectionKind, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.choice.ranking import Ranking
-from mrwork.uncertainty.planning import Gain, Plan
+from mrwork.uncertainty.planning import Plan
 
 _ROW = 0.27
 _AROUND = 1.35
@@ -142,40 +141,36 @@ def plan_figure(plan: Plan) -> Figure:
     figure, maps = grid_of_axes(len(commands), _MAP_COLUMNS, (width, _MAP_HEIGHT))
     for axes, command in zip(maps, commands, strict=True):
         gains = [each for each in plan.gains if each.candidate.command == command]
-        _draw_gains(axes, gains, plan.gains[0], most)
+        amplitudes = sorted({each.candidate.amplitude for each in gains})
+        frequencies = sorted({each.candidate.frequency for each in gains})
+        table = np.full((len(amplitudes), len(frequencies)), np.nan)
+        for each in gains:
+            row = amplitudes.index(each.candidate.amplitude)
+            column, is_best = frequencies.index(each.candidate.frequency), each is plan.gains[0]
+            table[row, column] = each.gain
+            axes.text(
+                column,
+                row,
+                f"{100.0 * each.gain:.0f}",
+                ha="center",
+                va="center",
+                fontsize=style.SMALL_TEXT_SIZE,
+                fontweight="bold" if is_best else "normal",
+                color=style.PAGE if each.gain > _DARK * most else style.INK,
+            )
+            if is_best:
+                across, up = 0.5 * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])
+                axes.plot(column + across, row + up, color=style.RESIDUAL, linewidth=2.0, clip_on=False)
+        places = range(len(frequencies)), range(len(amplitudes))
+        axes.pcolormesh(*places, table, cmap=_MAP, vmin=0.0, vmax=max(most, 1e-12))
+        axes.grid(visible=False)
+        axes.set_xticks(places[0], [f"{value:.3g}" for value in frequencies])
+        axes.set_yticks(places[1], [f"{1e3 * value:.3g}" for value in amplitudes])
+        axes.set_xlabel("Frequency (Hz)")
+        axes.set_ylabel("Amplitude (mm)")
         title = "Variance reduction (%)"
         name_above(axes, title if command is None else f"{title}, {command:g} {plan.command_unit}")
     return figure
-
-
-def _draw_gains(axes: Axes, gains: list[Gain], best: Gain, most: float) -> None:
-    amplitudes = sorted({each.candidate.amplitude for each in gains})
-    frequencies = sorted({each.candidate.frequency for each in gains})
-    table = np.full((len(amplitudes), len(frequencies)), np.nan)
-    for each in gains:
-        row, column = amplitudes.index(each.candidate.amplitude), frequencies.index(each.candidate.frequency)
-        table[row, column] = each.gain
-        axes.text(
-            column,
-            row,
-            f"{100.0 * each.gain:.0f}",
-            ha="center",
-            va="center",
-            fontsize=style.SMALL_TEXT_SIZE,
-            fontweight="bold" if each is best else "normal",
-            color=style.PAGE if each.gain > _DARK * most else style.INK,
-        )
-        if each is best:
-            across, up = 0.5 * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])
-            axes.plot(column + across, row + up, color=style.RESIDUAL, linewidth=2.0, clip_on=False)
-    axes.pcolormesh(
-        range(len(frequencies)), range(len(amplitudes)), table, cmap=_MAP, vmin=0.0, vmax=max(most, 1e-12)
-    )
-    axes.grid(visible=False)
-    axes.set_xticks(range(len(frequencies)), [f"{value:.3g}" for value in frequencies])
-    axes.set_yticks(range(len(amplitudes)), [f"{1e3 * value:.3g}" for value in amplitudes])
-    axes.set_xlabel("Frequency (Hz)")
-    axes.set_ylabel("Amplitude (mm)")
 
 
 PLAN = SectionKind(

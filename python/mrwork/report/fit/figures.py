@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from mrwork.base.values import Floats
 from mrwork.plots import canvas, style
 from mrwork.plots.canvas import finish_signed
 from mrwork.plots.of_tests import Motion, commands, histories, loops, residuals
@@ -138,15 +137,12 @@ def limit_force(axes: Axes, drawn: Prediction, unit: str) -> None:
     A model far from the data must not compress them.
     """
     factor = style.force_unit(0.0, unit).factor
-    low, high = _range(drawn.test.force * factor)
+    force = drawn.test.force * factor
+    low, high = float(np.nanmin(force)), float(np.nanmax(force))
     spread = (high - low) or 1.0
     model = drawn.model_force[np.isfinite(drawn.model_force)] * factor
     if model.size:
-        least, most = _range(model)
+        least, most = float(model.min()), float(model.max())
         low, high = max(min(low, least), low - spread / 2), min(max(high, most), high + spread / 2)
     margin = 0.06 * spread
     axes.set_ylim(low - margin, high + margin)
-
-
-def _range(values: Floats) -> tuple[float, float]:
-    return float(np.nanmin(values)), float(np.nanmax(values))

@@ -144,6 +144,10 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
     own = spread_of(predictions)
     worst = "" if own.n_tests == 1 else f", worst {format_fixed(own.worst_percent, 1)} %"
     covered = "not calibrated" if bands is None else coverage_summary(bands)
+    steps = f"after {fit.refinement_steps} refinement step{'' if fit.refinement_steps == 1 else 's'}"
+    reason = "; ".join(filter(None, (steps, fit.status_reason)))
+    if fit.status != "converged":
+        reason = "the best found so far"
     numbers = [
         Number(
             title="Fit to its own tests",
@@ -156,7 +160,7 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
             value="none" if bands is None else _tests(len(bands.calibration.tests)),
             note=f"{covered[:1].upper()}{covered[1:]}",
         ),
-        Number(title="Status", value=_STATUS[fit.status], note=_reason(fit), worse=fit.status != "converged"),
+        Number(title="Status", value=_STATUS[fit.status], note=reason, worse=fit.status != "converged"),
     ]
     if evidence.drawn is not predictions:
         held_out = Number(
@@ -167,13 +171,6 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
         )
         numbers.insert(0, held_out)
     return tuple(numbers)
-
-
-def _reason(fit: Fit) -> str:
-    steps = f"after {fit.refinement_steps} refinement step{'' if fit.refinement_steps == 1 else 's'}"
-    if fit.status != "converged":
-        return "the best found so far"
-    return f"{steps}; {fit.status_reason}" if fit.status_reason else steps
 
 
 def _loops(evidence: _Evidence, unit: str, *, height: float) -> Iterator[Panel]:

@@ -148,17 +148,15 @@ def _plain(value: object) -> str:
         if nested and len(given) > 1 and len(set(map(_plain, given.values()))) == 1:
             return f"{_plain(next(iter(given.values())))} for each of {len(given)}"
         parts = [f"{name}{':' if nested else ''} {_plain(entry)}" for name, entry in given.items()]
-        return _join_first(parts, "; " if nested else ", ")
-    if isinstance(value, list | tuple):
-        return _join_first(list(map(_plain, value)), ", ")
-    return str(value)
-
-
-def _join_first(parts: list[str], separator: str) -> str:
-    """The parts in a row; of many, which `fit.json` has all, the first ones."""
-    if len(parts) <= _SETTINGS_SHOWN:
-        return separator.join(parts)
-    return f"{separator.join(parts[:_SETTINGS_SHOWN])} and {len(parts) - _SETTINGS_SHOWN} more"
+        # Of many, which `fit.json` has all, the first ones.
+        more = len(parts) - _SETTINGS_SHOWN
+        shown = ("; " if nested else ", ").join(parts[:_SETTINGS_SHOWN])
+        return f"{shown} and {more} more" if more > 0 else shown
+    return (
+        list_names(list(map(_plain, value)), _SETTINGS_SHOWN)
+        if isinstance(value, list | tuple)
+        else str(value)
+    )
 
 
 def write_figures(place: Path, page: Page, *, on_progress: OnDrawn = ignore_progress) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from mrwork.base import numbers
 from mrwork.base.table import Table
-from mrwork.identification.fit import FINE, Direction, Fit, FittedParameter, Verdict, step_in_words
+from mrwork.identification.fit import FINE, Fit, FittedParameter, Verdict, step_in_words
 from mrwork.plots import style
 from mrwork.plots.canvas import SMALL_WIDTH, grid_of_axes
 from mrwork.plots.of_fits import profiles as draw_profiles
@@ -38,18 +38,19 @@ def parameters_section(run: StoredRun) -> Section:
         ).format(spec.own.source.strip())
         digest = f"Equations in Python, digest `{spec.own.digest}`.{step}"
         groups.append(Group(prose=(digest,), markup=source))
+    # Only "the residuals do not depend on it" does not start with a parameter's name.
+    sentences = [
+        each.sentence if each.seen or len(each.changes) > 1 else f"T{each.sentence.removeprefix('t')}"
+        for each in fit.informative
+    ]
     groups.append(
         Group(
             table=_parameter_table(fit),
             prose=tuple(filter(None, (advice,))),
-            points=tuple(_sentence(each) for each in fit.informative),
+            points=tuple(f"{each}." for each in sentences),
         )
     )
-    return Section(
-        title="Parameters",
-        summary=_summary(fit),
-        groups=tuple(groups),
-    )
+    return Section(title="Parameters", summary=_summary(fit), groups=tuple(groups))
 
 
 def _parameter_table(fit: Fit) -> Table:
@@ -164,12 +165,6 @@ def _summary(fit: Fit) -> str:
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
     parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]
     return f"{'; '.join(parts)}."
-
-
-def _sentence(direction: Direction) -> str:
-    """The sentence of a direction; only "the residuals do not depend on it" does not start with a parameter's name."""
-    sentence, has_name = direction.sentence, direction.seen or len(direction.changes) > 1
-    return f"{sentence if has_name else sentence[0].upper() + sentence[1:]}."
 
 
 _COLUMNS, _HEIGHT = 4, 2.2

@@ -88,18 +88,6 @@ def _signals(history: RunHistory, part: slice) -> History:
 
 
 @style.drawn_in_style()
-def loop_figure(history: RunHistory, over: Motion, unit: str, stroke: Stroke) -> Figure:
-    """Force of the first damper over its motion, in the strong part of a ground motion."""
-    figure, axes = canvas.small_axes()
-    part = strong_part(history.time, history.force[:, 0], _LOOP_SECONDS)
-    drawn = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
-    loops(_signals(history, drawn), axes, over=over, unit=unit)
-    axes.get_lines()[-1].set_color(stroke.colour)
-    canvas.name_above(axes)
-    return figure
-
-
-@style.drawn_in_style()
 def command_figure(history: RunHistory, unit: str, largest: float, stroke: Stroke) -> Figure:
     """What the controller sends to the first damper and what its coil has, sample by sample around its largest force.
 
@@ -180,16 +168,18 @@ def device_section(
     what = "current" if unit_of_command == "A" else "voltage"
     groups, balances = [], []
     for row, history in shown:
-        label, stroke = results.rows[row].label, of_row[row]
-        panels = [
-            panel(
-                f"loop-{over}-{row}",
-                "",
-                loop_figure(history, over, unit, stroke),
-                f"Force of {device} against {over} under {name}: {label}",
-            )
-            for over in get_args(Motion)
-        ]
+        label, stroke, panels = results.rows[row].label, of_row[row], []
+        # In the strong part of the ground motion.
+        part = strong_part(history.time, history.force[:, 0], _LOOP_SECONDS)
+        drawn_part = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
+        for over in get_args(Motion):
+            with style.drawn_in_style():
+                figure, axes = canvas.small_axes()
+                loops(_signals(history, drawn_part), axes, over=over, unit=unit)
+                axes.get_lines()[-1].set_color(stroke.colour)
+                canvas.name_above(axes)
+            words = f"Force of {device} against {over} under {name}: {label}"
+            panels.append(panel(f"loop-{over}-{row}", "", figure, words))
         if max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
             part = strip_of(history)
             first, last, end = (significant(history.time[at], 3) for at in (part.start, part.stop - 1, -1))
@@ -273,7 +263,7 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
 
 
 _MOTIONS = (
-    TableColumn(heading="", cell=attrgetter("name")),
+    TableColumn(heading="motion", cell=attrgetter("name")),
     TableColumn(
         heading="use", cell=lambda each: f"{each.use}{', synthetic' if each.synthetic else ''}", words=True
     ),
@@ -296,7 +286,7 @@ def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
 
 
 _RECORDS = (
-    TableColumn(heading="", cell=lambda motions: motions[0].at_level[0]),
+    TableColumn(heading="record", cell=lambda motions: motions[0].at_level[0]),
     *map(_of_first, _MOTIONS[1:2]),
     TableColumn(heading="levels", cell=_levels_in_words, words=True),
     *map(_of_first, _MOTIONS[4:6]),

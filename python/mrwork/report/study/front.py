@@ -148,16 +148,10 @@ def _verdict(comparison: StudyComparison) -> str:
     under = "" if both is None else f", both lower under {both} of {motions}"
     tied = "; within the spread of the motions they are equal" if is_tied(results, row, passive) else ""
     beaten = beaten_in_words(results.rows[row].label, over, every[row])
-    return f"{beaten}{_realised(results, row, passive)}{under}{tied}."
-
-
-def _realised(results: StudyResults, row: int, reference: int) -> str:
-    """The band of the change of the peak drift over realisations, if there are any."""
-    band = ratio_band(results, row, reference, BOTH[0])
-    if band is None:
-        return ""
-    ends = f"{signed_percent(band.lower - 1.0)} to {signed_percent(band.upper - 1.0)} %"
-    return f"; drift {ends} in 90 % of {results.n_realisations} realisations"
+    if (band := ratio_band(results, row, passive, BOTH[0])) is not None:
+        ends = f"{signed_percent(band.lower - 1.0)} to {signed_percent(band.upper - 1.0)} %"
+        beaten += f"; drift {ends} in 90 % of {results.n_realisations} realisations"
+    return f"{beaten}{under}{tied}."
 
 
 def drawn_rows(comparison: StudyComparison) -> list[int]:

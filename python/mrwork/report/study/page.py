@@ -190,13 +190,19 @@ def study_page(
     of_row = strokes(results, drawn_rows(comparison))
     first = [row for row in (comparison.leading, comparison.passive) if row is not None]
     bare = [row for row in (comparison.uncontrolled,) if row is not None and row not in first]
+    several = len(results.judged_motions) > 1
+    median = f", median of {judged_in_words(results)}" if several else ""
     sections = [
         warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
         *(tuning_sections(results) if isinstance(results, TunedStudy) else ()),
         None if found is None else fragility_section(results, found),
-        _criteria_section(results, shown),
+        Section(
+            title="Criteria",
+            summary=f"in their units{median}; `criteria.csv` has every motion.",
+            groups=(Group(table=value_table(results, results.judged_motions, shown.listed)),),
+        ),
         history_section(results, histories, shown.with_histories, of_row),
         storey_section(results, [*first, *bare], drawn_rows(comparison)),
         device_section(results, histories, first, of_row),
@@ -226,14 +232,4 @@ def _change_section(comparison: StudyComparison, shown: ShownRows) -> Section | 
         title="Changes of every quantity",
         summary=f"{comparison.heading(comparison.leading)}.",
         groups=(*groups, Group(points=findings(results), prose=(shown.in_words,) if shown.in_words else ())),
-    )
-
-
-def _criteria_section(results: StudyResults, shown: ShownRows) -> Section:
-    judged = results.judged_motions
-    median = f", median of {judged_in_words(results)}" if len(judged) > 1 else ""
-    return Section(
-        title="Criteria",
-        summary=f"in their units{median}; `criteria.csv` has every motion.",
-        groups=(Group(table=value_table(results, judged, shown.listed)),),
     )

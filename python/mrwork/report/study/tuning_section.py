@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-
-from matplotlib.figure import Figure
+from collections.abc import Iterator
 
 from mrwork.base.numbers import NOTHING, format_fixed, shortest
 from mrwork.base.table import Table
@@ -35,26 +33,6 @@ def tuning_sections(results: TunedStudy) -> Iterator[Section | None]:
     tuned = results.tuned
     yield from (_front_section(number, each, tuned.command_unit) for number, each in enumerate(tuned.fronts))
     yield _search_section(results.tuned) if results.tuned.laws else None
-
-
-@style.drawn_in_style()
-def course_figure(laws: Sequence[TunedLaw]) -> Figure:
-    """The least penalised objective after each generation of every search."""
-    figure, axes = column_axes(top=0.9)
-    for number, each in enumerate(laws):
-        axes.step(
-            [point.candidates for point in each.trace],
-            [point.least for point in each.trace],
-            where="post",
-            color=style.hue(number),
-            linewidth=1.4 if number < len(style.HUES) else 0.6,
-            label=short(each.label, _LONGEST),
-        )
-    axes.set_xlabel("Candidates")
-    axes.set_ylabel("Least objective on the training motions")
-    axes.set_xlim(left=0.0)
-    legend(axes, columns=2, others=max(len(laws) - len(style.HUES), 0))
-    return figure
 
 
 def _objective_table(results: TunedStudy) -> Table:
@@ -151,11 +129,27 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
 
 
 def _search_section(results: TuningResults) -> Section:
+    """The least penalised objective after each generation of every search."""
     laws = [each for each in results.laws if len(each.trace) > 1]
+    with style.drawn_in_style():
+        course, axes = column_axes(top=0.9)
+        for number, each in enumerate(laws):
+            axes.step(
+                [point.candidates for point in each.trace],
+                [point.least for point in each.trace],
+                where="post",
+                color=style.hue(number),
+                linewidth=1.4 if number < len(style.HUES) else 0.6,
+                label=short(each.label, _LONGEST),
+            )
+        axes.set_xlabel("Candidates")
+        axes.set_ylabel("Least objective on the training motions")
+        axes.set_xlim(left=0.0)
+        legend(axes, columns=2, others=max(len(laws) - len(style.HUES), 0))
     figure = panel(
         "searches",
         "Course of the searches",
-        course_figure(laws),
+        course,
         "Least objective of each law over the number of candidates",
         "First candidates, then generations of the search. One that exceeds a limit has a higher objective.",
     )
