@@ -317,7 +317,7 @@ def test_of_many_tests_the_best_the_median_and_the_worst_are_drawn_in_full() -> 
     assert "test3" not in headings
     identifiers = set(page.values("id"))
     assert {f"o{number}-title" for number in range(1, 6)} <= identifiers
-    assert {"t2-record-title", "t3-record-title", "t5-record-title", "tests"} <= identifiers
+    assert {"t2-record-title", "t3-record-title", "t5-record-title", TESTS} <= identifiers
     assert {target[1:] for target in page.values("href") if target.startswith("#")} <= identifiers
     percents = [each.fit_percent for each in shown]
     assert f"5 tests: fit median {np.median(percents):.2f} %" in page.text_in("summary").replace("\xa0", " ")
