@@ -275,7 +275,7 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     }
     commands = tuple(command.resampled(time, grid) for command in signals.commands)
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
-    # A sample of the grid between two of the record; next to one of them, it is measured.
+    # A sample of the grid lies between two of the record; next to one of them, it is measured.
     beside = np.minimum(grid - time[before], time[before + 1] - grid) > _JITTER * median
     missing = beside & (steps > _GAP_STEPS * median)[before]
     return UniformSamples(
