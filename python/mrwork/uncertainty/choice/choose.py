@@ -64,13 +64,17 @@ def families(
 ) -> tuple[tuple[DamperSpec, ...], tuple[str, ...]]:
     """The named families, or all, and remarks on the selection."""
     specs, remarks = compared_models(models)
-    lawful = tuple(_with_own_laws(spec, tests, laws, unit, lagged) for spec in specs)
+    lawful = []
+    for spec in specs:
+        own = {name: law for name, law in laws.items() if name in {each.name for each in spec.plain}}
+        followed = spec.with_current_laws(own, unit=unit, lagged=lagged) if own else spec
+        lawful.append(spec_by_values(followed, tested_commands(followed, tests)) if own else spec)
     refuse_unknown("law", laws, {each.name for spec in specs for each in spec.plain})
     refuse_unknown("bound", bounds, {name for spec in lawful for name in spec.names})
     plain = [spec.name for spec in lawful if spec.command_unit is None]
     if laws and plain:
         remarks += (f"none of the parameters that follow the command is one of {', '.join(plain)}",)
-    return lawful, remarks
+    return tuple(lawful), remarks
 
 
 def select_known(values: Mapping[str, T], spec: DamperSpec) -> dict[str, T]:
@@ -107,20 +111,6 @@ def refuse_unknown(what: str, names: Iterable[str], known: Collection[str]) -> N
             raise UnknownNameError(
                 f"a {what} was given for {name!r}, which none of the models has as a parameter"
             )
-
-
-def _with_own_laws(
-    spec: DamperSpec,
-    tests: tuple[DamperTest, ...],
-    laws: Mapping[str, LawName],
-    unit: CommandUnit,
-    lagged: bool,
-) -> DamperSpec:
-    own = {name: law for name, law in laws.items() if name in {each.name for each in spec.plain}}
-    if not own:
-        return spec
-    lawful = spec.with_current_laws(own, unit=unit, lagged=lagged)
-    return spec_by_values(lawful, tested_commands(lawful, tests))
 
 
 def _refuse_few_commands(
