@@ -356,7 +356,7 @@ def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
 _PACE: Final = FindingKind(
     "time_unusual",
     "the motion has {value:.2g} Hz and {speed:.2g} mm/s in steps of {dt:.3g} s, {0} than a damper is tested",
-    "check the unit of the time (are {1}?), and that of the displacement",
+    "check the units of the time (are {1}?) and of the displacement",
 )
 
 

@@ -359,7 +359,7 @@ def late_by_making(time: Floats, displacement: Floats, velocity: Floats) -> tupl
 def _lag_of_difference(time: Floats, displacement: Floats, velocity: Floats) -> float:
     """Lag, in samples, of a velocity column that is a difference of the displacement column: 0.5 of a backward one.
 
-    It is 0 for any other column: the noise of a measured velocity does not repeat that of the displacement.
+    It is 0 for any other column: the noise of a measured velocity does not repeat the displacement's.
     """
     recorded = np.diff(time)
     for lag, column in ((0.5, velocity[1:]), (-0.5, velocity[:-1])):

@@ -112,7 +112,7 @@ def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> No
     more = f" (as do {wrong.size - 1} more rows)" if wrong.size > 1 else ""
     if now >= before:
         raise RecordError(
-            f"{source}: {locate(row)}: the time {now:g} s repeats that of the row before{more}; "
+            f"{source}: {locate(row)}: the time {now:g} s repeats the time of the row before{more}; "
             "write the time with more digits or delete the repeated rows"
         )
     raise RecordError(

@@ -86,7 +86,7 @@ def inference_data(
     """
     if draws.model != fit.model or draws.names != fit.spec.names:
         raise SettingError(
-            f"the draws are of {draws.model} and the fit is of {fit.model}; give those of the fit"
+            f"the draws are of {draws.model} and the fit is of {fit.model}; give the draws of the fit"
         )
     noise = noise_model(draws.noise_model)
     target, start = target_of(fit, as_tests(tests), noise, tempering=draws.temper, threads=threads)

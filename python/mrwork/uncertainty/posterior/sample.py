@@ -81,12 +81,12 @@ class SamplingProblem:
         )
         if not np.isfinite(target.objective(start[None])[0]):
             raise SettingError(
-                f"the fit of {fit.model} cannot be simulated on these tests; give those of the fit"
+                f"the fit of {fit.model} cannot be simulated on these tests; give the tests of the fit"
             )
         n_dim = target.space.n_dim
         if walkers < 2 * n_dim or walkers % 2:
             raise SettingError(
-                f"`walkers` is {walkers} for {n_dim} parameters with those of the noise; "
+                f"`walkers` is {walkers} for {n_dim} parameters of model and noise; "
                 f"give an even number, at least {2 * n_dim}"
             )
         return cls(spec=fit.spec, target=target, priors=priors, start=start, walkers=walkers, rng=rng)
