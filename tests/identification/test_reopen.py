@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from refusals import refusal
 
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.records.reading import Reading
+from mrwork.store.codec import built
 
 OPTIONS = [
     "--column",
@@ -76,7 +78,7 @@ def test_a_reading_survives_json() -> None:
     reading = Reading(
         files=("a.csv",), repairs={"offset": 3.0, "rest": None}, columns={"force": "F:kN"}, end=2.0
     )
-    assert Reading.of_record(json.loads(json.dumps(reading.as_record())), origin="fit.json") == reading
+    assert built(Reading, json.loads(json.dumps(asdict(reading)))) == reading
 
 
 def test_a_run_keeps_the_velocity_that_it_was_fitted_to(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.laws import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import outside_of
-from mrwork.errors import UnknownNameError
+from mrwork.errors import RecordError, UnknownNameError
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation, observed
@@ -27,7 +27,7 @@ from mrwork.records.damper_test import AS_IT_IS, OperatingRange, Outside, range_
 from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
 from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
-from mrwork.store.codec import digest_of
+from mrwork.store.codec import built, digest_of
 
 Verdict = Literal[
     "identifiable",
@@ -432,7 +432,10 @@ class Fit(Plotted, WithAxes, Summarised):
         RecordError
             Where this is not recorded, as in a fit of tests that were not read from files.
         """
-        return Reading.of_record(self.provenance.settings.get(_READING), origin=origin)
+        if _READING not in self.provenance.settings:
+            raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
+        reading: Reading = built(Reading, self.provenance.settings[_READING])
+        return reading
 
     @property
     def keeps_velocity(self) -> bool:
@@ -442,7 +445,7 @@ class Fit(Plotted, WithAxes, Summarised):
     @checked
     def with_command(self, command: str, reading: Reading) -> Fit:
         """The fit with a record of its command line, and of how that read the tests."""
-        settings = self.provenance.settings | {"command": command, _READING: reading.as_record()}
+        settings = self.provenance.settings | {"command": command, _READING: asdict(reading)}
         return replace(self, provenance=replace(self.provenance, settings=settings))
 
     @property

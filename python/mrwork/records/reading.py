@@ -6,9 +6,8 @@ An embedded test is simulated with a published parameter set, given motion, sens
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,13 +16,12 @@ from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import damper
-from mrwork.errors import MrworkError, RecordError
+from mrwork.errors import MrworkError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import RepairKind
 from mrwork.records.read import Origin, read_damper_test, test_from_arrays
 from mrwork.records.repairs import repair
 from mrwork.records.window import count_samples_from, cut
-from mrwork.store.codec import built
 from mrwork.store.input_file import exists
 
 # Called with the number of tests that have been read, and of all.
@@ -127,18 +125,6 @@ class Reading:
     columns_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     keep_velocity: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain values, for `fit.json`."""
-        return asdict(self)
-
-    @classmethod
-    def of_record(cls, record: object, *, origin: str) -> Reading:
-        """Undo `as_record`; `origin` names the record in messages."""
-        if record is None:
-            raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
-        reading: Reading = built(cls, record)
-        return reading
 
     def tests(self, *, on_read: OnRead | None = None) -> tuple[DamperTest, ...]:
         """Read the files as tests; `on_read` is called before each."""
