@@ -101,7 +101,7 @@ def name_above(axes: Axes, ordinate: str = "", abscissa: str = "") -> None:
     axes.set_xlabel(abscissa or axes.get_xlabel(), labelpad=2)
 
 
-def plain_ticks(axes: Axes, digits: int, axis: Literal["x", "y"] = "x") -> None:
+def plain_ticks(axes: Axes, digits: int, axis: Literal["x", "y"]) -> None:
     """Tick labels with at most `digits` significant digits, without trailing zeros."""
     chosen = axes.xaxis if axis == "x" else axes.yaxis
     chosen.set_major_formatter(FuncFormatter(lambda value, _: shortest(value, digits)))

@@ -27,8 +27,7 @@ from mrwork.uncertainty.bands.prediction import Prediction
 
 # The motion without a test, as in Spencer et al. 1997.
 _AMPLITUDE, _FREQUENCY, _PER_CYCLE = 0.015, 2.5, 400
-_STEPS = 400
-_SIZE = (8.0, 3.4)
+_STEPS, _SIZE = 400, (8.0, 3.4)
 _WIDTH, _PICTURE_WIDTH = "420px", "720px"
 
 

@@ -308,7 +308,14 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
         else:
             _pair(axes, values[column], values[row], spans[column], spans[row], at)
         below, left = labels[column] * (row == len(names) - 1), labels[row] * (column == 0 < row)
-        _label_corner(axes, below, left)
+        axes.grid(False)
+        axes.tick_params(labelbottom=bool(below), labelleft=bool(left))
+        axes.set(xlabel=below, ylabel=left)
+        for axis, name in ((axes.xaxis, below), (axes.yaxis, left)):
+            if name:
+                axis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10], prune="both"))
+        plain_ticks(axes, 4, "x")
+        plain_ticks(axes, 4, "y")
     return panels
 
 
@@ -345,18 +352,6 @@ def _pair(
         axes.plot(fitted[0], fitted[1], marker="+", markersize=8, markeredgewidth=1.2, color=style.RESIDUAL)
     axes.set_xlim(*across)
     axes.set_ylim(*up)
-
-
-def _label_corner(axes: Axes, below: str, left: str) -> None:
-    """Names below and left of axes of a corner, where they are not empty, with few ticks."""
-    axes.grid(False)
-    axes.tick_params(labelbottom=bool(below), labelleft=bool(left))
-    axes.set(xlabel=below, ylabel=left)
-    for axis, name in ((axes.xaxis, below), (axes.yaxis, left)):
-        if name:
-            axis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10], prune="both"))
-    plain_ticks(axes, 4, "x")
-    plain_ticks(axes, 4, "y")
 
 
 _BAND_POINTS, _FORCE_POINTS, _ASPECT = 260, 130, 1.4

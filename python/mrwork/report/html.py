@@ -64,15 +64,12 @@ def _mark_up(match: re.Match[str]) -> str:
     power = match["exponent"] if match["power"] is None else match["power"]
     if power is not None:
         return f"<sup>{equation_html(power)}</sup>"
-    if match["name"]:
-        return _name(match["name"]) + "′" * len(match["primes"])
+    if name := match["name"]:
+        # A symbol where it has the form of one; functions and words as they are.
+        is_symbol = re.fullmatch(r"[A-Za-z]|[A-Za-z]+(\d\w*|_\w+|(\w*\.\d))", name) or name in style.GREEK
+        shown = symbol(name) if is_symbol and name not in _FUNCTIONS else escape(name)
+        return shown + "′" * len(match["primes"])
     return match["kept"] or ("\N{MINUS SIGN}" if match["minus"] else escape(match["other"]))
-
-
-def _name(name: str) -> str:
-    """A name of an equation: a symbol where it has the form of one, and functions and words as they are."""
-    is_symbol = re.fullmatch(r"[A-Za-z]|[A-Za-z]+(\d\w*|_\w+|(\w*\.\d))", name) or name in style.GREEK
-    return symbol(name) if is_symbol and name not in _FUNCTIONS else escape(name)
 
 
 class Page(str):

@@ -37,9 +37,8 @@ from mrwork.uncertainty.bands.prediction import Prediction, predictions_of
 SECTIONS = (HELD_OUT, BANDS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS, PLAN)
 """The sections between those on tests and parameters, and those on the search and its provenance, in their order."""
 
-# Entries of a setting that are shown.
-_SETTINGS_SHOWN = 12
-_HASH_SHOWN = 12
+# Entries of a setting, and digits of a digest, that are shown.
+_SETTINGS_SHOWN, _HASH_SHOWN = 12, 12
 
 
 def fit_page(
@@ -102,24 +101,23 @@ def _provenance_section(fit: Fit, predictions: Sequence[Prediction]) -> Section:
         if prediction.test.synthetic
         for name in (prediction.test.path, prediction.test.name)
     }
-    settings = [(name, _plain(value)) for name, value in made.settings.items() if value]
+    settings = [
+        (name.replace("_", " ").capitalize(), f"`{_plain(value)}`" if name == "command" else _plain(value))
+        for name, value in made.settings.items()
+        if value
+    ]
+    inputs = (
+        f"{name}{' (synthetic)' if name in synthetic else ''} `{digest[:_HASH_SHOWN]}`"
+        for name, digest in made.inputs.items()
+    )
     facts = (
         ("Created", made.created),
         ("Model", f"`{fit.model}`"),
         ("Seed", str(made.rng)),
         ("Instruction set", made.instruction_set),
         ("Versions", ", ".join(f"{name} {version}" for name, version in made.versions.items())),
-        *(
-            (name.replace("_", " ").capitalize(), f"`{value}`" if name == "command" else value)
-            for name, value in settings
-        ),
-        (
-            "Inputs, SHA-256",
-            ", ".join(
-                f"{name}{' (synthetic)' if name in synthetic else ''} `{digest[:_HASH_SHOWN]}`"
-                for name, digest in made.inputs.items()
-            ),
-        ),
+        *settings,
+        ("Inputs, SHA-256", ", ".join(inputs)),
     )
     return Section(
         title="Provenance",
