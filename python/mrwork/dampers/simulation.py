@@ -281,6 +281,7 @@ def simulate_force(
     return force
 
 
+@checked
 def refuse_failure(what: str, outcome: int) -> None:
     """Refuse a simulation that did not finish."""
     ended = Outcome(outcome)
