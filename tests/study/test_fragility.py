@@ -17,7 +17,7 @@ import mrwork as mr
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions.spectrum import Intensity
 from mrwork.study import StudyResults
-from mrwork.study.fragilities import Fragilities, drawn_weights, fragility_of, lognormal_of
+from mrwork.study.fragilities import Fragilities, drawn_weights, lognormal_of
 from mrwork.study.runs import NOT_RUN
 
 G = 9.80665
@@ -94,15 +94,11 @@ def test_records_that_one_intensity_separates_have_no_dispersion(name: str) -> N
 
 
 def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_interval_only() -> None:
-    weights = drawn_weights(3, 0)
     # The runs at the upper level diverged, so that nothing is interpolated.
     responses = np.array([[0.5, math.inf], [0.6, math.inf], [0.9, math.inf]])
-    found = fragility_of(
-        "law", "controller", responses, np.array([4.0, 8.0]), 1.0, weights, level=0.9, records=("a", "b", "c")
-    )
-    assert (found.dispersion, found.band) == (0.0, (4.0, 8.0))
-    rows = {"law": found, "other": replace(found, label="other")}
-    both = Fragilities(criterion="rms_drift", limit=1.0, unit="m", level=0.9, rows=rows)
+    rows = {"law": responses, "other": responses}
+    both = mr.study.fragilities_of(rows, [4.0, 8.0], 1.0, criterion="rms_drift")
+    assert (both["law"].dispersion, both["law"].band) == (0.0, (4.0, 8.0))
     assert both.ratio("other", "law") == (1.0, (0.5, 2.0))
     few, coarse = both.cautions
     assert "in 75 % of cases at most, not in 90 %; give 5 or more" in few
@@ -111,14 +107,10 @@ def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_
 
 def found_of(*rows: Floats, limit: float = 1.0, level: float = 0.9, seed: int = 0) -> Fragilities:
     """The fragilities of rows of responses, shape (n_records, n_levels), at the levels 1, 2, ... m/s^2."""
-    n_records, n_levels = rows[0].shape
-    weights, names = drawn_weights(n_records, seed), [f"record {number}" for number in range(n_records)]
-    levels = 1.0 + np.arange(n_levels, dtype=float)
-    made = {
-        label: fragility_of(label, "controller", each, levels, limit, weights, level=level, records=names)
-        for label, each in zip("abc", rows, strict=False)
-    }
-    return Fragilities(criterion="peak_drift", limit=limit, unit="m", level=level, rows=made)
+    levels = 1.0 + np.arange(rows[0].shape[1], dtype=float)
+    return mr.study.fragilities_of(
+        dict(zip("abc", rows, strict=False)), levels, limit, level=level, seed=seed
+    )
 
 
 def test_a_likelihood_without_a_maximum_determines_no_median() -> None:
@@ -247,10 +239,10 @@ def test_a_linear_frame_reaches_its_limit_where_its_drifts_say(results: StudyRes
 def test_a_median_beyond_the_levels_is_a_bound(results: StudyResults) -> None:
     collapse = mr.fragility(results, {"peak_drift_ratio": "10 %"})["uncontrolled"]
     assert (collapse.bound, collapse.median) == ("above", math.inf)
-    assert "above 0.600 g" in collapse.in_words
+    assert "above 0.600 g" in collapse.brief
     early = mr.fragility(results, {"peak_drift_ratio": 1e-4})["uncontrolled"]
     assert (early.bound, early.median) == ("below", 0.0)
-    assert "below 0.100 g" in early.in_words
+    assert "below 0.100 g" in early.brief
 
 
 def test_a_run_that_diverged_has_reached_the_limit_and_one_unresolved_lies_above(

@@ -14,8 +14,7 @@ import mrwork as mr
 from mrwork.dampers.tested_range import FittedDamper, OperatingRange, beyond_rating
 from mrwork.plots.of_studies import energy_parts
 from mrwork.study import StudyResults, read_study, run_study
-from mrwork.study.damper_size import shares_in_words
-from mrwork.study.demand import demands_of
+from mrwork.study.damper_size import demands_of, shares_in_words
 from mrwork.study.folder import study_document
 
 PRESET = mr.damper("static_hysteretic").preset("kwok2006")

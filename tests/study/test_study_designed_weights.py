@@ -221,8 +221,8 @@ def test_a_law_that_is_a_passive_damper_in_effect_is_said_to_be_one(tmp_path: Pa
     (tmp_path / "law.py").write_text("def on(sample, memory):\n    return [1.88]\n")
     on = "[[controller]]\nuser = { file = 'law.py', function = 'on' }"
     found = findings(mr.run_study(read(tmp_path, f"drifts = 1\ncontrol_weight = 1\n{on}"), threads=1))
-    assert any("Clipped-optimal sends no command" in each and "passive-off" in each for each in found)
-    assert any(each.startswith("on sends the same command") and "passive-on" in each for each in found)
+    assert any("Clipped-optimal under every motion: idle: sends no command" in each for each in found)
+    assert any(each.startswith("on under every motion: coincides with passive-on") for each in found)
     found = findings(mr.run_study(read(tmp_path, "gain = [[0, 0, 0, 0, 0, 1e12, 0, 0, 0, 0]]"), threads=1))
     assert not any("in effect" in each for each in found)
 

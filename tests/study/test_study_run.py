@@ -321,7 +321,7 @@ def test_criteria_of_a_baseline_stand_on_its_own_storeys() -> None:
     assert "stability_coefficient" not in found["uncontrolled"][0]
     own, run = found["tall"]
     assert own["peak_drift_ratio"] == max(run["peak_drift"] / 5.0)
-    assert math.isnan(results.ratios_to(1, 0, 0)["stability_coefficient"])
+    assert math.isnan(results.ratios(1, 0, 0)["stability_coefficient"])
 
 
 def test_a_frame_of_a_file_yields_under_its_weight_and_says_what_limits_it_keeps(tmp_path: Path) -> None:

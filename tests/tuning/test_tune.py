@@ -15,7 +15,7 @@ from tuning_samples import TWO_STOREYS, without_times
 import mrwork as mr
 from mrwork.closed_loop.evaluation import SCORE, ties_in_words
 from mrwork.errors import Interrupted
-from mrwork.study.results import score_band
+from mrwork.study.results import bands_over
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.folder import chosen_study, tuning_document
 from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, unjudged, with_tuned_rows
@@ -204,7 +204,7 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command() -> Non
     judged = judge(tuning_samples.small_study(), found, threads=1)
     row, constant = judged.row_of_law(found.laws[0]), judged.row_of("best_passive")
     assert row is not None
-    ratios = [judged.ratios_to(row, motion, constant) for motion in judged.judged_motions]
+    ratios = [judged.ratios(row, motion, constant) for motion in judged.judged_motions]
     worst = [max(each[name] for name in peaks) for each in ratios]
     law = judged.judgement(found.laws[0], "test")
     assert law is not None
@@ -236,7 +236,7 @@ def test_realisations_belong_to_a_robust_objective() -> None:
     law, judged = found.laws[0], judge(study, found, threads=1)
     row = judged.row_of_law(law)
     assert row is not None
-    band = score_band(judged, row)
+    band = bands_over(judged, row, judged.row_of("passive_off"))["score"]
     assert band is not None
     assert band.lower < band.median < band.upper
     # The largest of three realisations under one motion; the band lies within them.

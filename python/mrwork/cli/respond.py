@@ -221,7 +221,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
                 lines.extend([f"{words}.", ""])
             if options.ensemble:
                 ensemble = _run_ensemble(options, study, results, journal, line)
-                further["ensemble"] = asdict(ensemble)
+                results, further["ensemble"] = replace(results, ensemble=ensemble), asdict(ensemble)
                 lines.append(f"The study with {len(ensemble.sets)} sets of laws that predict nearly as well:")
                 lines.extend([*(f"  {sentence}" for sentence in ensemble.in_words), ""])
         except KeyboardInterrupt as interrupt:
@@ -237,7 +237,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
 
     return StudyVerb(
         compute=compute,
-        write=partial(write_study, histories=histories, further=further),
+        write=partial(write_study, histories=histories),
         document=document,
         text=text,
     )

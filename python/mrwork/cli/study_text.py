@@ -117,7 +117,7 @@ def design_lines(study: Study) -> list[str]:
 def study_text(results: StudyResults, folder: Path | None) -> str:
     """The summary of a study, and the path of its page."""
     # Its tables are slow to load.
-    from mrwork.study.summary import study_summary
+    from mrwork.study.tables import study_summary
 
     text = study_summary(results).text(whole=True, width=_WIDEST)
     return "\n".join([text, *([f"Report: {folder / REPORT}"] if folder else [])])

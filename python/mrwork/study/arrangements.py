@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +47,6 @@ from mrwork.study.study import (
     constant_share,
 )
 
-# Numbers of a matrix among the settings: those of a weight of a building with 1000 coordinates.
-_MOST_NUMBERS = 4_000_000
-
 
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     name = table.function
@@ -70,9 +68,6 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
             f"{name} ({place_of(function) or table.file}) does not take two arguments; write it as "
             f"def {name}(sample, memory)",
         ) from None
-    except ValueError:
-        # A function of a compiled module may tell no arguments.
-        pass
     with keyed("function"):
         return UserLaw(
             name=name,
@@ -112,11 +107,11 @@ def arrangements(
                 table.controller[number], number, settings[number], problem, at_zero, folder, hardware
             )
 
-    further: list[Arrangement] = []
-    with all_mistakes() as part:
-        for read, tables in ((changed, table.baseline), (controlled, table.controller)):
-            with part():
-                further += read_each(read, range(len(tables)))
+    reads = [
+        *(partial(changed, number) for number in range(len(table.baseline))),
+        *(partial(controlled, number) for number in range(len(table.controller))),
+    ]
+    further = read_each(lambda read: read(), reads)
     # The row at i = 0 exists already; only its label may differ.
     labels = [each.row.label for each in further if each.row.kind == "passive_off" and each.row.label]
     further = [each for each in further if each.row.kind != "passive_off"]
@@ -200,43 +195,32 @@ def _limit_command(controller: ControllerTable, problem: DesignProblem) -> Desig
     shares, available = sends_shares(problem.devices), largest_command(problem.devices)
     unit = "1" if shares else problem.devices[0].spec.command_unit or "A"
     largest = number_in(given, unit) if isinstance(given, str) else given
-    if isinstance(largest, str):
-        of_shares = "; it is a share of the largest command of each damper, of which some are in A, some in V"
-        raise InvalidSettingError(
-            "largest_command", f"largest_command {largest}{of_shares if shares else ''}"
-        )
-    if not 0.0 < largest <= available and shares:
-        raise InvalidSettingError(
-            "largest_command",
-            f"largest_command is {largest:g}, and where some dampers follow a current and others a voltage it is a "
-            'share of the largest command of each, as "80 %"',
-        )
-    if largest > available:
-        raise InvalidSettingError(
-            "largest_command",
-            f"largest_command is {largest:g}, and the driver of the dampers gives {available:g} at most",
-        )
-    return problem.limited_to(largest)
+    if isinstance(largest, float) and 0.0 < largest <= available:
+        return problem.limited_to(largest)
+    most = f"the driver of the dampers gives {available:g} at most"
+    if shares:
+        most = 'of dampers in A beside others in V it is a share of the largest command of each, as "80 %"'
+    came = f"{largest};" if isinstance(largest, str) else f"is {largest:g}, and"
+    raise InvalidSettingError("largest_command", f"largest_command {came} {most}")
 
 
 def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardware: Hardware) -> None:
-    """Refuse a law that the dampers cannot have: passive ones, or those of the user, which the twin simulates."""
+    """Refuse a law that the dampers cannot have: passive ones, or dampers of the user, which the twin simulates."""
     user, constant = controller.user, CONSTANT_LAWS.get(controller.law)
     key, name = ("law", controller.law) if user is None else ("user", f"{user.function} in Python")
-    if user is None:
-        # An active law replaces the dampers by actuators.
-        commands = not control_law(name).commands_force if constant is None else constant.share != 0.0
-    else:
-        commands = True
+    of_registry = control_law(name) if user is None and constant is None else None
+    # An active law replaces the dampers by actuators.
+    commands = of_registry is None or not of_registry.commands_force
+    commands &= constant is None or constant.share != 0.0
     if commands and not any(device.is_commanded for device in problem.devices):
         raise InvalidSettingError(
             key,
             f"{name} commands the dampers, and they are passive or hold a command; leave this law out, or give a "
             "damper that follows a command",
         )
-    if user is None and constant is None:
+    if of_registry is not None:
         with keyed(key):
-            refuse_units(control_law(name), problem.devices)
+            refuse_units(of_registry, problem.devices)
     refuse_rate(problem.devices, controller.command_slope, "command_slope")
     lacking = beyond_twin(problem.building, problem.devices, hardware, name)
     if commands and constant is None and lacking:
@@ -270,7 +254,10 @@ def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mappi
     kind, settings = SETTINGS[table.law], dict(table.settings or {})
     where = place if table.settings is None else place.within("settings")
     if table.gain is not None:
-        _check_takes_gain(table, kind)
+        if "gain" not in _names_of(kind):
+            taking = ", ".join(name for name, each in SETTINGS.items() if "gain" in _names_of(each))
+            sentence = f"{table.law} has no gain of a desired force; leave it out, or choose one of {taking}"
+            raise InvalidSettingError("gain", sentence)
         settings["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
     given = given_values(kind, _with_matrices(kind, settings, where, folder), where)
     for entry in keys_of(kind):
@@ -280,18 +267,8 @@ def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mappi
     return given
 
 
-def _check_takes_gain(table: ControllerTable, kind: type[LawSettings]) -> None:
-    """Refuse a finished gain of a law that has none, or one that stands among the settings, too."""
-    if "gain" not in [entry.name for entry in keys_of(kind)]:
-        taking = [
-            name for name, each in SETTINGS.items() if "gain" in [entry.name for entry in keys_of(each)]
-        ]
-        raise InvalidSettingError(
-            "gain",
-            f"{table.law} has no gain of a desired force; leave it out, or choose one of {', '.join(taking)}",
-        )
-    if "gain" in (table.settings or {}):
-        raise InvalidSettingError("gain", "the gain stands here and among the settings; keep one")
+def _names_of(kind: type[LawSettings]) -> set[str]:
+    return {entry.name for entry in keys_of(kind)}
 
 
 def resolve_settings(table: TuneTable, place: Place, folder: Path) -> TuneTable:
@@ -305,8 +282,7 @@ def resolve_settings(table: TuneTable, place: Place, folder: Path) -> TuneTable:
     with all_mistakes() as part:
         for kind in map(SETTINGS.__getitem__, table.laws):
             with part():
-                names = {entry.name for entry in keys_of(kind)}
-                own = {name: value for name, value in table.settings.items() if name in names}
+                own = {name: value for name, value in table.settings.items() if name in _names_of(kind)}
                 own = _with_matrices(kind, own, where, folder)
                 settings |= as_document(given_values(kind, own, where))
     return replace(table, settings=settings)
@@ -323,11 +299,6 @@ def _with_matrices(
         if entry.says.matrix and isinstance(name, str) and isinstance(number_in(name, unit), str):
             with place.within(entry.name).prefix_errors(SettingError):
                 matrix = read_matrix(folder / name)
-                if matrix.size > _MOST_NUMBERS:
-                    raise SettingError(
-                        f"{name} has a matrix of {matrix.shape[0]} x {matrix.shape[1]} numbers, and a setting of a law "
-                        f"has {_MOST_NUMBERS:,} at most; name another file"
-                    )
             diagonal = 1 in matrix.shape and entry.name != "gain"
             resolved[entry.name] = (matrix.ravel() if diagonal else matrix).tolist()
     wishes = resolved.get("designed")

@@ -14,19 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.numbers import NOTHING, counted, format_fixed, in_plain, significant
+from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
-from mrwork.errors import SettingError
 from mrwork.study.damper_size import shares_in_words
 from mrwork.study.results import StudyResults
 from mrwork.study.storeys import limits_in_words
 from mrwork.study.study import Kind, uses_in_words
-
-MOST_IN_DETAIL = 8
-"""Most motions of which pages and terminals show every table; of more they show the spread."""
 
 BOTH = ("peak_drift", "peak_acceleration")
 """Criteria that a law must lower together to be better than a constant command."""
@@ -49,7 +45,7 @@ def chosen_in_words(results: StudyResults) -> str:
         return ""
     number = _n_training(results)
     on = uses_in_words(["training"] * number) if number else "the motions that it is judged on"
-    at = f", those at {results.design_levels[0]}" if len(results.design_levels) == 1 else ""
+    at = f" at {results.design_levels[0]}" if len(results.design_levels) == 1 else ""
     return f"The best constant command is chosen on {on}{at}."
 
 
@@ -73,7 +69,7 @@ def motion_groups(results: StudyResults) -> dict[str, list[int]]:
 
 
 def times_better(results: StudyResults, row: int, reference: int, names: Sequence[str] = BOTH) -> int | None:
-    """Under how many judged motions all these criteria of a row are lower than those of a reference row.
+    """Under how many judged motions all these criteria of a row are lower than with a reference row.
 
     `None` if a run did not finish.
     """
@@ -84,12 +80,11 @@ def times_better(results: StudyResults, row: int, reference: int, names: Sequenc
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rank:
-    """Rows that are compared with each other: their name in files, a heading of tables, their kinds, and a note."""
+    """Rows that are compared with each other: their name in files, a heading of tables, and their kinds."""
 
     name: str
     title: str
     kinds: tuple[Kind, ...]
-    note: str = ""
 
 
 LAWS = Rank(name="law", title="Control laws", kinds=("controller",))
@@ -139,7 +134,7 @@ class StudyComparison(Summarised):
     """A study row by row: its ranks, the best passive damper, and the row that leads.
 
     `ranks` are the rows of each rank, the lowest score first; rows without a score last, in the order of the study.
-    `passive` is the passive damper with the lowest score, of those with one share of the largest commands,
+    `passive` is the passive damper of the lowest score with one share of the largest commands,
     `uncontrolled` the building without dampers. `leading` is the
     first control law; without one, the best passive damper or other device. `None` if there is no such row.
     `tables` are the changes of the compared quantities by name, for each (row, reference).
@@ -156,9 +151,8 @@ class StudyComparison(Summarised):
         rows = range(len(self.results.rows))
         return Summary(
             title=f"{self.results.title}: changes",
-            facts=[] if self.leading is None else [("leading", self.heading(self.leading))],
+            facts=[("leading", self.heading)] if self.heading else [],
             tables=[change_table(self, reference, rows) for reference in self.references],
-            notes=[] if self.leading is None else self.in_words(self.leading),
         )
 
     @property
@@ -172,62 +166,18 @@ class StudyComparison(Summarised):
         kinds = {row.kind for row in self.results.rows}
         return "controller" in kinds and "best_passive" not in kinds
 
-    @checked
-    def changes(self, row: int, reference: int) -> dict[str, QuantityChange]:
-        """Changes of the compared quantities of a row against one of the references, by name."""
-        self._check_row(row)
-        if reference not in self.references:
-            raise SettingError(
-                f"row {reference} is no reference of the changes; give one of {', '.join(map(str, self.references))}"
-            )
-        return self.tables[row, reference]
-
-    @checked
-    def heading(self, row: int) -> str:
-        """The label of a row, its place among the rows of its rank, and over what its changes are averaged."""
-        self._check_row(row)
-        motions = len(self.results.judged_motions)
-        rank, rows = next((rank, rows) for rank, rows in self.ranks if row in rows)
-        parts = [self.results.rows[row].label]
-        if len(rows) > 1 and row == rows[0] and math.isfinite(self.results.score(row)):
+    @property
+    def heading(self) -> str:
+        """The row that leads, among how many of its rank, and over what its changes are averaged."""
+        if self.leading is None:
+            return ""
+        rank, rows = next((rank, rows) for rank, rows in self.ranks if self.leading in rows)
+        parts = [self.results.rows[self.leading].label]
+        if len(rows) > 1 and math.isfinite(self.results.score(self.leading)):
             parts.append(f"lowest score of {len(rows)} {small_first(rank.title)}")
-        if motions > 1:
+        if len(self.results.judged_motions) > 1:
             parts.append(f"mean changes over {judged_in_words(self.results)}")
         return ", ".join(parts)
-
-    def _check_row(self, row: int) -> None:
-        if not 0 <= row < len(self.results.rows):
-            raise SettingError(
-                f"there are {len(self.results.rows)} rows, counted from 0, and {row} is none of them"
-            )
-
-    @checked
-    def in_words(self, row: int) -> list[str]:
-        """What a row changes, better and worse, a sentence for each reference whose changes are known."""
-        self._check_row(row)
-        return [
-            f"Against {self.results.rows[reference].label}: {words}."
-            for reference in self.references
-            if reference != row and (words := self._words_of(self.changes(row, reference)))
-        ]
-
-    def _words_of(self, changes: dict[str, QuantityChange]) -> str:
-        parts: dict[bool, list[str]] = {False: [], True: []}
-        several = len(self.results.judged_motions) > 1
-        for entry in compared_quantities():
-            change = changes[entry.name]
-            if not math.isnan(change.mean):
-                largest = f" ({in_percent(change.largest)} % under {change.motion})"
-                words = f"{small_first(entry.title)} {in_percent(change.mean)} %"
-                parts[change.worse].append(f"{words}{largest if several and change.worse else ''}")
-        better, worse = ", ".join(parts[False]), ", ".join(parts[True])
-        return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
-
-    @checked
-    def worse_counts(self, reference: int) -> dict[str, int]:
-        """How many control laws are worse than a reference, for each quantity."""
-        changes = [self.changes(row, reference) for rank, rows in self.ranks if rank is LAWS for row in rows]
-        return {entry.name: sum(law[entry.name].worse for law in changes) for entry in compared_quantities()}
 
 
 Comparison = StudyComparison
@@ -246,62 +196,36 @@ def findings(results: StudyResults) -> tuple[str, ...]:
         *results.choices,
         *shares_in_words(results),
         *limits_in_words(results),
-        *_constant_in_effect(results),
+        *(
+            f"{row.label} under every motion: {words}."
+            for number, row in enumerate(results.rows)
+            if row.kind == "controller" and (words := constant_in_words(results, number))
+        ),
         *_ties(compared(results)),
     )
 
 
-def _constant_in_effect(results: StudyResults) -> Iterator[str]:
-    """A sentence for each law whose command is constant under all motions."""
-    for number, row in enumerate(results.rows):
-        command = constant_command(results, number) if row.kind == "controller" else None
-        if command is None:
-            continue
-        same = f"{row.label} sends the same command throughout"
-        if not command.any():
-            yield (
-                f"{row.label} sends no command under any motion: it is passive-off (i = 0) in effect, for it "
-                "asks for no force beyond that of the dampers."
-            )
-        elif is_largest(results, command):
-            yield f"{same}, under every motion: it is passive-on in effect."
-        else:
-            yield f"{same}, {_commands_in_words(results, command)}: it is a passive damper in effect."
+def constant_in_words(results: StudyResults, row: int) -> str:
+    """What a row is in effect that sends one command under all motions; empty where it sends others, or is not known.
 
-
-def _commands_in_words(results: StudyResults, command: Floats) -> str:
-    words = (
-        f"{each:.3g} {damper.command_unit}"
-        for each, damper in zip(command.tolist(), results.dampers, strict=True)
-    )
-    return ", ".join(dict.fromkeys(words))
-
-
-def constant_command(results: StudyResults, row: int) -> Floats | None:
-    """The command that a row sends to each damper throughout, under all motions, zero if it sends none.
-
-    `None` where it is not constant, to a hundredth, or not known: mean square and squared mean agree.
+    A command is constant, to a hundredth, where its mean square and squared mean agree.
     """
-    largest = np.array([device.largest_command for device in results.dampers])
+    dampers, quantities = results.dampers, results.quantities.numbers
+    largest = np.array([device.largest_command for device in dampers])
     if not (largest.size and results.finished_under(row, range(len(results.motions)))):
-        return None
-    means, rms = (
-        results.quantities.numbers[name][row, :, 0, : largest.size]
-        for name in ("mean_current", "rms_current")
-    )
+        return ""
+    means, rms = (quantities[name][row, :, 0, : largest.size] for name in ("mean_current", "rms_current"))
     command = means.mean(axis=0)
     if (rms <= _CONSTANT * largest).all():
-        return np.zeros(len(largest))
+        return "idle: sends no command, as passive-off"
     steady = (np.square(rms) - np.square(means) <= _CONSTANT * np.square(rms)).all()
-    return command if steady and (np.abs(means - command) <= _CONSTANT * largest).all() else None
-
-
-def is_largest(results: StudyResults, command: Floats) -> bool:
-    """Whether a constant command is the largest of each damper."""
-    return all(
-        each >= (1.0 - _CONSTANT) * device.largest_command
-        for each, device in zip(command.tolist(), results.dampers, strict=True)
-    )
+    if not (steady and (np.abs(means - command) <= _CONSTANT * largest).all()):
+        return ""
+    if (command >= (1.0 - _CONSTANT) * largest).all():
+        return "coincides with passive-on"
+    sent = zip(command.tolist(), dampers, strict=True)
+    words = dict.fromkeys(f"{each:.3g} {damper.command_unit}" for each, damper in sent)
+    return f"a constant command in effect, {', '.join(words)}"
 
 
 def verdict(comparison: StudyComparison, row: int) -> str:
@@ -312,13 +236,8 @@ def verdict(comparison: StudyComparison, row: int) -> str:
     if ended:
         more = f" and {len(ended) - 1} more" if len(ended) > 1 else ""
         return f"did not finish under {results.motions[ended[0]].name}{more}"
-    command = constant_command(results, row)
-    if command is not None:
-        if not command.any():
-            return "idle: sends no command"
-        if is_largest(results, command):
-            return "coincides with passive-on"
-        return f"a constant command in effect, {_commands_in_words(results, command)}"
+    if constant := constant_in_words(results, row):
+        return constant
     reference = comparison.uncontrolled if comparison.passive is None else comparison.passive
     if reference is None:
         return "no reference to compare with"
@@ -352,7 +271,7 @@ def peaks_in_words(changes: Mapping[str, Floats]) -> str:
 
 
 def beaten_in_words(law: str, constant: str, changes: Mapping[str, Floats]) -> str:
-    """Whether a law lowers both peaks against a constant command; if not, it is that with the lowest score."""
+    """Whether a law lowers both peaks against a constant command; if not, it is the law of the lowest score."""
     peaks = peaks_in_words(changes)
     if not all(np.isfinite(each).all() for each in changes.values()):
         return f"{law} has no mean change against {constant}: {peaks}"
@@ -436,11 +355,6 @@ def signed_percent(change: float) -> str:
     return f"+{text}" if rounds_to_increase(change) else text
 
 
-def in_percent(change: float) -> str:
-    """The same in the characters of every terminal."""
-    return in_plain(signed_percent(change))
-
-
 def _changes(results: StudyResults, reference: int) -> Iterator[dict[str, QuantityChange]]:
     """Changes of the compared quantities of each row."""
     judged = list(results.judged_motions)
@@ -487,12 +401,23 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
     """The changes of the shown rows against a reference, the rows of each rank together."""
     results, quantities = comparison.results, compared_quantities()
     several = len(results.judged_motions) > 1
-    # Those of each rank together, the lowest score first.
+    # The rows of each rank together, the lowest score first.
     rows = [row for _, ranked in comparison.ranks for row in ranked if row in shown and row != reference]
-    changes = [comparison.changes(row, reference) for row in rows]
+    changes = [comparison.tables[row, reference] for row in rows]
     columns = [[of_row[entry.name].mean for of_row in changes] for entry in quantities]
+    average = f", mean over {judged_in_words(results)}" if several else ""
+    laws = [results.rows[row].kind in LAWS.kinds for row in range(len(results.rows))]
+    worse = [
+        sum(comparison.tables[row, reference][entry.name].worse for row in np.flatnonzero(laws).tolist())
+        for entry in quantities
+    ]
+    foot = (
+        f"Worse control laws, of {sum(laws)}",
+        *(format_fixed(count, 0) for count in worse),
+        *([""] if several else []),
+    )
     return Table(
-        label=f"Changes against {results.rows[reference].label}",
+        label=f"Change in % against {results.rows[reference].label}{average}",
         columns=("", *(entry.short for entry in quantities), *(["Largest increase"] if several else [])),
         rows=tuple(
             (
@@ -502,7 +427,7 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
             )
             for line, row in enumerate(rows)
         ),
-        foot=_worse_laws(comparison, reference, several=several),
+        foot=foot if sum(laws) > 1 else (),
         words=(len(quantities) + 1,) if several else (),
         strong=best_cells(results, rows, columns, signed_percent),
         alarming=frozenset(
@@ -512,10 +437,8 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
             if rounds_to_increase(mean)
         ),
         headings=rank_headings(comparison, rows),
-        note=f"Change in per cent{f', mean over {judged_in_words(results)}' if several else ''}; increases are "
-        "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
-        + (" The largest increase is that of a quantity under one motion." if several else "")
-        + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
+        note=f"Change in per cent{average}; increases are coloured, and the best of each kind is bold. Peaks unless "
+        "stated otherwise." + (" The largest increase is of a quantity under one motion." if several else ""),
     )
 
 
@@ -528,18 +451,6 @@ def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ..
     worst, entry = max(known, key=lambda each: each[0].largest)
     rises = rounds_to_increase(worst.largest)
     return f"{entry.short} {signed_percent(worst.largest)}, {worst.motion}" if rises else "none"
-
-
-def _worse_laws(comparison: StudyComparison, reference: int, *, several: bool) -> tuple[str, ...]:
-    laws = sum(len(rows) for rank, rows in comparison.ranks if rank is LAWS)
-    if laws < 2:
-        return ()
-    counts = comparison.worse_counts(reference)
-    return (
-        f"Worse control laws, of {laws}",
-        *(format_fixed(counts[entry.name], 0) for entry in compared_quantities()),
-        *([""] if several else []),
-    )
 
 
 def rank_headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from mrwork.control.laws.law_problem import ReferencePeaks
 from mrwork.errors import SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.study.loop_runs import OnBlock, simulate_criteria
-from mrwork.study.realisations import nominal
 from mrwork.study.runs import Runs
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import Arrangement, constant_commands
@@ -34,56 +33,34 @@ _NAMED = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BestConstant:
-    """Share of the largest commands with the lowest score, of those from i = 0 to the largest.
+    """The constant commands of the lowest score: one share of the largest ones, or one command for each group.
 
-    `commands` are those of the devices that follow a command [A or V], 0 without any score; `scores` are of all shares.
+    `commands` are sent to the devices that follow one [A or V], and are 0 without any score. `scores` are of all shares
+    that were tried, from i = 0 to the largest. A search by group took `rounds`, the last one perhaps in part, from the
+    score `of_share`, and tried so many commands.
     """
 
     commands: tuple[float, ...]
     score: float
-    scores: tuple[float, ...]
     runs: int
+    scores: tuple[float, ...] = ()
+    of_share: float = math.nan
+    rounds: int = 0
+    tried: int = 0
 
     def in_words(self, label: str, devices: Sequence[Device]) -> str:
-        """The choice in a sentence, with the ends of the scan."""
-        cost = f"{counted(self.runs, 'run')} in one batch"
+        """The choice in a sentence, with the ends of the scan, or the devices of each group."""
+        driven, runs = commanded(devices), counted(self.runs, "run")
         if math.isnan(self.score):
-            return f"{label} is at i = 0: none of {len(self.scores)} constant commands has a score ({cost})."
-        largest = np.array([each.largest_command for each in commanded(devices)])
-        off, on = (share_in_words(devices, share * largest) for share in (0.0, 1.0))
-        return (
-            f"{label} is the best of {len(self.scores)} constant commands, score {self.score:.3f}: from {PASSIVE_OFF}, "
-            f"{off}, {self.scores[0]:.3f}, to {PASSIVE_ON}, {on}, {self.scores[-1]:.3f} ({cost})."
-        )
-
-    def label(self, devices: Sequence[Device]) -> str:
-        """The commands in words."""
-        return share_in_words(devices, self.commands)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BestByGroup:
-    """Constant commands of the groups of equal dampers with the lowest score, beside that of one share, and the runs.
-
-    `rounds` is the number of rounds of the search, the last one perhaps in part.
-    """
-
-    commands: tuple[float, ...]
-    score: float
-    of_share: float
-    tried: int
-    rounds: int
-    runs: int
-
-    def in_words(self, label: str, devices: Sequence[Device]) -> str:
-        """The choice in a sentence, with the devices of each group."""
-        if math.isnan(self.score):
-            return f"{label} is at i = 0: no constant command has a score."
-        driven = commanded(devices)
-        cost = (
-            f"{counted(self.tried, 'constant command')} in {counted(self.rounds, 'round')} of coordinate search, "
-            f"{counted(self.runs, 'run')}"
-        )
+            return f"{label} is at i = 0: no constant command has a score ({runs})."
+        if not self.rounds:
+            largest = np.array([each.largest_command for each in driven])
+            off, on = (_share_in_words(driven, share * largest) for share in (0.0, 1.0))
+            return (
+                f"{label} is the best of {len(self.scores)} constant commands, score {self.score:.3f}: from "
+                f"{PASSIVE_OFF}, {off}, {self.scores[0]:.3f}, to {PASSIVE_ON}, {on}, {self.scores[-1]:.3f} ({runs} in "
+                "one batch)."
+            )
         held = (
             f"{_command(driven[group[0]], self.commands[group[0]])} in "
             f"{list_names([driven[each].name for each in group], _NAMED)}"
@@ -91,20 +68,22 @@ class BestByGroup:
         )
         return (
             f"{label}: {'; '.join(held)}; score {self.score:.3f}, beside {self.of_share:.3f} of one share of the "
-            f"largest commands ({cost})."
+            f"largest commands ({counted(self.tried, 'constant command')} in {counted(self.rounds, 'round')} of "
+            f"coordinate search, {runs})."
         )
 
     def label(self, devices: Sequence[Device]) -> str:
-        """The command of each group in words."""
+        """The commands in words, after a search by group a command for each group."""
         driven = commanded(devices)
+        if not self.rounds:
+            return _share_in_words(driven, self.commands)
         return list_names(
             [_command(driven[first], self.commands[first]) for first, *_ in products_of(driven)]
         )
 
 
-def share_in_words(devices: Sequence[Device], commands: Sequence[float] | Floats) -> str:
+def _share_in_words(driven: Sequence[Device], commands: Sequence[float] | Floats) -> str:
     """One share of the largest commands in words: the command where that is the same of all dampers."""
-    driven = commanded(devices)
     if len({(each.largest_command, each.spec.command_unit) for each in driven}) == 1:
         return _command(driven[0], commands[0])
     return f"{100.0 * commands[0] / driven[0].largest_command:.0f} %"
@@ -121,7 +100,8 @@ def levels_of(devices: Sequence[Device]) -> Floats:
 
 def n_constant(arrangement: Arrangement) -> int:
     """Most constant commands that are tried for a row without a law."""
-    return LEVELS * (ROUNDS * len(products_of(commanded(arrangement.devices))) if arrangement.by_group else 1)
+    by_group = arrangement.row.kind == "best_passive_by_group"
+    return LEVELS * (ROUNDS * len(products_of(commanded(arrangement.devices))) if by_group else 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +121,6 @@ class ConstantSearch:
             constant_commands(commands),
             self.motions,
             self.hardware,
-            nominal(self.arrangement.devices),
             threads=self.threads,
             on_block=self.on_block,
         )
@@ -166,15 +145,13 @@ class ConstantSearch:
             raise self.without_score()
         return best
 
-    def best_by_group(self, start: BestConstant) -> BestByGroup:
-        """The best constant command of each group, from one share on: the levels of a group, then those of the next.
+    def best_by_group(self, start: BestConstant) -> BestConstant:
+        """The best constant command of each group, from one share on: the levels of a group, then of the next.
 
-        Scores are over those at i = 0. A search ends where the levels of every group were tried since the last change.
+        Scores are over i = 0. A search ends where the levels of every group were tried since the last change.
         """
         if math.isnan(start.score):
-            return BestByGroup(
-                commands=start.commands, score=math.nan, of_share=math.nan, tried=0, rounds=0, runs=0
-            )
+            return replace(start, runs=0)
         levels = levels_of(self.arrangement.devices)
         groups = products_of(commanded(self.arrangement.devices))
         off = self.runs(levels[:1])
@@ -190,7 +167,7 @@ class ConstantSearch:
             if scores[best] < score:
                 commands, score, changed = tried[best], float(scores[best]), steps
             steps, n_runs = steps + 1, n_runs + runs.outcome.size
-        return BestByGroup(
+        return BestConstant(
             commands=tuple(commands.tolist()),
             score=score,
             of_share=start.score,

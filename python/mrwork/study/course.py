@@ -19,7 +19,7 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.study.study import Arrangement
+from mrwork.study.study import Arrangement, commands_force
 from mrwork.workers.engine import by_whom
 
 Kind = Literal["without dampers", "core", "rollout", "Python", "JAX"]
@@ -69,7 +69,7 @@ class Course:
         self._kind, self._cost, self._share, self._label, self._done = _CORE, 0.0, 0.0, "", 0
         self._began = self._part_began = time.perf_counter()
 
-    def begin(self, label: str, kind: Kind, cost: float, done: int) -> None:
+    def begin(self, label: str, kind: Kind = _CORE, cost: float = 0.0, done: int = 0) -> None:
         """Report that runs of a kind begin, before which so many were done; the runs before end."""
         self._left, self._seconds, self._simulated = self._standing(1.0)
         self._kind, self._cost, self._share, self._label, self._done = kind, cost, 0.0, label, done
@@ -101,6 +101,8 @@ class Course:
 
     def _time_left(self) -> float | None:
         left, seconds, simulated = self._standing(self._share)
+        if not self._total:
+            return None
         rates = {kind: seconds[kind] / cost for kind, cost in simulated.items()}
         if _CORE in rates:
             rates.setdefault("rollout", rates[_CORE])
@@ -122,7 +124,7 @@ def kind_of(arrangement: Arrangement) -> Kind:
         return "without dampers"
     if isinstance(law, UserLaw):
         return "Python"
-    if any(each.spec.own is not None for each in arrangement.devices) and not arrangement.has_actuators:
+    if any(each.spec.own is not None for each in arrangement.devices) and not commands_force(law):
         return "JAX"
     return "core" if law is None or not law.spec.needs_model else "rollout"
 

@@ -1,12 +1,12 @@
-"""Size of the dampers of a study: whether their force is considerable, and their strokes are not next to nothing.
+"""Demand of the runs of a study on its dampers: what lies outside their tested ranges, and whether their size is right.
 
-The force is compared with the base shear of the building without dampers.
+Their force is compared with the base shear of the building without dampers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,10 +14,14 @@ from numpy.typing import NDArray
 
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
+from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import ratio
+from mrwork.closed_loop.responses import demand_of
 from mrwork.control.weights.limits import sine_force
-from mrwork.study.demand import damper_warnings, demands_of
-from mrwork.study.results import BuildingFacts, DamperFacts, StudyResults
+from mrwork.dampers.spec import worst_laws
+from mrwork.dampers.tested_range import Exceedance, worst_of
+from mrwork.study.results import BuildingFacts, DamperFacts, DeviceDemand, StudyResults
+from mrwork.study.runs import Runs
 from mrwork.study.study import Study
 
 # Share of the base shear below which dampers hardly change a response: with 2 % of it the peak drift of a frame of six
@@ -34,18 +38,60 @@ _NAMED = 3
 _COMMANDED = ("passive_off", "passive", "best_passive", "best_passive_by_group", "controller")
 
 
+def demands_of(
+    runs: Runs, row: int, motion: int, devices: Sequence[Device], seconds: float
+) -> tuple[DeviceDemand, ...]:
+    """The demand of a run that lasts `seconds` [s] on each device; none without dampers, or with actuators instead."""
+    run = runs.at(row, motion)
+    # Actuators have forces but no currents; a run that did not finish has no peaks.
+    if not devices or not runs.finished[row, motion, 0] or math.isnan(run["peak_current"][0]):
+        return ()
+    demands = []
+    for number, device in enumerate(devices):
+        least = float(run["least_stroke"][number])
+        demand = demand_of(
+            device, run, number, seconds=seconds, least_stroke=None if math.isnan(least) else least
+        )
+        demands.append(DeviceDemand(device=device.name, demand=demand, outside=device.outside(demand)))
+    return tuple(demands)
+
+
+def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]:
+    """The worst exceedance of each quantity over the devices."""
+    every = [(each.device, exceedance) for each in demands for exceedance in each.outside.exceedances]
+    return tuple(worst for worst, _, _ in worst_of(every))
+
+
+def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -> tuple[str, ...]:
+    """A sentence for each quantity outside the tested ranges, its worst run, and for each law out of its range.
+
+    `demands` are given for each run, by the labels of its row and its motion.
+    """
+    every, laws = [], []
+    for (row, motion), devices in demands.items():
+        for quantity in worst_by_quantity(devices):
+            names = [each.device for each in devices if quantity in each.outside.exceedances]
+            every.append((f"{names[0]} under {motion} with {row}", quantity))
+        laws += [limit for each in devices for limit in each.outside.laws]
+    n_runs = sum(1 for devices in demands.values() if devices)
+    return (
+        *(
+            f"{worst.in_words}: {label}; {'beyond the rating' if worst.rated else 'outside the tested range'} in "
+            f"{count} of {n_runs} runs with dampers."
+            for worst, label, count in worst_of(every)
+        ),
+        *(f"{each.in_words}." for each in worst_laws(laws)),
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Reach:
-    """Largest forces of the dampers by the index of their storey, and the base shear without them [N]."""
+    """Largest forces of the dampers by the index of their storey, on the base, and the base shear without them [N]."""
 
     motion: int
     forces: Mapping[int, float]
+    force: float
     shear: float
-
-    @property
-    def force(self) -> float:
-        """That on the base; storeys stand on each other, so that forces of others do not add to it."""
-        return self.forces[0] if 0 in self.forces else max(self.forces.values())
 
     @property
     def share(self) -> float:
@@ -151,7 +197,7 @@ def _commanded(results: StudyResults) -> NDArray[np.bool_]:
 def _fewer(results: StudyResults, study: Study, number: int, motion: int) -> str:
     """How many dampers have a tenth of the base shear at the drift without dampers."""
     bare, device, damper = results.quantities.at(0, motion), study.devices[number], results.dampers[number]
-    # A storey of what was built in, such as a tuned mass, is none of the building without dampers.
+    # The building without dampers has no storey of what was built in, such as a tuned mass.
     if not results.finished_under(0, (motion,)) or damper.storey >= len(bare["peak_drift"]):
         return ""
     drift = damper.share * float(bare["peak_drift"][damper.storey])
@@ -160,26 +206,27 @@ def _fewer(results: StudyResults, study: Study, number: int, motion: int) -> str
     count = device.count * _ADVISED * float(bare["peak_base_shear"]) / force
     if count < 1.0:
         return f"; one alone has {_percent(_ADVISED / count)} % of the base shear, take a smaller damper"
-    return (
-        f"; count = {_round_count(count)} has {_percent(_ADVISED)} % of the base shear at the largest command"
-    )
+    advised = f"; count = {math.ceil(round_to(count, 2))} has {_percent(_ADVISED)} % of the base shear"
+    return f"{advised} at the largest command"
 
 
 def _reaches(results: StudyResults) -> list[_Reach]:
+    """The run of the largest force on the base under each judged motion."""
     reaches, commanded = [], _commanded(results)
-    shears, forces = (results.quantities.numbers[name] for name in ("peak_base_shear", "peak_force"))
+    numbers = results.quantities.numbers
+    shears, forces = numbers["peak_base_shear"][..., 0], numbers["peak_force"][..., 0, :]
+    storeys = [damper.storey for damper in results.dampers]
     for motion in results.judged_motions:
-        shear = float(shears[0, motion, 0])
-        if not shear > 0.0 or not results.dampers:
-            continue
-        of_runs = []
-        for row in np.flatnonzero(commanded[:, motion]):
-            by_storey: dict[int, float] = {}
+        shear, rows = float(shears[0, motion]), np.flatnonzero(commanded[:, motion])
+        if shear > 0.0 and storeys and rows.size:
             # Passive elements of the building are behind the devices.
-            for damper, force in zip(results.dampers, forces[row, motion, 0].tolist(), strict=False):
-                by_storey[damper.storey] = by_storey.get(damper.storey, 0.0) + damper.share * force
-            of_runs.append(_Reach(motion=motion, forces=by_storey, shear=shear))
-        reaches += [max(of_runs, key=lambda each: each.force)] if of_runs else []
+            own = forces[rows, motion, : len(storeys)] * [damper.share for damper in results.dampers]
+            by_storey = {each: own[:, np.equal(storeys, each)].sum(axis=1) for each in storeys}
+            # Storeys stand on each other, so that forces of others do not add to that on the base.
+            on_base = by_storey.get(0, np.max([*by_storey.values()], axis=0))
+            most = int(np.argmax(on_base))
+            held = {each: float(force[most]) for each, force in by_storey.items()}
+            reaches.append(_Reach(motion=motion, forces=held, force=float(on_base[most]), shear=shear))
     return reaches
 
 
@@ -187,13 +234,8 @@ def _counts(results: StudyResults, factor: float) -> str:
     counts = {device.count for device in results.dampers}
     if len(counts) == 1:
         where = "the" if len(results.dampers) == 1 else "each"
-        return f"count = {_round_count(counts.pop() * factor)} in {where} [[damper]]"
-    return f"{_round_count(factor)} times the count of each [[damper]]"
-
-
-def _round_count(count: float) -> int:
-    """A whole number of dampers, to two digits."""
-    return math.ceil(round_to(count, 2))
+        return f"count = {math.ceil(round_to(counts.pop() * factor, 2))} in {where} [[damper]]"
+    return f"{math.ceil(round_to(factor, 2))} times the count of each [[damper]]"
 
 
 def _percent(share: float) -> str:

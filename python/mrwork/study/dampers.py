@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from math import cos, inf
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import get_args
 
 import numpy as np
 
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.numbers import counted
 from mrwork.base.places import keyed, read_each
 from mrwork.base.units import CommandUnit, DriverUnit, number_in
@@ -37,7 +37,7 @@ class ChosenDamper:
     """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
 
     `largest_command` is 1 for a passive damper, which follows no command. `tested` are the ranges of the tests of an
-    identified run, `rated_force` [N] and `rated_stroke` [m] those of the table or of its published set.
+    identified run, `rated_force` [N] and `rated_stroke` [m] stand in the table or in its published set.
     """
 
     spec: DamperSpec
@@ -52,38 +52,32 @@ class ChosenDamper:
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
     """The damper of a table; the path of a run is relative to `folder`."""
     known = _known(table, folder, identified)
-    plain = _model(table.model) if known is None else known.spec.without_laws
-    unit = table.unit or "A" if known is None else known.spec.command_unit or "A"
-    source = "parameters of the study" if known is None else known.source
+    plain, unit = known.spec.without_laws, known.spec.command_unit or table.unit or "A"
     laws, values, lag = _parameters(table, plain, known)
     if missing := [name for name in plain.names if name not in values]:
         raise SettingError(f"[[damper]] has no {', '.join(missing)} of {plain.name}; add to its parameters")
     spec = plain.with_current_laws(laws, unit=unit, lagged=lag is not None)
-    _refuse_unless_passive(table, spec, source)
+    _refuse_unless_passive(table, spec, known.source)
     if table.unit is not None and table.unit != unit and spec.follows_command:
-        raise InvalidSettingError(
-            "unit", f"the command of this damper ({source}) is in {unit}; leave unit out"
-        )
-    largest = _command_given(table, "largest_command", unit) or (
-        0.0 if known is None else known.largest_command
-    )
+        sentence = f"the command of this damper ({known.source}) is in {unit}; leave unit out"
+        raise InvalidSettingError("unit", sentence)
+    largest = _command_given(table, "largest_command", unit) or known.largest_command
     if not largest and spec.follows_command:
         raise SettingError(
             f"[[damper]] has no largest_command; give the largest command of the driver [{unit}]"
         )
-    return ChosenDamper(
+    return replace(
+        known,
         spec=spec,
         theta=np.array([*chain(*(values[name] for name in plain.names)), *([] if lag is None else [lag])]),
         largest_command=largest or 1.0,
-        source=source,
-        tested=None if known is None else known.tested,
-        rated_force=table.rated_force or (None if known is None else known.rated_force),
-        rated_stroke=table.rated_stroke or (None if known is None else known.rated_stroke),
+        rated_force=table.rated_force or known.rated_force,
+        rated_stroke=table.rated_stroke or known.rated_stroke,
     )
 
 
-def _known(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper | None:
-    """The damper that a table names, whose largest command is 0 where it is not known; none if it is written out."""
+def _known(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
+    """The damper that a table names; a largest command that is not known is 0, a model alone has no parameters."""
     if table.preset is not None:
         preset = _preset(table, table.preset)
         return ChosenDamper(
@@ -95,7 +89,10 @@ def _known(table: DamperTable, folder: Path, identified: Identified) -> ChosenDa
             rated_stroke=preset.rated_stroke,
         )
     if table.run is None:
-        return None
+        spec = _model(table.model)
+        return ChosenDamper(
+            spec=spec, theta=np.empty(0), largest_command=0.0, source="parameters of the study"
+        )
     fitted = fitted_of(table, folder, identified)
     unit = fitted.spec.command_unit
     if fitted.spec.follows_command and unit not in get_args(DriverUnit):
@@ -153,24 +150,22 @@ def _model(name: str | DamperSpec | None, key: str = "model") -> DamperSpec:
     """The model of this name, without laws."""
     if isinstance(name, DamperSpec):
         return name.without_laws
-    known = [spec.name for spec in damper_models()]
-    if name not in known:
-        raise InvalidSettingError(key, f"no damper model is called {name!r}{suggestion(name, known)}")
-    return damper(name)
+    with keyed(key):
+        return damper(name or "")
 
 
 def _preset(table: DamperTable, name: str) -> Preset:
     """The published set of this name, of the model if the table names one."""
     models = damper_models() if table.model is None else (_model(table.model),)
     having = [spec for spec in models if name in spec.presets]
-    if not having:
+    with keyed("preset"):
         known = sorted({preset for spec in models for preset in spec.presets})
-        near = suggestion(name, known, otherwise="there are" if table.model is None else f"{table.model} has")
-        raise InvalidSettingError("preset", f"no published set is called {name!r}{near}")
-    if len(having) > 1:
-        several = " and ".join(spec.name for spec in having)
-        raise InvalidSettingError("preset", f"{name!r} is a set of {several}; choose one with model")
-    return having[0].preset(name)
+        there = "there are" if table.model is None else f"{table.model} has"
+        check_known(name, known, f"no published set is called {name!r}", otherwise=there)
+        if len(having) > 1:
+            several = " and ".join(spec.name for spec in having)
+            raise SettingError(f"{name!r} is a set of {several}; choose one with model")
+        return having[0].preset(name)
 
 
 def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> FittedDamper:
@@ -184,40 +179,34 @@ def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> Fitte
 
 
 def _parameters(
-    table: DamperTable, plain: DamperSpec, known: ChosenDamper | None
+    table: DamperTable, plain: DamperSpec, known: ChosenDamper
 ) -> tuple[dict[str, CommandLaw], dict[str, tuple[float, ...]], float | None]:
-    """Laws of the parameters, their coefficients, and the rate of the lag: those known, with those that are given."""
-    laws, values, most = dict[str, CommandLaw](), dict[str, tuple[float, ...]](), MOST_DEGREE + 1
-    lag: float | None = None
-    if known is not None:
+    """Laws of the parameters, their coefficients, and the rate of the lag: as known, with changes that are given."""
+    laws, values, lag = dict(known.spec.laws_by_name), dict[str, tuple[float, ...]](), table.lag
+    if known.theta.size:
         # Coefficients in the order of the parameters, then the rate of the lag.
-        laws, numbers = dict(known.spec.laws_by_name), iter(known.theta.tolist())
+        numbers = iter(known.theta.tolist())
         values = {name: tuple(islice(numbers, law.n_coefficients)) for name, law in laws.items()}
-        lag = next(numbers, None)
+        lag = next(numbers, None) if lag is None else lag
+    has = f"{plain.name} has no parameter"
     for name, given in (table.parameters or {}).items():
-        _refuse_unknown(plain, name, "parameters")
-        values[name] = given if isinstance(given, tuple) else (given,)
-        if not 1 <= (count := len(values[name])) <= most:
-            raise InvalidSettingError(
-                ("parameters", name), f"{name} has {count} coefficients; give 1 to {most}"
-            )
-        laws[name] = CommandLaw(count - 1)
+        with keyed("parameters", name):
+            check_known(name, plain.names, f"{has} {name!r}", otherwise="it has")
+            values[name] = given if isinstance(given, tuple) else (given,)
+            count, most = len(values[name]), MOST_DEGREE + 1
+            if not 1 <= count <= most:
+                raise SettingError(f"{name} has {count} coefficients; give 1 to {most}")
+            laws[name] = CommandLaw(count - 1)
     for name, law in (table.laws or {}).items():
-        _refuse_unknown(plain, name, "laws")
-        laws[name] = law_of(law)
-        expected = laws[name].n_coefficients
-        if name in values and len(values[name]) != expected:
-            raise InvalidSettingError(
-                ("laws", name),
-                f"{name} with the law {law} takes {expected} coefficients, {len(values[name])} are given",
-            )
-    return laws, values, lag if table.lag is None else table.lag
-
-
-def _refuse_unknown(plain: DamperSpec, name: str, key: str) -> None:
-    if name not in plain.names:
-        near = suggestion(name, plain.names, otherwise="it has")
-        raise InvalidSettingError((key, name), f"{plain.name} has no parameter {name!r}{near}")
+        with keyed("laws", name):
+            check_known(name, plain.names, f"{has} {name!r}", otherwise="it has")
+            laws[name] = law_of(law)
+            expected, count = laws[name].n_coefficients, len(values.get(name, ()))
+            if name in values and count != expected:
+                raise SettingError(
+                    f"{name} with the law {law} takes {expected} coefficients, {count} are given"
+                )
+    return laws, values, lag
 
 
 # Mass of a joint over the mean mass of a floor, negligible for the building.

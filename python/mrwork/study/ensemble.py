@@ -20,7 +20,7 @@ from mrwork.study.study import Study
 
 
 def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
-    """The ensemble of the results with each set, whose rows and motions are those of the first."""
+    """The ensemble of the results with each set, all with the rows and motions of the first."""
     return Ensemble(
         sets=tuple(each.dampers[0].model if each.dampers else "" for each in results),
         verdicts=tuple(_verdicts([compared(each) for each in results])),

@@ -30,21 +30,15 @@ from mrwork.store.run_folder import (
 )
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study.comparison import (
-    QuantityChange,
     StudyComparison,
     compared,
     findings,
     judged_in_words,
     motion_groups,
 )
-from mrwork.study.demand import DeviceDemand, worst_by_quantity
+from mrwork.study.damper_size import worst_by_quantity
 from mrwork.study.histories import Histories
-from mrwork.study.results import (
-    Ensemble,
-    StudyResults,
-    criterion_band,
-    score_band,
-)
+from mrwork.study.results import DeviceDemand, Ensemble, StudyResults, bands_over, criterion_band
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, outcome_names, study_criteria, study_quantities
 from mrwork.study.study import Study, StudyFile
 
@@ -54,25 +48,19 @@ def _describe_changes(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
     results = comparison.results
     for rank, rows in comparison.ranks:
         for place, row in enumerate(rows, start=1):
-            bare, passive = (
-                {} if reference in (None, row) else comparison.tables[row, reference]
-                for reference in (comparison.uncontrolled, comparison.passive)
-            )
-            yield {
+            described: dict[str, Any] = {
                 "controller": results.rows[row].label,
                 "kind": results.rows[row].kind,
                 "rank": rank.name,
                 "place": place,
                 "score": results.score(row),
-                "against_uncontrolled": {name: asdict(change) for name, change in bare.items()},
-                "worse_than_uncontrolled": _increases(bare),
-                "against_best_passive": {name: asdict(change) for name, change in passive.items()},
-                "worse_than_best_passive": _increases(passive),
             }
-
-
-def _increases(changes: Mapping[str, QuantityChange]) -> tuple[str, ...]:
-    return tuple(name for name, change in changes.items() if change.worse)
+            references = {"uncontrolled": comparison.uncontrolled, "best_passive": comparison.passive}
+            for key, reference in references.items():
+                changes = {} if reference in (None, row) else comparison.tables[row, reference]
+                described[f"against_{key}"] = {name: asdict(change) for name, change in changes.items()}
+                described[f"worse_than_{key}"] = tuple(name for name, each in changes.items() if each.worse)
+            yield described
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,24 +149,21 @@ def write_study(
     study_file: StudyFile,
     manifest: Mapping[str, object],
     histories: Histories,
-    further: Mapping[str, object] | None = None,
 ) -> None:
     """Commit the folder of a study without its page, in place of an earlier one."""
-    files = study_files(results, study_file)
-    if further and "ensemble" in further:
-        files[ENSEMBLE] = json_document(further["ensemble"]).encode()
-    work.commit(files, manifest, grown=(JOURNAL, *histories.names))
+    work.commit(study_files(results, study_file), manifest, grown=(JOURNAL, *histories.names))
 
 
 def study_files(results: StudyResults, study_file: StudyFile) -> dict[str, bytes]:
     """The files of a study by name, but its manifest, journal, histories and page."""
-    tables = {
-        RESULTS: json_document(_summary(results)),
-        CRITERIA_TABLE: _criteria_csv(results),
-        PROFILES_TABLE: _profiles_csv(results),
-    }
-    return {STUDY: study_file.content, RUNS: runs_content(results)} | {
-        name: text.encode() for name, text in tables.items()
+    ensemble = results.ensemble
+    return {
+        STUDY: study_file.content,
+        RUNS: runs_content(results),
+        RESULTS: json_document(_summary(results)).encode(),
+        CRITERIA_TABLE: _criteria_csv(results).encode(),
+        PROFILES_TABLE: _profiles_csv(results).encode(),
+        **({} if ensemble is None else {ENSEMBLE: json_document(asdict(ensemble)).encode()}),
     }
 
 
@@ -236,7 +221,9 @@ def _summary(results: StudyResults) -> dict[str, Any]:
         "changes": list(_describe_changes(comparison)),
         "realisations": results.n_realisations,
         "score_bands": {
-            row.label: asdict(band) for number, row in rows if (band := score_band(results, number))
+            row.label: asdict(bands["score"])
+            for number, row in rows
+            if (bands := bands_over(results, number, results.row_of("passive_off")))
         },
         "findings": findings(results),
     }
@@ -275,24 +262,21 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
 
 def design_document(study: Study) -> dict[str, Any]:
     """Settings that laws lacked, designs of weights and linear loops as a JSON object; empty where there are none."""
-    taken = [
-        {"controller": label, "notes": each.in_words, "settings": dict(each.settings)}
-        for label, each in study.taken_settings
-    ]
-    weights = [
-        {"controllers": labels, "notes": (*each.in_words, each.advice), **each.document()}
-        for labels, each in study.designs
-    ]
-    loops = [
-        {
-            "controller": label,
-            "notes": (*law.notes, *law.shaping_notes),
-            "margins": None if law.margins is None else asdict(law.margins),
-        }
-        for label, law in study.laws
-        if law.notes or law.shaping_notes
-    ]
-    document: dict[str, Any] = {"settings": taken, "weights": weights, "loops": loops}
+    document: dict[str, Any] = {
+        "settings": [
+            {"controller": label, "notes": each.in_words, "settings": dict(each.settings)}
+            for label, each in study.taken_settings
+        ],
+        "weights": [
+            {"controllers": labels, "notes": (*each.in_words, each.advice), **each.document()}
+            for labels, each in study.designs
+        ],
+        "loops": [
+            {"controller": label, "notes": notes, "margins": law.margins and asdict(law.margins)}
+            for label, law in study.laws
+            if (notes := (*law.notes, *law.shaping_notes))
+        ],
+    }
     return {name: value for name, value in document.items() if value}
 
 
@@ -321,29 +305,18 @@ def _criteria_csv(results: StudyResults) -> str:
     units = {each.name: each.unit for each in results.labelled.declared}
     heads = [f"{entry.name} [{units[entry.name]}]" for entry in known]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
-    for number, row in enumerate(results.rows):
-        values = np.stack([results.labelled.numbers[entry.name][number, :, 0] for entry in known], axis=1)
-        runs = zip(
-            results.motions,
-            outcome_names(quantities.outcome[number, :, 0]).tolist(),
-            quantities.energy_error[number, :, 0].tolist(),
-            results.scores(number).tolist(),
-            values.tolist(),
-            strict=True,
-        )
-        lines += [
+    outcomes = outcome_names(quantities.outcome[:, :, 0])
+    scores = [results.scores(row) for row in range(len(results.rows))]
+    for row, motion in np.argwhere(quantities.done[:, :, 0]).tolist():
+        facts = results.motions[motion]
+        error, score = quantities.energy_error[row, motion, 0], scores[row][motion]
+        values = (results.labelled.numbers[entry.name][row, motion, 0] for entry in known)
+        lines.append(
             [
-                row.label,
-                motion.name,
-                motion.use,
-                outcome,
-                _cell(error, 3),
-                _cell(score, 6),
-                *(_cell(value) for value in numbers),
+                *(results.rows[row].label, facts.name, facts.use, str(outcomes[row, motion])),
+                *(_cell(error, 3), _cell(score, 6), *map(_cell, values)),
             ]
-            for motion, outcome, error, score, numbers in runs
-            if outcome
-        ]
+        )
     return csv_text(lines)
 
 

@@ -3,22 +3,24 @@
 The intensity at which a record first reaches the limit is interpolated between two of its levels, or known to lie
 between them where a run diverged; a record that reaches the limit at its lowest level lies below, one that never does
 lies above. The likelihood is concave in the slope and the place of the normal distribution of the logarithms (Burridge,
-Biometrika 68, 1981), so that Newton's method finds its maximum, if there is one. It is that of truncated incremental
-dynamic analyses, and with one level for each record that of counts at each level (Baker, Earthquake Spectra 31, 2015).
+Biometrika 68, 1981), so that Newton's method finds its maximum, if there is one. Truncated incremental dynamic analyses
+have this likelihood, and so have counts at each level, with one level for each record (Baker, Earthquake Spectra 31,
+2015).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, ClassVar, Literal
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
+from mrwork.base.hints import May
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
@@ -138,11 +140,6 @@ class Fragility(Summarised):
         return f"{self.bound} {_in_g(end)} g".lstrip()
 
     @property
-    def in_words(self) -> str:
-        """The label, the median as in `brief`, and how many records reach the limit."""
-        return f"{self.label}: {self.brief}; {self.reaching} records reach it"
-
-    @property
     def brief(self) -> str:
         """The median with its band in parentheses, or how it is bounded."""
         band = "" if self.bound in ("above", "below") else f" ({' to '.join(map(_in_g, self.band))})"
@@ -179,7 +176,7 @@ class Fragility(Summarised):
 
     def _summary(self) -> Summary:
         return Summary(
-            title=f"Fragility, {self.measure}: {self.in_words}",
+            title=f"Fragility, {self.measure}: {self.label}: {self.brief}; {self.reaching} records reach it",
             facts=(("dispersion", format_rounded(self.dispersion)),),
             columns=("level [g]", "reached [%]", "beyond tests [%]"),
             rows=[
@@ -200,7 +197,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
 
     Its arrays are the probability by the lognormal distribution, the share that `reached` the limit and that `outside`
     of tested ranges over row and intensity, and the response of each record.
-    `level` is that of the bands, `criterion` has the `limit`, in this unit. `study_warnings` are those of the results.
+    Bands are of this `level`, `criterion` has the `limit`, in this unit. `study_warnings` are taken from the results.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})"
@@ -367,14 +364,14 @@ def fragility(
 
     Give the records several levels, as `pga = ["0.1 g", "0.2 g", ...]` of a `[[motion]]` (incremental dynamic
     analysis), or each record one (stripes). The intensity is what the motions are scaled to, `sa` or `pga`. The laws
-    and the best constant command are those of the study, the same at every level. A run that diverged has reached the
+    and the best constant command of the study are the same at every level. A run that diverged has reached the
     limit; one that could not be resolved is taken to lie above the level before. Copies of a record count once.
 
     Parameters
     ----------
     limit
-        A criterion and its limit, as `{"peak_drift_ratio": 0.01}` or `"1 %"`; by default that of the study, `limit` of
-        `[report]` or `drift_limit` of `[building]`, and where it states none collapse, a drift ratio of 0.1.
+        A criterion and its limit, as `{"peak_drift_ratio": 0.01}` or `"1 %"`; by default `limit` of `[report]` of the
+        study, or `drift_limit` of `[building]`, and where it states none collapse, a drift ratio of 0.1.
     level
         Level of the bands, by bootstrap over the records; the same records are drawn for every arrangement.
     modelling_dispersion
@@ -409,45 +406,33 @@ def fragility(
             f"a fragility is over two records or more at several levels, and here are {counted(n_records, 'record')} "
             f'and {counted(n_levels, "level")}; give several, as pga = ["0.1 g", "0.2 g"] of each [[motion]]'
         )
-    weights = drawn_weights(n_records, seed)
-    responses, there = results.labelled.up_to_collapse(name)[:, :, 0], at.places >= 0
-    rows = {}
-    for number, row in enumerate(results.rows):
-        outside = np.array(
-            [
-                any(each.outside.exceedances for each in results.demands(number, n))
-                for n in range(len(results.motions))
-            ]
-        )
-        found = fragility_of(
-            *(
-                row.label,
-                row.kind,
-                np.where(there, responses[number, at.places], np.nan),
-                at.levels,
-                value,
-                weights,
-            ),
-            level=level,
-            records=at.records,
-            measure=at.measure,
-            outside=np.where(there, outside[at.places], np.nan),
-        )
-        rows[row.label] = replace(found, dispersion=math.hypot(found.dispersion, modelling_dispersion))
-    unit = in_command_unit(criterion_named(name).unit, results.command_unit)
-    return Fragilities(
-        criterion=name,
-        limit=value,
-        unit=unit,
+    there = at.places >= 0
+    responses = results.labelled.up_to_collapse(name)[:, :, 0]
+    outside = np.zeros(responses.shape)
+    for place, demands in results.demanded.items():
+        outside[place] = any(each.outside.exceedances for each in demands)
+    responses, outside = (np.where(there, each[:, at.places], np.nan) for each in (responses, outside))
+    return _fragilities(
+        {
+            row.label: (row.kind, *of_row)
+            for row, *of_row in zip(results.rows, responses, outside, strict=True)
+        },
+        at.levels,
+        name,
+        value,
+        unit=in_command_unit(criterion_named(name).unit, results.command_unit),
         level=level,
-        rows=rows,
+        records=at.records,
+        measure=at.measure,
+        seed=seed,
+        modelling_dispersion=modelling_dispersion,
         study_warnings=results.study_warnings,
     )
 
 
 @checked
 def fragilities_of(
-    responses: Mapping[str, ArrayLike],
+    responses: Mapping[str, Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]],
     levels: ArrayLike,
     limit: Positive,
     *,
@@ -511,63 +496,71 @@ def fragilities_of(
         raise SettingError(
             f"`records` has {counted(len(names), 'name')}, and `responses` {shape[0]} rows; give as many"
         )
-    unit, weights = criterion_named(criterion).unit, drawn_weights(shape[0], seed)
-    rows = {
-        label: fragility_of(
-            *(label, "uncontrolled" if label == "uncontrolled" else "controller", each, at, limit, weights),
-            level=level,
-            records=names,
-            measure=measure,
-        )
-        for label, each in by_label.items()
-    }
-    return Fragilities(criterion=criterion, limit=limit, unit=unit, level=level, rows=rows)
+    known = np.zeros(shape)
+    return _fragilities(
+        {
+            label: ("uncontrolled" if label == "uncontrolled" else "controller", each, known)
+            for label, each in by_label.items()
+        },
+        at,
+        criterion,
+        limit,
+        unit=criterion_named(criterion).unit,
+        level=level,
+        records=names,
+        measure=measure,
+        seed=seed,
+    )
 
 
-def fragility_of(
-    label: str,
-    kind: Kind,
-    responses: Floats,
+def _fragilities(
+    rows: Mapping[str, tuple[Kind, Floats, Floats]],
     levels: Floats,
+    criterion: str,
     limit: float,
-    weights: Floats,
     *,
+    unit: str,
     level: float,
     records: Sequence[str],
-    measure: str = "PGA",
-    outside: Floats | None = None,
-) -> Fragility:
-    """The fragility of an arrangement from its responses, as of `Fragility`, with the weights of `drawn_weights`.
+    measure: str,
+    seed: int,
+    modelling_dispersion: float = 0.0,
+    study_warnings: tuple[str, ...] = (),
+) -> Fragilities:
+    """Fragilities of arrangements by label, each of its kind, its responses, and 1 where a run is beyond tested ranges.
 
-    `outside` is 1 where a run went beyond the tested ranges of a damper, NaN where there is no run.
+    Both arrays are over record and level; NaN is where there is no run.
     """
-    outside = np.zeros(responses.shape) if outside is None else outside
-    there = ~np.isnan(outside)
-    crossings = tuple(
-        _crossing(record, levels[own], line[own], limit)
-        for record, own, line in zip(records, there, responses, strict=True)
-    )
-    above, below = np.array([each.ends for each in crossings]).T
-    medians, dispersions = lognormal_of(above, below, weights)
-    ends = _known_ends(medians[1:], levels)
-    if dispersions[0] == 0.0 and 0.0 < medians[0] < math.inf:
-        ends = np.where(
-            (medians[1:] > 0.0) & (medians[1:] < np.inf), _middle(above, below, weights[1:]), ends
+    weights, found = drawn_weights(len(records), seed), {}
+    for label, (kind, responses, outside) in rows.items():
+        there = ~np.isnan(outside)
+        crossings = tuple(
+            _crossing(record, levels[own], line[own], limit)
+            for record, own, line in zip(records, there, responses, strict=True)
         )
-    return Fragility(
-        label=label,
-        kind=kind,
-        measure=measure,
-        median=float(medians[0]),
-        dispersion=float(dispersions[0]),
-        band=_band(ends[0], ends[1], level, len(crossings)),
-        medians=medians[1:],
-        ends=ends,
-        crossings=crossings,
-        levels=levels,
-        crossed=_share(responses >= limit, ~np.isnan(responses)),
-        outside=_share(outside == 1.0, there),
-        responses=responses,
+        above, below = np.array([each.ends for each in crossings]).T
+        (median, *medians), (dispersion, *_) = lognormal_of(above, below, weights)
+        drawn = np.array(medians)
+        ends = _known_ends(drawn, levels)
+        if dispersion == 0.0 and 0.0 < median < math.inf:
+            ends = np.where((drawn > 0.0) & (drawn < np.inf), _middle(above, below, weights[1:]), ends)
+        found[label] = Fragility(
+            label=label,
+            kind=kind,
+            measure=measure,
+            median=float(median),
+            dispersion=math.hypot(dispersion, modelling_dispersion),
+            band=_band(ends[0], ends[1], level, len(crossings)),
+            medians=drawn,
+            ends=ends,
+            crossings=crossings,
+            levels=levels,
+            crossed=_share(responses >= limit, ~np.isnan(responses)),
+            outside=_share(outside == 1.0, there),
+            responses=responses,
+        )
+    return Fragilities(
+        criterion=criterion, limit=limit, unit=unit, level=level, rows=found, study_warnings=study_warnings
     )
 
 
@@ -669,7 +662,7 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     with np.errstate(invalid="ignore"):
         medians = np.where(np.isinf(lowest), np.inf, np.sqrt(highest * lowest))
     dispersions = np.zeros(len(weights))
-    # A level that separates them all is the median only if records lie on its either side to that of the majority.
+    # A level that separates them all is the median only if records lie between it and the majority.
     at, share = medians[:, None], (weights * (below <= medians[:, None])).sum(axis=1) / weights.sum(axis=1)
     known = above == below
     higher = (counts & (known | (at < below)) & np.isfinite(below)).any(axis=1)
@@ -688,7 +681,7 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
 def _rises(above: Floats, below: Floats, weights: Floats) -> NDArray[np.bool_]:
     """Whether the likelihood of records with one end each rises with the slope at 0, for each row of weights.
 
-    It does where the mean logarithm of the upper ends lies above that of the lower ones.
+    It does where the mean logarithm of the upper ends lies above the mean of the lower ones.
     """
     one_sided = ((below, (above == 0.0) & np.isfinite(below)), (above, (above > 0.0) & np.isinf(below)))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -735,7 +728,7 @@ def _likelihood(
 ) -> tuple[Floats, Floats, Floats]:
     """Logarithm of the likelihood of each row of weights, its gradient in slope and place, and minus its curvature."""
     (xa, za, da), (xb, zb, db) = (_at_end(x, slope, place) for x in (low, high))
-    # Where the intensity is known the likelihood is its density, slope times that of z.
+    # Where the intensity is known the likelihood is its density, slope times the density of z.
     known, steepness = low == high, slope[:, None]
     # In the upper tail the difference of the complements is exact.
     ndtr = scipy.special.ndtr

@@ -26,7 +26,7 @@ _ENERGY = ("input", "kinetic", "strain", "damping", "devices")
 class RunHistory(Labelled):
     """The history of a run, each signal an attribute: shapes (n_time,), for floors, storeys and devices (n_time, n).
 
-    They are those of `history_signals` that pages draw. `energy` has the columns input, kinetic, strain, damping and
+    They are the `history_signals` that pages draw. `energy` has the columns input, kinetic, strain, damping and
     devices [J], cumulative from the start; passive devices count among them. The rest of the input is in storeys that
     yield.
     """
@@ -70,7 +70,7 @@ class Histories:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Paths in the run folder, also of those that are not stored."""
+        """Paths in the run folder, also of histories that are not stored."""
         motions = range(len(self._study.motions))
         return tuple(_name_of(row, motion) for row in range(len(self._study.rows)) for motion in motions)
 
@@ -79,14 +79,11 @@ class Histories:
         path = self._work.grown(_name_of(row, motion))
         if not path.is_file():
             return False
-        ground, step = self._study.grounds[motion], self._study.hardware.sample_time
         try:
-            time = _read_history(path).time
+            _read_history(path)
         except RecordError:
             return False
-        # A motion need not end at a sample.
-        whole = abs(ground.duration / step - time.size) < 2.0
-        return whole and np.array_equal(time, np.arange(time.size) * step)
+        return True
 
     def keep(self, row: int, motion: int, history: RunHistory) -> None:
         """Store the history of a run, whole or not at all."""
@@ -98,22 +95,18 @@ class Histories:
             "device": labels_of(study.device_names[: history.force.shape[1]]),
             "energy_part": labels_of(_ENERGY),
         }
+        energy = Quantity(name="energy", axis="run", unit="J", description="energy since the start")
         arrays = {
-            each.name: (each.own_axes, in_command_unit(each.unit, study.command_unit), each.description)
-            for each in _kept_signals()
+            each.name: NamedArray.of(
+                history.numbers[each.name].astype(np.float32),
+                *("time", *(("energy_part",) if each is energy else each.own_axes)),
+                unit=in_command_unit(each.unit, study.command_unit),
+                long_name=each.description,
+            )
+            for each in (*_kept_signals(), energy)
         }
-        arrays["energy"] = (("energy_part",), "J", "energy since the start")
-        content = NamedArrays(
-            title=f"{study.rows[row].label} under {study.motions[motion].name}",
-            rows=("time",),
-            labels=labels,
-            arrays={
-                name: NamedArray.of(
-                    history.numbers[name].astype(np.float32), "time", *axes, unit=unit, long_name=words
-                )
-                for name, (axes, unit, words) in arrays.items()
-            },
-        )
+        title = f"{study.rows[row].label} under {study.motions[motion].name}"
+        content = NamedArrays(title=title, rows=("time",), labels=labels, arrays=arrays)
         with replacing(self._work.growing(_name_of(row, motion))) as stream:
             stream.write(netcdf_of({"": content}, checksums=True))
 

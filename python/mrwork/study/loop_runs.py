@@ -20,7 +20,7 @@ from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
-from mrwork.study.realisations import Realisations
+from mrwork.study.realisations import Realisations, nominal
 from mrwork.study.runs import Runs, candidate_axes, numbered, runs_of
 from mrwork.study.study import Arrangement, StudyLaw
 
@@ -50,7 +50,7 @@ def simulate_criteria(
     law: StudyLaw,
     motions: Sequence[GroundMotion],
     hardware: Hardware,
-    realisations: Realisations,
+    realisations: Realisations | None = None,
     *,
     largest_commands: Floats | None = None,
     shaping: Floats | None = None,
@@ -58,12 +58,13 @@ def simulate_criteria(
     on_block: OnBlock | None = None,
     changes: GainChanges | None = None,
 ) -> Runs:
-    """Criteria of candidates of a law under motions, with realisations, in one call of the core.
+    """Criteria of candidates of a law under motions, with realisations or once, in one call of the core.
 
     The observer, if there is one, is designed for the nominal building, and laws go on believing in it.
     `largest_commands` and `shaping` belong to the candidates, see `simulate_loop`; `changes` make candidates of one
     law. Storeys that yield have one strength in a call, so that realisations of their stiffness are calls of their own.
     """
+    realisations = nominal(arrangement.devices) if realisations is None else realisations
     yields = any(each.in_stiffness for each in arrangement.building.elements)
     if yields and len(realisations) > 1 and (realisations.stiffness != 1.0).any():
         count = len(realisations)

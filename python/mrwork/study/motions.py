@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.base.keys import Arguments
 from mrwork.base.places import keyed, read_each
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.buildings import Building
@@ -92,15 +91,13 @@ def bare_motions(table: MotionTable, number: int, folder: Path, seed: int) -> li
     ]
 
 
-def motions_of_study(
-    read: Sequence[BareMotion], *, sample_time: float, aims: Aims
-) -> tuple[MotionOfStudy, ...]:
+def motions_of_study(read: Sequence[BareMotion], aims: Aims) -> tuple[MotionOfStudy, ...]:
     """The motions of a study, one for each factor or intensity of each record."""
     _refuse_both_uses(read)
     copies = copies_among([each.ground for each in read])
     names = {copy: read[first].ground.name for copy, first in copies.items()}
     of_each = read_each(
-        lambda number: _scaled_motions(read[number], sample_time, aims, names.get(number, "")),
+        lambda number: _scaled_motions(read[number], aims, names.get(number, "")),
         range(len(read)),
     )
     motions = tuple(motion for of_one in of_each for motion in of_one)
@@ -123,25 +120,29 @@ def refuse_same(names: Sequence[str], table: str, what: str, key: str) -> None:
         raise InvalidSettingError(table, f"two {what} are called {twice!r}; give one of them another {key}")
 
 
-def _scaled_motions(bare: BareMotion, sample_time: float, aims: Aims, copy_of: str) -> list[MotionOfStudy]:
+def _scaled_motions(bare: BareMotion, aims: Aims, copy_of: str) -> list[MotionOfStudy]:
     with keyed("motion", bare.number):
-        _refuse_still(bare, sample_time)
+        if not bare.ground.acceleration.any():
+            # Scores divide by the response at i = 0.
+            raise SettingError(
+                f"motion {bare.ground.name!r} is zero throughout, and has no response; leave it out"
+            )
         scaled = list(_scale(bare.ground, bare.table, aims))
         for ground, *_ in scaled:
             refuse_absurd(ground.acceleration, source=f"motion {ground.name!r}")
-        return [
-            MotionOfStudy(
-                ground=ground,
-                use=bare.table.use,
-                synthetic=bare.table.is_synthetic,
-                record=bare.ground.name,
-                intensity=intensity,
-                factor=factor,
-                copy_of=copy_of,
-                warnings=bare.warnings,
-            )
-            for ground, intensity, factor in scaled
-        ]
+    return [
+        MotionOfStudy(
+            ground=ground,
+            use=bare.table.use,
+            synthetic=bare.table.is_synthetic,
+            record=bare.ground.name,
+            intensity=intensity,
+            factor=factor,
+            copy_of=copy_of,
+            warnings=bare.warnings,
+        )
+        for ground, intensity, factor in scaled
+    ]
 
 
 def _warnings(ground: GroundMotion, table: MotionTable) -> tuple[str, ...]:
@@ -158,16 +159,26 @@ _Grounds = list[tuple[GroundMotion, Path | None]]
 
 def _grounds(table: MotionTable, folder: Path, seed: int) -> _Grounds:
     """The ground motions that a table names, gives or draws, with their files."""
-    if isinstance(table.file, str):
+    given, seed, step = table.file, seed + table.seed, table.dt or _SYNTHETIC_STEP
+    if isinstance(given, str):
         with keyed("file"):
-            return _read_record(table, folder / table.file)
-    if isinstance(table.file, GroundMotion):
+            return _read_record(table, folder / given)
+    if isinstance(given, GroundMotion):
         with keyed("file"):
-            refuse_absurd(table.file.acceleration, source=table.file.name)
-        return [(replace(table.file, name=table.name or table.file.name), None)]
+            refuse_absurd(given.acceleration, source=given.name)
+        return [(replace(given, name=table.name or given.name), None)]
     if table.suite is not None:
-        return _suite(table, table.suite, seed)
-    return _synthetic(table, seed) if table.synthetic is not None else [(_of_samples(table), None)]
+        with keyed("suite"):
+            drawn = suite(**table.suite.of(suite), rng=seed, dt=step, name=table.name)
+        return [(motion, None) for motion in drawn]
+    if table.synthetic is not None:
+        duration = table.duration or _SYNTHETIC_DURATION
+        name = table.name or table.synthetic.replace("_", "-").title()
+        return [(synthetic_motion(_spectrum(table), rng=seed, duration=duration, dt=step, name=name), None)]
+    size = factor_to_si(table.unit or "m/s2", "acceleration", context="unit")
+    acceleration = size * np.array(table.acceleration)
+    refuse_absurd(acceleration, source="acceleration")
+    return [(GroundMotion(name=table.name or "motion", dt=step, acceleration=acceleration), None)]
 
 
 def _read_record(table: MotionTable, file: Path) -> _Grounds:
@@ -180,33 +191,6 @@ def _read_record(table: MotionTable, file: Path) -> _Grounds:
             motion = replace(motion, name=name)
         grounds.append((motion, path.resolve()))
     return grounds
-
-
-def _of_samples(table: MotionTable) -> GroundMotion:
-    assert table.dt is not None
-    size = factor_to_si(table.unit or "m/s2", "acceleration", context="unit")
-    acceleration = size * np.array(table.acceleration)
-    refuse_absurd(acceleration, source="acceleration")
-    return GroundMotion(name=table.name or "motion", dt=table.dt, acceleration=acceleration)
-
-
-def _suite(table: MotionTable, given: Arguments, seed: int) -> _Grounds:
-    with keyed("suite"):
-        drawn = suite(
-            **given.of(suite), rng=seed + table.seed, dt=table.dt or _SYNTHETIC_STEP, name=table.name
-        )
-    return [(motion, None) for motion in drawn]
-
-
-def _synthetic(table: MotionTable, seed: int) -> _Grounds:
-    motion = synthetic_motion(
-        _spectrum(table),
-        rng=seed + table.seed,
-        duration=table.duration or _SYNTHETIC_DURATION,
-        dt=table.dt or _SYNTHETIC_STEP,
-        name=table.name or (table.synthetic or "").replace("_", "-").title(),
-    )
-    return [(motion, None)]
 
 
 def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
@@ -224,20 +208,6 @@ def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
                     f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
                     f"{likeness(test.ground, other.ground):.3f}; {remedy}"
                 )
-
-
-def _refuse_still(bare: BareMotion, sample_time: float) -> None:
-    """Refuse a motion without a response: scores divide by that at i = 0."""
-    name, duration = bare.ground.name, bare.ground.duration
-    if duration < sample_time:
-        raise SettingError(
-            f"motion {name!r} lasts {duration:.3g} s, less than a sample of the law, {sample_time:g} s; give a longer "
-            "one, or a shorter sample_time of the [hardware]"
-        )
-    if not bare.ground.acceleration.any():
-        raise SettingError(
-            f"motion {name!r} is zero throughout, so nothing moves and no score exists; leave it out"
-        )
 
 
 def _spectrum(table: MotionTable) -> SpectralDensity:

@@ -34,9 +34,8 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.course import Course, Kind, StudyProgress, cost_of
+from mrwork.study.course import Course, StudyProgress
 from mrwork.study.loop_runs import simulate_criteria
-from mrwork.study.realisations import nominal
 from mrwork.study.runs import Runs
 from mrwork.study.study import (
     WEIGHT,
@@ -120,7 +119,7 @@ def designed(
     Parameters
     ----------
     journal
-        Records the settings that are taken, and recalls those of a run that was interrupted.
+        Records the settings that are taken, and recalls them after an interrupt.
     on_progress
         Called with the progress of the runs from which settings are taken.
 
@@ -142,8 +141,8 @@ def designed(
         at_zero=replace(study.at_zero, law=None),
         problem=study.problem,
         hardware=study.hardware,
-        n_scanned=sum(bool(each.missing) for each in lacking),
         call=LongCall(journal=journal, on_progress=on_progress),
+        course=Course(on_progress),
     )
 
     def arranged(each: Arrangement) -> Arrangement:
@@ -168,18 +167,8 @@ class _Trials:
     at_zero: Arrangement
     problem: DesignProblem
     hardware: Hardware
-    n_scanned: int
     call: LongCall[StudyProgress, Study]
-
-    @cached_property
-    def _course(self) -> Course:
-        """Progress of all scans, of as many steps each."""
-        n_candidates = 2 + _STEPS * self.n_scanned
-        costs: Mapping[Kind, float] = {"core": self._cost(2) + self._cost(_STEPS) * self.n_scanned}
-        return Course(self.call.on_progress, costs, n_candidates * len(self.problem.motions))
-
-    def _cost(self, n_candidates: int) -> float:
-        return cost_of(self.at_zero, self.problem.motions, self.hardware, n_candidates)
+    course: Course
 
     def design(self, named: NamedLaw) -> tuple[ControlLaw, TakenSettings]:
         """A law with the settings that it lacks, and how they came."""
@@ -268,7 +257,7 @@ class _Trials:
         many = [{name: float(each[step]) for name, each in scanned.items()} for step in range(count)]
         designed = design_candidates(law, problem, [settings_of(law, {**held, **each}) for each in many])
         (off, on, _), scores = self._response, np.full(count, math.inf)
-        self._course.begin(f"settings of {law}", "core", self._cost(count), 0)
+        self.course.begin(f"settings of {law}")
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
             runs = self._run(problem, named.shaped(designed.law))
@@ -298,7 +287,7 @@ class _Trials:
     def _response(self) -> tuple[Runs, Runs, Magnitudes]:
         """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
         problem = self.problem.whole
-        self._course.begin("dampers at i = 0 and at the largest command", "core", self._cost(2), 0)
+        self.course.begin("dampers at i = 0 and at the largest command")
         off, on = (self._run(problem, constant_share(problem.devices, share)) for share in (0.0, 1.0))
         magnitudes = magnitudes_of_runs(problem.building, problem.motions, off, on, devices=problem.devices)
         return off, on, magnitudes
@@ -309,6 +298,5 @@ class _Trials:
             law,
             problem.motions,
             self.hardware,
-            nominal(problem.all_devices),
-            on_block=self._course.advance,
+            on_block=self.course.advance,
         )

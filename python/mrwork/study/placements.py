@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from typing import Any, Final
 
 from mrwork.base.numbers import counted
@@ -20,7 +21,7 @@ Placed = Mapping[str, int]
 
 
 def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Placed]]:
-    """The placement that the [[damper]] of a study give, and those of its [places]."""
+    """The placement that the [[damper]] of a study give, and all that its [places] allow."""
     places, dampers = table.places, table.damper
     assert places is not None
     for number, each in enumerate(dampers):
@@ -45,22 +46,21 @@ def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Place
             f"dampers is {number}, and the study has {len(dampers)} [[damper]]; give one, or one for each place",
         )
     most = min(places.each or number, number)
-    ways = [1, *[0] * number]
-    for _ in names:
-        ways = [sum(ways[max(0, total - most) : total + 1]) for total in range(number + 1)]
-    if not 1 <= ways[number] <= MOST_PLACEMENTS:
-        remedy = (
-            "fewer storeys, a smaller each, or fewer dampers of a larger count"
-            if ways[number]
-            else "a larger each"
-        )
+    placements: list[Placed] = list(islice(_spread(names, number, most), MOST_PLACEMENTS + 1))
+    if not 1 <= len(placements) <= MOST_PLACEMENTS:
+        have, remedy = "no placement", "a larger each"
+        if placements:
+            have, remedy = (
+                "more placements",
+                "fewer storeys, a smaller each, or fewer dampers of a larger count",
+            )
         raise InvalidSettingError(
             "places",
-            f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have "
-            f"{ways[number]:,} placements, and 1 to {MOST_PLACEMENTS} are compared; give {remedy}",
+            f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have {have}, and "
+            f"1 to {MOST_PLACEMENTS} are compared; give {remedy}",
         )
     given = {name: own[name] if len(dampers) > 1 else number for name in bare.storey_names if own[name]}
-    return given, list(_spread(names, number, most))
+    return given, placements
 
 
 def _spread(names: Sequence[str], number: int, most: int) -> Iterator[dict[str, int]]:
@@ -73,7 +73,7 @@ def _spread(names: Sequence[str], number: int, most: int) -> Iterator[dict[str, 
 
 
 def placed_tables(first: DamperTable, placed: Placed) -> list[DamperTable]:
-    """Tables of the dampers of a placement, made of that of one."""
+    """Tables of the dampers of a placement, made of the table of one."""
     return [
         replace(first, storey=name, name=None, count=first.count * number) for name, number in placed.items()
     ]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.base.documents import read_table
-from mrwork.base.keys import Arguments, given_in, suggestion
+from mrwork.base.keys import Arguments, check_known, given_in
 from mrwork.base.numbers import of_unit
 from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.summary import list_names
@@ -57,7 +57,6 @@ from mrwork.study.schema import (
     DamperTable,
     LawFileTable,
     MotionTable,
-    ReportTable,
     StudyTable,
     TuneTable,
     target_spectrum,
@@ -206,16 +205,18 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
     with all_mistakes() as part:
         with part():
             building, devices = equip_building(bare, table.damper, found.dampers)
-            # Those that a law commands come first, whatever their order in the file.
+            # Dampers that a law commands come first, whatever their order in the file.
             order = sorted(range(len(devices)), key=lambda number: not devices[number].is_commanded)
             if order != list(range(len(devices))):
                 devices = tuple(devices[number] for number in order)
                 table = replace(table, damper=tuple(table.damper[number] for number in order))
                 found = replace(found, dampers=[found.dampers[number] for number in order])
         with part():
-            motions = motions_of_study(found.records, sample_time=hardware.sample_time, aims=aims)
-        with part():
-            limit = _limit(table.report, command_unit, bare)
+            motions = motions_of_study(found.records, aims)
+        with part(), keyed("report", "limit"):
+            limit: Mapping[str, float] = {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
+            if table.report.limit is not None:
+                limit = limit_of(table.report.limit, command_unit, Scales.of(bare))
         with part():
             if table.places is not None:
                 placements_of(table, bare)
@@ -233,10 +234,8 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
                 raise InvalidSettingError(("damper", 0), lacking)
     chosen_on = tuple(motion.ground for motion in designed_on)
 
-    stays_elastic = elastic_frame(building) is building
-
     @cache
-    def peaks_of(elastic: bool) -> ReferencePeaks:
+    def reference_peaks(elastic: bool) -> ReferencePeaks:
         # Simulated only where a law refers to these peaks and its table leaves them out.
         from mrwork.study.constant import ConstantSearch
 
@@ -244,10 +243,11 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
         at_zero = Arrangement(row=row, bare=bare, building=of, devices=devices, law=None)
         return ConstantSearch(arrangement=at_zero, motions=chosen_on, hardware=hardware).reference_peaks()
 
-    def reference_peaks(elastic: bool) -> ReferencePeaks:
-        return peaks_of(elastic and not stays_elastic)
-
     driven = commanded(devices)
+    expected = {
+        name: next(filter(None, (getattr(each, name) for each in table.damper)), None)
+        for name in ("amplitude", "velocity")
+    }
     problem = DesignProblem(
         building=building,
         devices=driven,
@@ -257,16 +257,14 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
         motions=chosen_on,
         judged=designed_on[0].use == "test",
         reference_peaks=reference_peaks if devices else None,
-        amplitude=_first(table.damper, "amplitude"),
-        velocity=_first(table.damper, "velocity"),
+        **expected,
     )
     compared = arrangements(table, bare, problem, found.folder, hardware, found.settings)
     labels = [each.row.label for each in compared]
     refuse_same(labels, "controller", "arrangements", "label")
-    for label in table.report.controllers:
-        if label not in labels:
-            near = suggestion(label, labels)
-            raise InvalidSettingError(("report", "controllers"), f"no arrangement is called {label!r}{near}")
+    with keyed("report", "controllers"):
+        for label in table.report.controllers:
+            check_known(label, labels, f"no arrangement is called {label!r}")
     study = Study(
         table=table,
         folder=found.folder.resolve(),
@@ -295,11 +293,6 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
     return study
 
 
-def _first(tables: Sequence[DamperTable], name: str) -> Any:
-    """What the first damper gives that gives it."""
-    return next((given for each in tables if (given := getattr(each, name)) is not None), None)
-
-
 def _check_suite(aims: Aims, motions: Sequence[MotionOfStudy]) -> SuiteCheck | None:
     """The suite of test motions against the target, where the study has one and each record stands once."""
     judged = [motion for motion in motions if motion.use == "test"]
@@ -315,7 +308,7 @@ def _design_motions(
 ) -> tuple[tuple[MotionOfStudy, ...], tuple[str, ...]]:
     """The motions on which laws are designed, and their levels where there is a `design_level` or records have several.
 
-    They are the training motions, or all where there are none; with a `design_level` those of it.
+    They are the training motions, or all where there are none; with a `design_level` the motions of it.
     """
     chosen = tuple(each for each in motions if each.use == "training") or tuple(motions)
     levels = tuple(each.level_in_words for each in sorted(chosen, key=lambda each: each.level))
@@ -331,15 +324,6 @@ def _design_motions(
             f"no {what} is scaled to {wanted:.4g} m/s2, or by this factor; give one of {list_names(levels)}",
         )
     return of_level, (of_level[0].level_in_words,)
-
-
-def _limit(table: ReportTable, command_unit: str, bare: Building) -> Mapping[str, float]:
-    """The criterion with its limit of which the study has the fragility, if it states one."""
-    scales = Scales.of(bare)
-    if table.limit is None:
-        return {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
-    with keyed("report", "limit"):
-        return limit_of(table.limit, command_unit, scales)
 
 
 def _questions(table: StudyTable, limit: Mapping[str, float], place: Place) -> Iterator[str]:
@@ -359,18 +343,18 @@ def _questions(table: StudyTable, limit: Mapping[str, float], place: Place) -> I
 def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy]) -> int:
     """Index of the motion of the time histories; one that [report] names must be in the study.
 
-    By default the test motion of the largest peak, of those of the `design_level` where the study names one.
+    By default the test motion of the largest peak, at the `design_level` where the study names one.
     """
     names, wanted, level = [motion.name for motion in motions], table.report.motion, table.design_level
-    if wanted is not None and wanted not in names:
-        near = suggestion(wanted, names)
-        raise InvalidSettingError(("report", "motion"), f"no motion is called {wanted!r}{near}")
+    if wanted is not None:
+        with keyed("report", "motion"):
+            check_known(wanted, names, f"no motion is called {wanted!r}")
+            return names.index(wanted)
     test = np.array([motion.use == "test" for motion in motions])
     if level is not None:
         of_level = test & [math.isclose(motion.level, level, rel_tol=1e-6) for motion in motions]
         test = of_level if of_level.any() else test
-    largest = int(np.argmax([motion.ground.peak for motion in motions] * test))
-    return largest if wanted is None else names.index(wanted)
+    return int(np.argmax([motion.ground.peak for motion in motions] * test))
 
 
 def _facts(

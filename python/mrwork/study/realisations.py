@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.places import keyed
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
@@ -18,15 +17,15 @@ from mrwork.errors import InvalidSettingError
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of
 from mrwork.study.dampers import Identified, chosen_damper, fitted_of
-from mrwork.study.schema import DamperTable, StudyTable, UncertaintyTable
+from mrwork.study.schema import DamperTable, StudyTable
 
 
 @array_dataclass(repr=False)
 class Realisations(Summarised):
     """Realisations of the uncertain quantities of a study, each array of shape (n,).
 
-    Factors of stiffness and damping of the building, additional delay [s], seed that is added to that of the sensor
-    noise. `theta` are the parameters of each device, shape (n, n_params), or (1, n_params) where they are known.
+    Factors of stiffness and damping of the building, additional delay [s], seed that is added to the seed of the
+    sensor noise. `theta` are the parameters of each device, shape (n, n_params), or (1, n_params) where they are known.
     """
 
     stiffness: Floats
@@ -71,62 +70,46 @@ def nominal(devices: Sequence[Device]) -> Realisations:
 def realisations_of(
     table: StudyTable, devices: Sequence[Device], folder: Path, identified: Identified
 ) -> Realisations | None:
-    """The realisations of what a study does not know exactly, if it states any; fits are those of run folders."""
+    """The realisations of what a study does not know exactly: a Latin hypercube, and posterior draws."""
     given = table.uncertainty
     if given is None:
         return None
-    drawn: list[Floats | None] = []
-    for number, each in enumerate(table.damper):
-        rows = None
-        if given.damper and each.run is not None:
-            fit = fitted_of(each, folder, identified)
-            rows = fit.draws()
-            if rows is None:
-                run, remedy = "a fit", "give the folder of its run with the draws that mrwork sample adds"
-                if isinstance(each.run, str):
-                    run, remedy = each.run, f"run mrwork sample {each.run} first"
-                raise InvalidSettingError(
-                    ("damper", number, "run"),
-                    f"{run} has no posterior draws, and [uncertainty] asks for them; {remedy}, or set damper = false "
-                    "there",
-                )
-            # One draw for each realisation, equally spread over the chains.
-            places = np.linspace(0, len(rows) - 1, given.realisations).round().astype(np.int64)
-            rows = np.stack([_with_parameters(each, fit, row, folder) for row in rows[places]])
-        drawn.append(rows)
-    if not any((given.stiffness, given.damping, given.delay, *(rows is not None for rows in drawn))):
+    n, theta, parts = given.realisations, list[Floats](), [given.stiffness, given.damping, given.delay]
+    unit = latin_hypercube(Streams(rng=given.seed), n, 4)
+    order = np.argsort(np.argsort(unit[:, 3], kind="stable"))
+    for number, (each, device) in enumerate(zip(table.damper, devices, strict=True)):
+        if not given.damper or each.run is None:
+            theta.append(device.draws[:1])
+            continue
+        fit = fitted_of(each, folder, identified)
+        rows = fit.draws()
+        if rows is None:
+            run, remedy = "a fit", "give the folder of its run with the draws that mrwork sample adds"
+            if isinstance(each.run, str):
+                run, remedy = each.run, f"run mrwork sample {each.run} first"
+            raise InvalidSettingError(
+                ("damper", number, "run"),
+                f"{run} has no posterior draws, and [uncertainty] asks for them; {remedy}, or set damper = false there",
+            )
+        # Equally spread over the chains, in a random order, which is the same for all devices of one run.
+        chosen = rows[np.linspace(0, len(rows) - 1, n).round().astype(np.int64)[order]]
+        theta.append(np.stack([_with_parameters(each, fit, row, folder) for row in chosen]))
+        parts.append(1.0)
+    if not any(parts):
         raise InvalidSettingError(
             "uncertainty",
             "nothing in [uncertainty] is uncertain; give it a stiffness, a damping or a delay, or a [[damper]] with a "
             "run that has posterior draws",
         )
-    with keyed("uncertainty"):
-        return _drawn(given, devices, drawn)
+    return Realisations(
+        stiffness=1.0 + given.stiffness * (2.0 * unit[:, 0] - 1.0),
+        damping=1.0 + given.damping * (2.0 * unit[:, 1] - 1.0),
+        delay=given.delay * unit[:, 2],
+        seed=np.arange(n, dtype=np.int64),
+        theta=tuple(theta),
+    )
 
 
 def _with_parameters(table: DamperTable, fit: FittedDamper, theta: Floats, folder: Path) -> Floats:
     drawn = replace(fit, theta=tuple(theta.tolist()))
     return chosen_damper(table, folder, lambda run: drawn).theta
-
-
-def _drawn(
-    table: UncertaintyTable, devices: Sequence[Device], posterior: Sequence[Floats | None]
-) -> Realisations:
-    """Draw the realisations of a table: a Latin hypercube of factors and delay, and posterior draws of each device."""
-    n = table.realisations
-    unit = latin_hypercube(Streams(rng=table.seed), n, 4)
-    theta = []
-    for device, rows in zip(devices, posterior, strict=True):
-        if rows is None:
-            theta.append(device.draws[:1])
-            continue
-        # The same row for all devices of one run, equally spread over the draws in a random order.
-        order = np.argsort(unit[:, 3], kind="stable")
-        theta.append(rows[np.linspace(0, len(rows) - 1, n).round().astype(np.int64)[np.argsort(order)]])
-    return Realisations(
-        stiffness=1.0 + table.stiffness * (2.0 * unit[:, 0] - 1.0),
-        damping=1.0 + table.damping * (2.0 * unit[:, 1] - 1.0),
-        delay=table.delay * unit[:, 2],
-        seed=np.arange(n, dtype=np.int64),
-        theta=tuple(theta),
-    )

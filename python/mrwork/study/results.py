@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Final, Literal, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative, Positive, Whole
@@ -16,7 +17,7 @@ from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import (
@@ -25,19 +26,16 @@ from mrwork.closed_loop.evaluation import (
     Spread,
     criteria,
     criterion,
-    ratio,
     searched,
 )
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.dampers.simulation import Outcome
-from mrwork.dampers.tested_range import OperatingRange
+from mrwork.dampers.tested_range import OperatingRange, Outside
 from mrwork.errors import SettingError
 from mrwork.motions.spectrum import Intensity
-from mrwork.study.demand import DeviceDemand
-from mrwork.study.levels import RecordLevels
 from mrwork.study.runs import NOT_RUN, Runs, outcome_in_words
 from mrwork.study.schema import Use
-from mrwork.study.study import Kind, MotionOfStudy, Row, Study, level_warnings
+from mrwork.study.study import Kind, MotionOfStudy, Row, Study
 
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree
@@ -100,7 +98,7 @@ class MotionFacts:
 
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
-        """Those of a motion of a study."""
+        """The facts of a motion of a study."""
         own = ("name", "peak", "duration", "source", "changes", "groups")
         facts = {name: getattr(motion.ground, name) for name in own}
         intensity = motion.intensity or Intensity(measure="pga", value=motion.ground.peak)
@@ -112,7 +110,7 @@ class MotionFacts:
 class DamperFacts:
     """Dampers at one place: name, model with its laws, how many, largest command, their storey, tested ranges.
 
-    `share` is that of the drift by which they are stretched, and of their force along it: the cosine of their angle.
+    The drift times `share`, the cosine of their angle, stretches them, and so much of their force is along it.
     """
 
     name: str
@@ -126,9 +124,9 @@ class DamperFacts:
 
     @staticmethod
     def of(device: Device, building: Building, storey: int | str) -> DamperFacts:
-        """Those of a device in a storey of the building without dampers; of its laws, those that follow the command."""
+        """The facts of a device in a storey of the building without dampers, with its laws that follow the command."""
         spec, row = device.spec, building.storey_row(storey)
-        # Behind the coordinates of the building the device has those of braces.
+        # Behind the coordinates of the building come the coordinates of braces.
         stretch = np.asarray(device.row)[: row.size]
         following = [f"{name} {law}" for name, law in spec.laws_by_name.items() if not law.is_constant]
         return DamperFacts(
@@ -147,11 +145,11 @@ class DamperFacts:
 class BuildingFacts:
     """A building in numbers: mass of each floor [kg], stiffness of each storey [N/m], periods [s], damping ratios.
 
-    `heights` are those of the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
+    `heights` belong to the storeys [m], if they are known, `yield_drifts` drifts at which they yield [m] and `loads`
     weights on them [N] with P-delta, if there are; `drift_limit` is a drift ratio to be kept, or 0. `passive` are the
-    passive devices, and `passive_storeys` the indices of those that stand across a storey.
+    passive devices, and `passive_storeys` the storeys that such devices stand across.
 
-    There are no stiffnesses where it is no chain of storeys, and the masses are then those of the diagonal.
+    There are no stiffnesses where it is no chain of storeys, and the masses are then the diagonal of the matrix.
     """
 
     name: str
@@ -183,7 +181,7 @@ class BuildingFacts:
 
     @staticmethod
     def of(building: Building) -> BuildingFacts:
-        """Those of a building without dampers."""
+        """The facts of a building without dampers."""
         devices = [each for each in building.elements if not each.in_stiffness]
         across = (np.flatnonzero((building.drifts == each.row).all(axis=1)).tolist() for each in devices)
         return BuildingFacts(
@@ -199,6 +197,66 @@ class BuildingFacts:
             loads=tuple(building.loads[: len(building.drifts)].tolist()),
             drift_limit=building.drift_limit,
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceDemand:
+    """Demand of a run on one damper of a device, and what of it lies outside its tested ranges."""
+
+    device: str
+    demand: OperatingRange
+    outside: Outside
+
+
+# Intensities of one level agree to so many decimals [m/s^2].
+_DECIMALS = 9
+
+
+@array_dataclass()
+class RecordLevels:
+    """Records with rising levels of intensity.
+
+    Parameters
+    ----------
+    records, measures
+        Names of the records, and what intensities are measures of, in words; of levels that compare it is one.
+    levels
+        Levels [m/s^2], shape (n_levels,).
+    places
+        Index of the motion of each record at each level, -1 where there is none, shape (n_records, n_levels).
+    """
+
+    records: tuple[str, ...]
+    measures: tuple[str, ...]
+    levels: Floats
+    places: NDArray[np.int64]
+
+    @staticmethod
+    def of(motions: Mapping[int, tuple[str, Intensity]]) -> RecordLevels:
+        """The records of motions by their index, each given by its record and its intensity."""
+        records = tuple(dict.fromkeys(record for record, _ in motions.values()))
+        values = [round(intensity.value, _DECIMALS) for _, intensity in motions.values()]
+        levels, columns = np.unique(values, return_inverse=True)
+        places = np.full((len(records), levels.size), -1, dtype=np.int64)
+        for (motion, (record, _)), column in zip(motions.items(), columns, strict=True):
+            places[records.index(record), column] = motion
+        measures = tuple(dict.fromkeys(intensity.name for _, intensity in motions.values()))
+        return RecordLevels(records=records, measures=measures, levels=levels, places=places)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether every record has every level of one measure, of which there are several."""
+        return len(self.measures) == 1 and self.levels.size > 1 and bool((self.places >= 0).all())
+
+    @property
+    def measure(self) -> str:
+        """The one measure of all intensities, refused where there are several."""
+        if len(self.measures) > 1:
+            raise SettingError(
+                f"the motions have intensities of several measures, {list_names(self.measures)}; scale all to a pga, "
+                "or all to an sa of one sa_period and sa_damping"
+            )
+        return self.measures[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -254,15 +312,15 @@ class Ensemble(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StudyResults(Plotted, Summarised):
-    """Runs of a study, as far as they are done: those of `run_study`, or read back from its folder.
+    """Runs of a study, as far as they are done, of `run_study` or read back from its folder.
 
-    `quantities` are those of the runs over row, motion and realisation, which are the nominal one and, if it is
-    checked, that with half the step; `labelled` has the criteria, also of the realisations of what is uncertain. The
+    `quantities` are given over row, motion and realisation: the nominal one and, if it is checked, half the step;
+    `labelled` has the criteria, also of the realisations of what is uncertain. The
     first rows are the building without dampers and i = 0. `demanded` are the demands on the dampers
     by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
     `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
     its limit of which the page has the fragility, `choices` sentences on constant commands that were chosen,
-    `study_warnings` are those of the study, `damper_warnings` sentences on demand outside the tested ranges, on laws
+    `study_warnings` come from the study, `damper_warnings` are sentences on demand outside the tested ranges, on laws
     out of their range and on the size of dampers. `facts` are further lines of the page. `detailed` is the motion whose
     histories the page shows, of the rows `with_histories`. `ensemble` is the study with each set of laws that predicts
     nearly as well, `None` if run without ``--ensemble``.
@@ -364,12 +422,17 @@ class StudyResults(Plotted, Summarised):
         return self.labelled.shape[2] - self.quantities.shape[2]
 
     @property
+    def realised(self) -> Runs:
+        """Criteria with the realisations of what is uncertain."""
+        return self.labelled.part(realisations=slice(self.quantities.shape[2], None))
+
+    @property
     def realised_rows(self) -> list[int]:
         """The rows that were simulated with realisations."""
         if not self.n_realisations:
             return []
-        realised = self.labelled.done[:, list(self.judged_motions), self.quantities.shape[2] :]
-        return [int(row) for row in np.flatnonzero(realised.all(axis=(1, 2)))]
+        done = self.realised.done[:, list(self.judged_motions)]
+        return np.flatnonzero(done.all(axis=(1, 2))).tolist()
 
     @property
     def record_levels(self) -> RecordLevels:
@@ -388,7 +451,7 @@ class StudyResults(Plotted, Summarised):
     def to_xarray(self, *, by_record: bool = False) -> DataTree:
         """Criteria and quantities as two data sets "criteria" and "quantities" over named axes, with units.
 
-        Quantities are those of the nominal realisation, and of half the step where it was checked.
+        Quantities are of the nominal realisation, and of half the step where it was checked.
 
         Parameters
         ----------
@@ -440,7 +503,7 @@ class StudyResults(Plotted, Summarised):
 
     @property
     def done(self) -> int:
-        """Number of runs that are done, including those with half the step."""
+        """Number of runs that are done, also with half the step."""
         return int(self.quantities.done.sum())
 
     @property
@@ -450,7 +513,7 @@ class StudyResults(Plotted, Summarised):
 
     @property
     def complete(self) -> bool:
-        """Whether all runs are done, those with realisations, too."""
+        """Whether all runs are done, also with realisations."""
         wanted = len(self.rows) if self.n_realisations else 0
         return self.done == self.total and len(self.realised_rows) == wanted
 
@@ -463,7 +526,7 @@ class StudyResults(Plotted, Summarised):
     def judged_motions(self) -> tuple[int, ...]:
         """Indices of the motions that scores and changes stand on: the test motions, or all where there are none.
 
-        Of records at several levels they are those of the level for which laws are designed, where the study names it.
+        Of records at several levels they are of the level for which laws are designed, where the study names it.
         """
         at_level = tuple(
             each for each in self._test_motions if [self.motions[each].level] == [*self.design_levels]
@@ -491,20 +554,16 @@ class StudyResults(Plotted, Summarised):
         return next((number for number, row in enumerate(self.rows) if row.kind == kind), None)
 
     @arguments.checked
-    def ratios(self, row: int, motion: int, against: Kind) -> dict[str, float]:
-        """Ratio of every criterion to that of the first row of a kind; NaN if there is no such row."""
-        return self.ratios_to(row, motion, self.row_of(against))
-
-    @arguments.checked
-    def ratios_to(self, row: int, motion: int, reference: int | None) -> dict[str, float]:
-        """Ratio of every criterion to that of a reference row; NaN if there is none or a run did not finish."""
+    def ratios(self, row: int, motion: int, against: Kind | Whole | None) -> dict[str, float]:
+        """Ratio of every criterion to a row, or the first of a kind; NaN without one, or if a run did not finish."""
+        reference = self.row_of(against) if isinstance(against, str) else against
         if reference is None:
             return {entry.name: math.nan for entry in criteria()}
         return {name: float(ratios[row, motion]) for name, ratios in self.ratios_over(reference).items()}
 
     @arguments.checked
     def ratios_over(self, reference: int) -> dict[str, Floats]:
-        """Ratio of every criterion of the runs to that of a reference row, shape (n_rows, n_motions)."""
+        """Ratio of every criterion of the runs to a reference row, shape (n_rows, n_motions)."""
         bare, nominal = self.rows[reference].kind == "uncontrolled", self._nominal
         ratios = nominal.over(nominal.of_row(reference), bare=bare)
         return {name: ratio[:, :, 0] for name, ratio in ratios.items()}
@@ -516,7 +575,7 @@ class StudyResults(Plotted, Summarised):
 
     @arguments.checked
     def score(self, row: int) -> float:
-        """Mean over `judged_motions` of the criteria over those at i = 0; NaN unless all these runs finished."""
+        """Mean over `judged_motions` of the criteria over i = 0; NaN unless all these runs finished."""
         return self.score_under(row, self.judged_motions)
 
     @arguments.checked
@@ -534,7 +593,7 @@ class StudyResults(Plotted, Summarised):
 
     @arguments.checked
     def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
-        """Spread of the scores of a row under single motions, by default those of `judged_motions`."""
+        """Spread of the scores of a row under single motions, by default the `judged_motions`."""
         chosen = self.judged_motions if motions is None else motions
         return Spread.of(self.scores(row)[list(chosen)].tolist())
 
@@ -545,7 +604,14 @@ class StudyResults(Plotted, Summarised):
 
     def warnings(self) -> list[str]:
         """Warnings on modes, levels, dampers out of tested ranges, runs that did not finish or do not balance."""
-        warnings = [*self.study_warnings, *level_warnings(self.design_levels), *self.damper_warnings]
+        warnings, levels = [*self.study_warnings], self.design_levels
+        if len(levels) > 1:
+            warnings.append(
+                f"laws are designed, and the best constant command is chosen, over {len(levels)} levels at once "
+                f"({levels[0]} to {levels[-1]}): give the study the design_level at which this is done, and all levels "
+                "keep that law."
+            )
+        warnings += self.damper_warnings
         outcomes = self.quantities.outcome[:, :, 0]
         for number, row in enumerate(self.rows):
             runs = np.flatnonzero(outcomes[number] != NOT_RUN).tolist()
@@ -618,46 +684,31 @@ def _relative_change(value: float, other: float) -> float:
 
 def criterion_band(results: StudyResults, row: int, motion: int, name: str) -> RealisationBand | None:
     """Band of a criterion of a row under a motion; `None` for a row without realisations, or if it is not known."""
-    return _band(results, [row], [motion], lambda realised: realised.numbers[name][row, motion])
+    realised = results.realised
+    known = results.n_realisations and realised.done[row, motion].all()
+    return _band(realised.numbers[name][row, motion], realised.finished[row, motion]) if known else None
 
 
-def ratio_band(results: StudyResults, row: int, reference: int | None, name: str) -> RealisationBand | None:
-    """Band of the mean ratio of a criterion over the judged motions, to a reference row in the same realisation."""
-    if reference is None:
-        return None
-    motions = list(results.judged_motions)
+def bands_over(results: StudyResults, row: int, reference: int | None) -> dict[str, RealisationBand]:
+    """Bands of the score and of the ratios to a reference row in the same realisation, means over the judged motions.
 
-    def mean(realised: Runs) -> Floats:
-        above, below = (realised.numbers[name][each, motions] for each in (row, reference))
-        return np.asarray(ratio(above, below).mean(axis=0))
-
-    return _band(results, [row, reference], motions, mean)
-
-
-def score_band(results: StudyResults, row: int) -> RealisationBand | None:
-    """Band of the score over the judged motions, against i = 0 in the same realisation."""
-    reference, motions = results.row_of("passive_off"), list(results.judged_motions)
-    if reference is None:
-        return None
-    return _band(
-        results,
-        [row, reference],
-        motions,
-        lambda realised: realised.of_row(row).scores(realised.of_row(reference))[0, motions].mean(axis=0),
-    )
+    There are none for a row without realisations, and none of a criterion that is not known.
+    """
+    realised, motions = results.realised, list(results.judged_motions)
+    if reference is None or not results.n_realisations:
+        return {}
+    both = realised.part([row, reference], motions)
+    if not both.done.all():
+        return {}
+    own, other = both.of_row(0), both.of_row(1)
+    ratios = {**own.over(other), "score": own.scores(other)}
+    bands = {name: _band(each[0].mean(axis=0), both.finished) for name, each in ratios.items()}
+    return {name: band for name, band in bands.items() if band is not None}
 
 
-def _band(
-    results: StudyResults, rows: Sequence[int], motions: Sequence[int], of: Callable[[Runs], Floats]
-) -> RealisationBand | None:
-    """Band of what follows from the realisations of rows, if they have any under these motions."""
-    realised = results.labelled.part(realisations=slice(results.quantities.shape[2], None))
-    places = np.ix_(rows, motions)
-    if not results.n_realisations or not realised.done[places].all():
-        return None
-    values = of(realised)
+def _band(values: Floats, finished: NDArray[np.bool_]) -> RealisationBand | None:
     # What is not known of runs that all finished is no band.
-    return None if realised.finished[places].all() and np.isnan(values).any() else RealisationBand.of(values)
+    return None if finished.all() and np.isnan(values).any() else RealisationBand.of(values)
 
 
 ON_OFF = (
@@ -691,22 +742,20 @@ class StepChange:
 
 def largest_step_changes(results: StudyResults) -> tuple[StepChange, ...]:
     """The largest change of each row that was repeated with half the step."""
-    if not results.step_checked:
-        return ()
-    repeated = results.quantities.done[:, :, 1]
-    rows = np.flatnonzero(repeated.any(axis=1)).tolist()
-    return tuple(_largest(results, row, np.flatnonzero(repeated[row]).tolist()) for row in rows)
-
-
-def _largest(results: StudyResults, row: int, motions: list[int]) -> StepChange:
-    changes = {motion: results.step_changes(row, motion) for motion in motions}
-    # A count jumps by more than the step does.
-    compared = [
-        (change, name, motion)
-        for motion, of_run in changes.items()
-        for name, change in (of_run or {}).items()
-        if not (criterion(name).counted or math.isnan(change))
-    ]
-    change, name, motion = max(compared, key=lambda each: each[0], default=(0.0, "", 0))
-    unfinished = tuple(motion for motion, of_run in changes.items() if of_run is None)
-    return StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=unfinished)
+    found: list[StepChange] = []
+    repeated = np.asarray(results.quantities.done[:, :, 1:].any(axis=2))
+    for row in np.flatnonzero(repeated.any(axis=1)).tolist():
+        changes = {
+            motion: results.step_changes(row, motion) for motion in np.flatnonzero(repeated[row]).tolist()
+        }
+        # A count jumps by more than the step does.
+        compared = [
+            (change, name, motion)
+            for motion, of_run in changes.items()
+            for name, change in (of_run or {}).items()
+            if not (criterion(name).counted or math.isnan(change))
+        ]
+        change, name, motion = max(compared, key=lambda each: each[0], default=(0.0, "", 0))
+        unfinished = tuple(motion for motion, of_run in changes.items() if of_run is None)
+        found.append(StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=unfinished))
+    return tuple(found)

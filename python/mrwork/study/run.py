@@ -16,7 +16,7 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.motions import GroundMotion
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.constant import BestByGroup, BestConstant, ConstantSearch, n_constant
+from mrwork.study.constant import BestConstant, ConstantSearch, n_constant
 from mrwork.study.course import Course, Kind, StudyProgress, cost_of, kind_of
 from mrwork.study.damper_size import judged_by_demand
 from mrwork.study.histories import RunHistory, history_of
@@ -61,7 +61,7 @@ def run_study(
     Parameters
     ----------
     journal
-        Records the runs, and recalls those of a study that was interrupted; `None` for no record.
+        Records the runs, and recalls them after an interrupt; `None` for no record.
     kept
         Whether the history of a (row, motion) is stored already; a missing one is simulated again.
     keep
@@ -72,7 +72,7 @@ def run_study(
         Repeat every run with half the step at the end.
     executor
         Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
-        have the same bits. By default this process does them, as always those of laws in Python.
+        have the same bits. By default this process does them, as always the runs of laws in Python.
 
     Raises
     ------
@@ -118,7 +118,7 @@ def run_study(
 
 @dataclass(slots=True, kw_only=True)
 class _StudyRuns:
-    """The runs of a study, filled in row by row; arguments are those of `run_study`.
+    """The runs of a study, filled in row by row; for the arguments see `run_study`.
 
     `rows` without a law get their best constant commands, on which `choices` are sentences; `shares` are the best
     shares of the largest commands that were found, by the digest of the row.
@@ -188,11 +188,10 @@ class _StudyRuns:
         inputs = digest_of_run(arrangement, *study.chosen_on)
         if inputs not in self.shares:
             self.shares[inputs] = self.call.step("best_constant", BestConstant, search.best_share, inputs)
-        share = self.shares[inputs]
-        best: BestConstant | BestByGroup = share
-        if arrangement.by_group:
-            by_group = partial(search.best_by_group, share)
-            best = self.call.step("best_by_group", BestByGroup, by_group, inputs)
+        best = self.shares[inputs]
+        if arrangement.row.kind == "best_passive_by_group":
+            by_group = partial(search.best_by_group, best)
+            best = self.call.step("best_by_group", BestConstant, by_group, inputs)
         label = f"{arrangement.row.label}, {best.label(arrangement.devices)}"
         named, law = replace(arrangement.row, label=label), constant_commands(best.commands)
         self.rows[row] = replace(arrangement, row=named, law=law)
@@ -208,36 +207,20 @@ class _StudyRuns:
 
     def _simulate_half_step(self, row: int) -> None:
         """The runs of a row with half the integration step."""
-        every = range(len(self.study.motions))
-        self._fill(
-            self.runs,
-            slice(1, 2),
-            "runs with half the step",
-            row,
-            lambda: self._simulate(row, every, step_factor=2),
-        )
+        simulate = partial(self._simulate, row, range(len(self.study.motions)), step_factor=2)
+        self._fill(self.runs, slice(1, 2), "runs with half the step", row, simulate)
 
     def _simulate_realised(self, row: int) -> None:
         """Criteria of a row with the realisations of the study."""
-        study, arrangement = self.study, self.rows[row]
-        realisations, law = study.realisations, arrangement.law
-        assert realisations is not None
-        assert law is not None
-        self._fill(
-            self.realised,
-            slice(None),
-            "realisations",
-            row,
-            lambda: simulate_criteria(
-                arrangement,
-                law,
-                study.grounds,
-                study.hardware,
-                realisations,
-                threads=self.threads,
-                on_block=self.course.advance,
-            ),
+        study, each = self.study, self.rows[row]
+        assert each.law is not None
+        simulate = partial(
+            simulate_criteria,
+            *(each, each.law, study.grounds, study.hardware, study.realisations),
+            threads=self.threads,
+            on_block=self.course.advance,
         )
+        self._fill(self.realised, slice(None), "realisations", row, simulate)
 
     def _fill(
         self, into: Runs, realisations: slice, step: str, row: int, simulate: Callable[[], Runs]
@@ -250,10 +233,7 @@ class _StudyRuns:
 
     def _axes(self, row: int, motions: Sequence[int]) -> Axes:
         """Axes of the nominal runs of a row under some motions."""
-        names = tuple(self.study.motions[motion].name for motion in motions)
-        return {
-            **self.runs.axes, "row": (self.rows[row].row.label,), "motion": names, "realisation": (NOMINAL,),
-        }  # fmt: skip
+        return self.runs.part(slice(row, row + 1), [*motions], slice(1)).axes
 
     def _in_batches(self, row: int) -> Runs:
         runs, done = Runs.empty(self._axes(row, range(len(self.study.motions))), self.runs.declared), 0
@@ -295,12 +275,8 @@ class _StudyRuns:
 
     def _stored(self, motions: Sequence[int], runs: Runs) -> list[int]:
         """Motions of which the study keeps the history of a run; one without an end has numbers that are not finite."""
-        finished = runs.finished[0, :, 0]
-        return [
-            each
-            for each, ended in zip(motions, finished, strict=True)
-            if ended and each in self.study.histories
-        ]
+        ended = zip(motions, runs.finished[0, :, 0], strict=True)
+        return [each for each, finished in ended if finished and each in self.study.histories]
 
 
 def _batches(study: Study, arrangement: Arrangement) -> list[tuple[list[int], bool]]:
@@ -326,13 +302,10 @@ def _batches(study: Study, arrangement: Arrangement) -> list[tuple[list[int], bo
 def _bytes_per_second(study: Study, arrangement: Arrangement) -> float:
     """Memory of a run's history per second of motion [bytes/s]."""
     building = arrangement.building
-    columns = {
-        "run": 1,
+    sizes = {
         "floor": len(building.floors),
         "storey": len(building.storeys),
-        "device": max(len(arrangement.devices), 1),
         "element": len(building.elements),
-        "state": 2 * building.n_coordinates,
     }
-    width = sum(columns[signal.axis] for signal in history_signals())
-    return 8.0 * width / study.hardware.sample_time
+    sizes |= {"run": 1, "device": max(len(arrangement.devices), 1), "state": 2 * building.n_coordinates}
+    return 8.0 * sum(sizes[signal.axis] for signal in history_signals()) / study.hardware.sample_time

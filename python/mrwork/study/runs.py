@@ -58,7 +58,7 @@ _IN_WORDS = {
 _N_FIRST = 3
 _REALISATION = 2
 _ALL = slice(None)
-# Columns of dampers behind which stand those of passive elements, which are devices, too.
+# Columns of dampers behind which stand columns of passive elements, which are devices, too.
 _OF_ELEMENTS = {
     "peak_force": "peak_element_force", "peak_stroke": "peak_element_stroke", "device_energy": "element_energy",
 }  # fmt: skip
@@ -133,7 +133,7 @@ class Runs(Labelled, WithAxes, Summarised):
 
     @property
     def finished(self) -> NDArray[np.bool_]:
-        """Whether each run has results, also those of one that failed safe."""
+        """Whether each run has results, also where it failed safe."""
         return np.isin(self.outcome, _FINISHED)
 
     @property
@@ -159,10 +159,9 @@ class Runs(Labelled, WithAxes, Summarised):
             self.numbers[name][here] = array[0]
 
     def part(
-        self, rows: slice = _ALL, motions: slice | Sequence[int] = _ALL, realisations: slice = _ALL
+        self, rows: slice | list[int] = _ALL, motions: slice | list[int] = _ALL, realisations: slice = _ALL
     ) -> Runs:
         """The runs of some rows, motions and realisations."""
-        motions = motions if isinstance(motions, slice) else list(motions)
         here = dict(zip(self.axes, (rows, motions, realisations), strict=False))
         return replace(
             self,
@@ -206,7 +205,7 @@ class Runs(Labelled, WithAxes, Summarised):
         return {name: array[row, motion, realisation] for name, array in self.numbers.items()}
 
     def criteria(self, scales: Scales, command_unit: str) -> Runs:
-        """Every criterion of each run; `scales` are those of the rows."""
+        """Every criterion of each run; each row has its `scales`."""
         numbers = {**values(self, scales), "energy_error": self.numbers["energy_error"]}
         unknown = [each.name for each in criteria() if each.unknown_in(command_unit)]
         numbers |= {name: np.full_like(numbers[name], np.nan) for name in unknown}
@@ -219,7 +218,7 @@ class Runs(Labelled, WithAxes, Summarised):
         )
 
     def over(self, reference: Runs, *, bare: bool = False) -> dict[str, Floats]:
-        """Ratio of every criterion to that of the one row of a reference, under the same motion and realisation.
+        """Ratio of every criterion to the one row of a reference, under the same motion and realisation.
 
         `bare` says that the reference is the building without dampers, over which some criteria have another one.
         """
@@ -247,7 +246,7 @@ class Runs(Labelled, WithAxes, Summarised):
 
     @staticmethod
     def from_arrays(named: NamedArrays, declared: Sequence[Quantity], realisation: str = "") -> Runs:
-        """The runs of a file; those of one `realisation` have no axis for it."""
+        """The runs of a file; runs of one `realisation` have no axis for it."""
         labels = {axis: tuple(map(str, each.values)) for axis, each in named.labels.items()}
         own = dict.fromkeys(axis for each in declared for axis in each.own_axes)
         axes = {axis: labels.get(axis, ()) for axis in ("row", "motion", "realisation", *own)}
@@ -318,13 +317,13 @@ def runs_of(responses: Responses, arrangement: Arrangement, law: StudyLaw, axes:
 def _parts_of(
     responses: Responses, quantity: Quantity, arrangement: Arrangement, law: StudyLaw
 ) -> Iterator[tuple[Floats, Sequence[str] | None]]:
-    """Columns of a quantity of all runs, those of devices with their labels."""
+    """Columns of a quantity of all runs, for devices with their labels."""
     name, n_dampers = quantity.name, len(arrangement.devices)
     dampers, strokes, elements = _device_labels(arrangement)
     if name == "steps":
         yield responses.steps.astype(np.float64), None
     elif name == "least_stroke":
-        # Those of others would depend on which histories are kept.
+        # Least strokes of others would depend on which histories are kept.
         if responses.histories is not None and knows_least_strokes(arrangement):
             deformations = (each.deformation[:, :n_dampers] for each in responses.histories)
             yield (
@@ -346,7 +345,9 @@ def _parts_of(
 
 def knows_least_strokes(arrangement: Arrangement) -> bool:
     """Whether a damper's tested range has a least stroke, which small strokes leave."""
-    return any(device.knows_least_stroke for device in arrangement.devices) and not arrangement.has_actuators
+    return any(device.knows_least_stroke for device in arrangement.devices) and not commands_force(
+        arrangement.law
+    )
 
 
 def _device_labels(arrangement: Arrangement) -> tuple[list[str], list[str], list[str]]:

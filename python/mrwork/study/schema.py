@@ -137,7 +137,7 @@ class UncertaintyTable:
 class TuneTable(Stated):
     """Laws whose settings `mrwork tune` searches, each for itself, on the training motions of the study.
 
-    A candidate is scored by the mean of its criteria over those at i = 0, under each motion and realisation; the risk
+    A candidate is scored by the mean of its criteria over i = 0, under each motion and realisation; the risk
     takes one number of all these. With `relative_to = "best_passive"` and `combine = "largest"` a score below 1 says
     that the law is better than the best constant command in every criterion. Without `free`, each law has its own free
     settings with their ranges, see `mrwork respond --laws`, and the largest command of the law is one of them.
@@ -159,7 +159,7 @@ class TuneTable(Stated):
         default=(),
     )
     relative_to: Baseline = key(
-        "what the criteria are divided by: those at i = 0, or under the best constant command",
+        "what the criteria are divided by: criteria at i = 0, or under the best constant command",
         default="passive_off",
     )
     combine: Combination = key(
@@ -192,7 +192,7 @@ class TuneTable(Stated):
         most=10_000,
     )
     seed: int = key(
-        "seed of the search, added to that of the command line", default=0, least=0, most=LARGEST_SEED
+        "seed of the search, added to the seed of the command line", default=0, least=0, most=LARGEST_SEED
     )
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
@@ -261,7 +261,7 @@ class BraceTable:
 class DamperTable(Stated):
     """A damper across a storey: a published set, a run of `mrwork identify`, or given parameters.
 
-    `count` equal dampers, twice as many if `differential`, are one group with one command. Parameters are those of a
+    `count` equal dampers, twice as many if `differential`, are one group with one command. Parameters describe a
     single damper. Everything else means the whole group: forces in results and of the law, wanted and full forces,
     slopes and the control weight of a law, and a brace. Forces and strokes are along the damper, which is horizontal
     unless an `angle` or a `row` is given.
@@ -280,7 +280,7 @@ class DamperTable(Stated):
         "model of the parameters, or of the preset if two models have one of that name"
     )
     parameters: Mapping[str, float | tuple[float, ...]] | None = optional(
-        "parameters, or changes to those of a preset or run: a number, or the coefficients of its law"
+        "parameters, or changes to a preset or run: a number, or the coefficients of its law"
     )
     laws: Mapping[str, LawName] | None = optional(
         "laws of parameters in the command; by default several coefficients are a polynomial"
@@ -289,10 +289,10 @@ class DamperTable(Stated):
         "unit of the command, for given parameters, A by default; a preset and a run have their own"
     )
     lag: float | None = positive(
-        "rate of the lag of the driver, instead of that of the preset", unit="1/s", usual=(1.0, 1e5)
+        "rate of the lag of the driver, instead of the rate of the preset", unit="1/s", usual=(1.0, 1e5)
     )
     largest_command: float | str | None = positive(
-        "largest command of the driver, instead of that of the preset or the largest tested one of the run",
+        "largest command of the driver, instead of the command of the preset or the largest tested one of the run",
         unit="A or V",
         usual=_COMMANDS,
     )
@@ -306,7 +306,7 @@ class DamperTable(Stated):
         default=False,
     )
     count: int = key(
-        "number of equal dampers in parallel; forces, weights and slopes are those of the whole group",
+        "number of equal dampers in parallel; forces, weights and slopes belong to the whole group",
         default=1,
         least=1,
     )
@@ -324,15 +324,15 @@ class DamperTable(Stated):
         "storey"
     )
     rated_force: float | None = positive(
-        "force that one damper is made for, beyond which runs are told; by default that of the preset",
+        "force that one damper is made for, beyond which runs are told; by default as the preset has it",
         unit="N",
     )
     rated_stroke: float | None = positive(
-        "stroke to either side that one damper is made for; by default that of the preset",
+        "stroke to either side that one damper is made for; by default as the preset has it",
         unit="m",
         usual=(1e-3, 1.0),
     )
-    name: str | None = optional("name in tables, by default that of its storey")
+    name: str | None = optional("name in tables, by default the name of its storey")
     amplitude: tuple[float, ...] | None = positive(
         "smallest and largest expected damper displacement, for laws that need a static model of the damper",
         unit="m",
@@ -350,7 +350,7 @@ class DamperTable(Stated):
         if self.run is None and self.like is not None:
             yield "like", "like is fitted to the force of a run; leave it out, or give a run"
         if self.run is not None and self.model is not None:
-            yield "model", "the model is that of the run; leave model out"
+            yield "model", "the run has its own model; leave model out"
         if self.angle is not None and self.row is not None:
             yield "row", "angle and row both say how the damper stands; keep one"
         if self.angle is not None and self.angle >= _UPRIGHT:
@@ -392,7 +392,7 @@ class ControllerTable(Stated):
     Further laws are `passive_off` and `passive_on`. Settings that a law needs and that are not given are taken from the
     response of the dampers, which the results tell. A weight may be a number, an array with one number for each floor,
     storey or state, or a symmetric matrix: rows of numbers, or the name of a .csv, .tsv or .txt file with them,
-    relative to the study file. Forces, weights and slopes are those of all dampers of a [[damper]] together.
+    relative to the study file. Forces, weights and slopes belong to all dampers of a [[damper]] together.
     """
 
     law: str = key("name of the law; required without user", default="")
@@ -406,7 +406,7 @@ class ControllerTable(Stated):
         file=True,
     )
     largest_command: float | str | None = positive(
-        "largest command that this law may send, by default that of the dampers; where some follow a current and "
+        "largest command that this law may send, by default as the dampers have it; where some follow a current and "
         "others a voltage a share of the largest of each",
         unit="A or V",
         usual=_COMMANDS,
@@ -463,7 +463,7 @@ class BaselineTable:
 class TargetTable:
     """Target spectrum that motions are scaled to by `scale_to`, and that the suite of test motions is checked against.
 
-    It is that of a code, or a table of periods and accelerations.
+    A code gives it, or a table of periods and accelerations.
     """
 
     code: Literal["en_1998", "asce_7"] | None = optional("code of the spectrum: EN 1998-1 or ASCE 7-16")
@@ -480,7 +480,7 @@ _TARGETS: dict[str | None, Callable[..., TargetSpectrum]] = {
 
 
 def target_spectrum(table: Arguments) -> TargetSpectrum:
-    """The spectrum of a table [target]: that of its code, or a table."""
+    """The spectrum of a table [target], by its code or by a table."""
     code = table.given.get("code")
     reason = f"is no key of a target {f'of the code {code}' if code else 'without code, which is a table'}"
     remedy = "leave it out" if code else "leave it out, or give the code"
@@ -526,7 +526,7 @@ class MotionTable(Stated):
         "length of a synthetic motion, 30 s by default", unit="s", usual=(0.3, 3600.0)
     )
     seed: int = key(
-        "seed of a synthetic motion or a suite, added to that of the command line",
+        "seed of a synthetic motion or a suite, added to the seed of the command line",
         default=0,
         least=0,
         most=LARGEST_SEED,
@@ -555,7 +555,7 @@ class MotionTable(Stated):
         "damping ratio of the spectral acceleration, 0.05 by default", least=0.0, most=_WIDEST, usual=RATIOS
     )
     scale_to: ScaledBy | None = optional(
-        "what becomes that of [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period"
+        "what becomes as in [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period"
     )
     time_scale: float = positive("factor of the time axis", default=1.0)
     start: float = key(
@@ -609,8 +609,8 @@ class MotionTable(Stated):
 class PlacesTable:
     """Places of equal dampers that `mrwork tune` compares, each with its best constant command, before it tunes laws.
 
-    All placements, up to 60, are ranked on the training motions; the best, and that of the study itself, are judged on
-    the test motions. Laws are tuned at the best one.
+    All placements, up to 60, are ranked on the training motions; the best, and the one of the study itself, are judged
+    on the test motions. Laws are tuned at the best one.
     """
 
     dampers: int | None = optional(
@@ -654,7 +654,7 @@ class StudyTable:
 
     title: str = key("heading of the page", default="")
     folder: str = key(
-        "folder that names of files are relative to, by default that of the study file", default=""
+        "folder that names of files are relative to, by default the folder of the study file", default=""
     )
     building: BuildingTable = key("the building")
     damper: tuple[DamperTable, ...] = key(

@@ -172,7 +172,7 @@ def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator
 def _motion_left_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator[str]:
     if not facts.yield_drifts:
         return
-    # That of the first mode with this kinetic energy, spread over the storeys.
+    # The swing of the first mode with this kinetic energy, spread over the storeys.
     per_speed = facts.periods[0] / (2.0 * np.pi * len(facts.yield_drifts))
     energies = results.quantities.kinetic_energy[:, list(results.judged_motions), 0]
     largest = np.fmax.reduce(energies, axis=0, initial=0.0)

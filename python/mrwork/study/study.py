@@ -21,7 +21,7 @@ from mrwork.buildings.groups import commanded, joined_units
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.hardware import Hardware, refuse_unread
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.laws.control_law import ControlLaw, LoopModel, control_law
+from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.counterpart import is_curve
 from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
@@ -58,7 +58,7 @@ class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, whether it was generated, and the name of its record.
 
     A record that is scaled to several intensities is a motion at each. `intensity` is in the measure that it was scaled
-    to, `None` for the peak ground acceleration that it has; `factor` is that which it was scaled by, if it was.
+    to, `None` for the peak ground acceleration that it has; `factor` is what it was scaled by, if it was.
     `copy_of` names the record that its own is a copy of, `warnings` are on what is doubtful of the record.
     """
 
@@ -102,7 +102,7 @@ class Row:
 class TakenSettings:
     """Settings that a law lacked in the study file: values by name, how they came, and the line for another choice.
 
-    `runs` are those of the scan.
+    `runs` counts the runs of the scan.
     """
 
     settings: Mapping[str, Any]
@@ -123,7 +123,7 @@ class TakenSettings:
 class NamedLaw:
     """A law of the registry by its name, with the settings that its table gives in SI, and what it is designed for.
 
-    `number` is that of its table in the study.
+    `number` counts its table in the study.
     """
 
     table: ControllerTable
@@ -133,7 +133,7 @@ class NamedLaw:
 
     @property
     def missing(self) -> list[Key]:
-        """Settings that the law needs beside those that are given."""
+        """Settings that the law needs, and that are not given."""
         kind = SETTINGS[self.table.law]
         missing = [entry for entry in keys_of(kind) if entry.is_required and entry.name not in self.given]
         if kind.is_regulator and not {WEIGHT, "gain"} & self.given.keys():
@@ -157,7 +157,7 @@ class NamedLaw:
         return replace(law, dead_zone=self.table.dead_zone, command_slope=self.table.command_slope)
 
     def design(self, problem: DesignProblem, taken: Mapping[str, Any]) -> ControlLaw:
-        """The gains of the law, with settings that were taken beside those given."""
+        """The gains of the law, with settings that were taken where none were given."""
         with keyed(*(["settings"] if self.table.settings is not None else [])):
             settings = settings_of(self.table.law, {**self.given, **taken})
             return self.shaped(design_law(self.table.law, problem, settings))
@@ -203,34 +203,9 @@ class Arrangement:
         return [] if self.devices else sorted(added)
 
     @property
-    def has_actuators(self) -> bool:
-        """Whether ideal actuators replace the dampers."""
-        return commands_force(self.law)
-
-    @property
-    def by_group(self) -> bool:
-        """Whether each group of equal dampers has a constant command of its own, where it has no law."""
-        return self.row.kind == "best_passive_by_group"
-
-    @property
     def passive_devices(self) -> list[int]:
         """Places of the passive elements that are devices: storeys that yield are parts of the frame."""
         return [place for place, each in enumerate(self.building.elements) if not each.in_stiffness]
-
-    @property
-    def reads_acceleration(self) -> bool:
-        """Whether its law may read accelerations of floors."""
-        return isinstance(self.law, UserLaw) or (self.law is not None and self.law.reads_acceleration)
-
-    @property
-    def reads_drift(self) -> bool:
-        """Whether its law may read sensors of storey drifts."""
-        return isinstance(self.law, UserLaw)
-
-    @property
-    def forecasts_ground(self) -> bool:
-        """Whether its law forecasts the ground acceleration."""
-        return isinstance(self.law, ControlLaw) and self.law.forecasts_ground
 
 
 def commands_force(law: StudyLaw | None) -> bool:
@@ -258,17 +233,17 @@ class Study(Summarised):
     The first arrangements are the building without dampers and the dampers at i = 0. Laws that lack settings are only
     named in theirs, see `mr.study.designed`.
 
-    `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
-    training motions of the study file, or all motions where none is for training, of these the ones of the
-    `design_levels`, which are named where there is one level, or records have several. `histories` are the indices of
-    the motions whose histories are kept. The page shows time histories of the motion `detailed`, and `limit` is the
-    criterion with its limit of which it has the fragility. `problem` is the building with its dampers for which laws
-    are designed, `tunes` the laws to be tuned, `realisations` those of what is not known exactly. `other_sets` are the
-    dampers with other sets of laws that predict nearly as well, `identified` reads those of run folders. `suite` has
-    the spectra of the test motions beside the target, if there is one and each record has one level. `described` are
-    headings and sentences on building, dampers and loop, `questions` are on unusual numbers. `table` is what the study
-    was stated by; names of files in it are relative to `folder`, and it `is_whole` where motions and rows are those of
-    the table. `file` is the file that was read, if it was one, and `place` adds its lines to what is refused later.
+    `motions` are simulated; under `chosen_on` the best constant command is chosen: the training motions of the study
+    file, or all motions where none is for training, of these the ones of the `design_levels`, which are named where
+    there is one level, or records have several. `histories` are the indices of the motions whose histories are kept.
+    The page shows time histories of the motion `detailed`, and `limit` is the criterion with its limit of which it has
+    the fragility. `problem` is the building with its dampers for which laws are designed, `tunes` the laws to be tuned,
+    `realisations` of what is not known exactly. `other_sets` are the dampers with other sets of laws that predict
+    nearly as well, `identified` reads run folders. `suite` has the spectra of the test motions beside the target, if
+    there is one and each record has one level. `described` are headings and sentences on building, dampers and loop,
+    `questions` are on unusual numbers. `table` is what the study was stated by; names of files in it are relative to
+    `folder`, and it `is_whole` where it has all motions and rows of the table. `file` is the file that was read, if it
+    was one, and `place` adds its lines to what is refused later.
     """
 
     _made_by: ClassVar[str] = "mr.study_of(building=..., motions=...) or mr.read_study(path)"
@@ -336,11 +311,6 @@ class Study(Summarised):
             for each in baselines
             if digest_of_run(each) == bare
         )
-        return (*self.motion_warnings, *next(filter(None, of_each), ()), *same, *self.questions)
-
-    @property
-    def motion_warnings(self) -> tuple[str, ...]:
-        """Sentences on what is doubtful of the records of the motions, and on copies of one record."""
         copies: dict[str, list[str]] = {}
         for copy in self.motions:
             for first in self.motions if copy.copy_of else ():
@@ -349,7 +319,8 @@ class Study(Summarised):
                 if first.record == copy.copy_of != copy.record and not is_level:
                     copies.setdefault(copy.copy_of, []).append(copy.record)
         of_records = dict.fromkeys(sentence for each in self.motions for sentence in each.warnings)
-        return (*of_records, *copies_in_words(copies))
+        of_motions = (*of_records, *copies_in_words(copies))
+        return (*of_motions, *next(filter(None, of_each), ()), *same, *self.questions)
 
     @property
     def at_zero(self) -> Arrangement:
@@ -368,15 +339,19 @@ class Study(Summarised):
 
     def check_readings(self) -> None:
         """Refuse settings of the hardware that no law reads."""
-        tuned = [control_law(name) for name in dict.fromkeys(law for each in self.tunes for law in each.laws)]
+        own = any(isinstance(each.law, UserLaw) for each in self.arrangements)
+        laws = [law for _, law in self.laws]
+        tuned = [control_law(name) for each in self.tunes for name in each.laws]
+        models = any(spec.needs_model for spec in tuned)
+        reading = any(law.reads_acceleration for law in laws) or any(
+            spec.reads_acceleration for spec in tuned
+        )
         with keyed("hardware"):
             refuse_unread(
                 self.hardware,
-                accelerations=any(each.reads_acceleration for each in self.arrangements)
-                or any(spec.reads_acceleration or spec.needs_model for spec in tuned),
-                drifts=any(each.reads_drift for each in self.arrangements),
-                forecasts=any(each.forecasts_ground for each in self.arrangements)
-                or any(spec.needs_model for spec in tuned),
+                accelerations=own or reading or models,
+                drifts=own,
+                forecasts=models or any(law.forecasts_ground for law in laws),
             )
 
     @checked
@@ -498,16 +473,6 @@ class Study(Summarised):
         )
 
 
-def level_warnings(levels: Sequence[str]) -> tuple[str, ...]:
-    """A sentence on laws that are designed for several levels at once, if they are."""
-    if len(levels) < 2:
-        return ()
-    return (
-        f"laws are designed, and the best constant command is chosen, over {len(levels)} levels at once ({levels[0]} "
-        f"to {levels[-1]}): give the study the design_level at which this is done, and all levels keep that law.",
-    )
-
-
 def uses_in_words(uses: Sequence[Use]) -> str:
     """Numbers of test and training motions in words, such as "16 test and 24 training motions"."""
     counts = {use: uses.count(use) for use in get_args(Use)}
@@ -546,46 +511,30 @@ def fingerprint_of(study: Study) -> dict[str, object]:
 
 def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
     """Digest of all inputs of the runs of an arrangement, except the hardware."""
-    building, law = arrangement.building, arrangement.law
-    devices = [
-        (*_identity_of(device), device.largest_command, device.command) for device in arrangement.devices
-    ]
-    own = law if isinstance(law, ControlLaw) else None
-    model = None if own is None else own.model
-    numbers = {} if own is None else {**own.gains, **own.tables}
+    law, own = arrangement.law, list[object]()
+    if isinstance(law, ControlLaw):
+        numbers = sorted({**law.gains, **law.tables}.items())
+        own = [law.name, [(name, _digest(array)) for name, array in numbers], law.shaping]
+        own += [] if law.curve is None else [law.curve[0], _digest(law.curve[1])]
+        own += [] if law.model is None else [_digest_of_loop(law.model.building, law.model.devices)]
+    elif law is not None:
+        own = [law.name, law.source, law.n_memory, law.rms_time]
+    loop = _digest_of_loop(arrangement.building, arrangement.devices)
+    return digest_of(loop, *own, *map(_digest_of_motion, motions))
+
+
+def _digest_of_loop(building: Building, devices: Sequence[Device]) -> str:
+    names = ["mass", "damping", "stiffness", "influence", "floors", "storeys"]
+    names += ["loads", "heights"] if building.loads.any() else []
     return digest_of(
-        *(getattr(building, name) for name in (*_MATRICES, "floors", "storeys")),
-        devices,
-        None if law is None else law.name,
-        None if own is None or own.curve is None else (own.curve[0], _digest(own.curve[1])),
-        sorted((name, _digest(array)) for name, array in numbers.items()),
-        *(() if model is None else (_digest_of_model(model),)),
-        *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
-        *((law.rms_time,) if isinstance(law, UserLaw) and law.rms_time is not None else ()),
-        *(() if own is None or own.shaping is None else own.shaping),
+        *(_digest(getattr(building, name)) for name in names),
         *((_digest(each.row), each.numbers) for each in building.elements),
-        *_loads_of(building),
-        *(_digest_of_motion(motion) for motion in motions),
+        *(
+            (each.spec, _digest(each.draws), _digest(each.row), each.count, each.differential)
+            for each in devices
+        ),
+        *((each.largest_command, each.command) for each in devices),
     )
-
-
-def _digest_of_model(model: LoopModel) -> str:
-    building = model.building
-    matrices = (_digest(getattr(building, name)) for name in _MATRICES)
-    beyond = (*((_digest(each.row), each.numbers) for each in building.elements), *_loads_of(building))
-    return digest_of(*matrices, [_identity_of(device) for device in model.devices], *beyond)
-
-
-def _loads_of(building: Building) -> tuple[str, ...]:
-    return (_digest(building.loads), _digest(building.heights)) if building.loads.any() else ()
-
-
-_MATRICES = ("mass", "damping", "stiffness", "influence")
-
-
-def _identity_of(device: Device) -> tuple[Any, ...]:
-    """What tells a device from others, whatever its largest command."""
-    return device.spec, _digest(device.draws), _digest(device.row), device.count, device.differential
 
 
 def _digest(numbers: ArrayLike) -> str:

@@ -1,4 +1,4 @@
-"""Tables of a study's page: which rows it shows, their criteria and ratios.
+"""Tables of a study, for its page and the terminal: which rows they show, their criteria and ratios.
 
 Tables and figures of hundreds of rows cannot be read, and take minutes to draw; `criteria.csv` and `runs.nc` have
 every row.
@@ -7,20 +7,26 @@ every row.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import astuple, dataclass, replace
+from typing import get_args
 
 import numpy as np
 
 from mrwork.base.numbers import NOTHING, format_fixed, significant
+from mrwork.base.summary import Summary, list_names
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.study.comparison import (
+    ADD_BEST_PASSIVE,
     BOTH,
     StudyComparison,
     best_cells,
+    change_table,
     chosen_in_words,
+    compared,
+    findings,
     judged_in_words,
     motion_groups,
     rank_headings,
@@ -28,13 +34,17 @@ from mrwork.study.comparison import (
 )
 from mrwork.study.results import (
     BAND,
+    OFF_BALANCE,
     ON_OFF,
     RealisationBand,
     StudyResults,
+    bands_over,
     largest_step_changes,
-    ratio_band,
-    score_band,
 )
+from mrwork.study.schema import Use
+
+MOST_IN_DETAIL = 8
+"""Most motions of which terminals show every table; of more they show medians."""
 
 MOST_LISTED = 60
 """Most rows of a table."""
@@ -61,14 +71,15 @@ def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRow
     total = len(comparison.results.rows)
     listed, drawn = (_best_rows(comparison, range(total), most) for most in (MOST_LISTED, MOST_DRAWN))
     with_histories = _best_rows(comparison, chosen, MOST_DRAWN)
-    sentences = []
-    if len(listed) < total:
-        sentences.append(f"tables show {len(listed)} of {total} arrangements, and mark the best of these")
-    if len(drawn) < total:
-        sentences.append(f"figures show {len(drawn)} of {total}")
-    if len(with_histories) < len(chosen):
-        sentences.append(f"histories are drawn of {len(with_histories)} of {len(chosen)}")
-    text = ", ".join(sentences)
+    parts = (
+        (
+            f"tables show {len(listed)} of {total} arrangements, and mark the best of these",
+            len(listed) < total,
+        ),
+        (f"figures show {len(drawn)} of {total}", len(drawn) < total),
+        (f"histories are drawn of {len(with_histories)} of {len(chosen)}", len(with_histories) < len(chosen)),
+    )
+    text = ", ".join(words for words, fewer in parts if fewer)
     return ShownRows(
         listed=listed,
         drawn=drawn,
@@ -85,17 +96,10 @@ def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -
     """Rows to show: all if few, else the references, the best of each rank, and further rows by rank."""
     if len(among) <= most:
         return tuple(among)
-    rows = set(among)
-    off = comparison.results.row_of("passive_off")
-    order = dict.fromkeys(
-        [
-            *comparison.references,
-            *([] if off is None else [off]),
-            *(ranked[0] for _, ranked in comparison.ranks),
-            *(row for _, ranked in comparison.ranks for row in ranked),
-        ]
-    )
-    return tuple(sorted([row for row in order if row in rows][:most]))
+    ranked = [row for _, rows in comparison.ranks for row in rows]
+    best = [rows[0] for _, rows in comparison.ranks]
+    order = [*comparison.references, comparison.results.row_of("passive_off"), *best, *ranked]
+    return tuple(sorted([row for row in dict.fromkeys(order) if row is not None and row in among][:most]))
 
 
 # Criterion, displayed unit, and factor to that unit.
@@ -133,7 +137,7 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         False
     )
     return Table(
-        label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
+        label=f"Criteria, median of {judged_in_words(results)}" if several else f"{under}: criteria",
         columns=("", *heads),
         rows=tuple(
             (results.rows[row].label, *(significant(column[place], 3) for column in columns))
@@ -161,23 +165,24 @@ def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
 def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
     """Bands of the score and of its ratios to i = 0 over the realisations of a study."""
     off = results.row_of("passive_off")
-    bands = [
-        (score_band(results, row), *(ratio_band(results, row, off, name) for name in SCORE)) for row in rows
-    ]
+    bands = [bands_over(results, row, off) for row in rows]
     return Table(
-        label="Bands over realisations",
+        label=f"Over {results.n_realisations} realisations: median, 90 % band of the score and of ratios over i = 0",
         columns=("", "Score", *(criterion(name).short for name in SCORE)),
-        rows=tuple((results.rows[row].label, *map(_band, own)) for row, own in zip(rows, bands, strict=True)),
+        rows=tuple(
+            (results.rows[row].label, *(_band(own.get(name)) for name in ("score", *SCORE)))
+            for row, own in zip(rows, bands, strict=True)
+        ),
         note=f"Median, and the ends between which {100.0 * BAND:.0f} % of the {results.n_realisations} realisations "
         "lie; each number is a mean over the motions, over i = 0 in the same realisation. All rows have the same "
-        "realisations; the laws are those of the nominal study.",
+        "realisations; the laws are designed for the nominal study.",
     )
 
 
 def step_table(results: StudyResults, rows: Collection[int]) -> Table:
     """The largest change of a criterion of each row with half the step."""
     return Table(
-        label="Largest change of a criterion with half the step",
+        label="Half the step: the largest change of a criterion, over its value",
         columns=("", "Largest change", "Criterion, motion"),
         rows=tuple(
             (
@@ -199,9 +204,10 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
     Of a single motion the score alone.
     """
     results, passive = comparison.results, comparison.passive
+    label = f"Score (peak and RMS drift and acceleration over i = 0), mean over {judged_in_words(results)}"
     if len(results.judged_motions) < 2:
         return Table(
-            label="Score",
+            label=label,
             columns=("", "Score"),
             rows=tuple((results.rows[row].label, format_fixed(results.score(row), 3)) for row in rows),
             headings=rank_headings(comparison, rows),
@@ -224,7 +230,7 @@ def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
     )
     constant = "the best passive damper" if passive is None else results.rows[passive].label
     return Table(
-        label="Spread of the score over the motions",
+        label=label,
         columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
         rows=cells,
         over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
@@ -258,3 +264,49 @@ def _band(band: RealisationBand | None) -> str:
     if band is None:
         return NOTHING
     return f"{format_fixed(band.median, 3)} ({format_fixed(band.lower, 3)}–{format_fixed(band.upper, 3)})"
+
+
+def study_summary(results: StudyResults) -> Summary:
+    """What a study has found, of the rows that were simulated; of many motions the criteria are medians."""
+    comparison = compared(results)
+    begun = "" if results.complete else f": {results.done} of {results.total} runs"
+    return Summary(
+        title=f"{results.title}{begun}",
+        facts=(
+            ("dampers", list_names(results.device_names)),
+            *((f"{use} motions", list_names(results.names_of(use))) for use in get_args(Use)),
+        ),
+        cautions=results.warnings(),
+        tables=[replace(each, title=each.label, note="") for each in _tables(comparison)],
+        notes=[
+            *filter(None, [chosen_in_words(results)]),
+            *([ADD_BEST_PASSIVE] if comparison.lacks_best_passive else []),
+            *findings(results),
+            *([] if results.balanced else [OFF_BALANCE]),
+            *([ON_OFF] if results.step_checked else []),
+        ],
+    )
+
+
+def _tables(comparison: StudyComparison) -> Iterator[Table]:
+    results, rows = comparison.results, range(len(comparison.results.rows))
+    # After Ctrl-C not all were simulated.
+    simulated = results.quantities.done[:, :, 0]
+    begun = [row for row in rows if simulated[row].any()]
+    for reference in comparison.references if len(begun) > 1 else ():
+        if reference in begun:
+            yield change_table(comparison, reference, begun)
+    if len(results.motions) <= MOST_IN_DETAIL:
+        for motion in range(len(results.motions)):
+            if own := [row for row in rows if simulated[row, motion]]:
+                yield value_table(results, (motion,), own)
+    elif begun:
+        yield value_table(results, results.judged_motions, begun)
+    ranked = [row for _, ranked in comparison.ranks for row in ranked]
+    if any(math.isfinite(results.score(row)) for row in rows):
+        yield spread_table(comparison, [row for row in ranked if row in begun])
+        if motion_groups(results):
+            yield group_table(results, ranked)
+    if results.row_of("passive_off") in (realised := results.realised_rows):
+        yield bands_of_study(results, realised)
+    yield step_table(results, begun)

@@ -18,7 +18,7 @@ from mrwork.store.journal import Journal
 from mrwork.study.course import StudyProgress
 from mrwork.study.histories import RunHistory
 from mrwork.study.reading import placed_study
-from mrwork.study.results import RealisationBand, StudyResults, ratio_band, score_band
+from mrwork.study.results import RealisationBand, StudyResults, bands_over
 from mrwork.study.run import run_study
 from mrwork.study.runs import Runs
 from mrwork.study.schema import Use
@@ -85,10 +85,7 @@ class TunedStudy(StudyResults):
             entry.name: ratios[entry.name][row, list(motions)].tolist() for entry in criteria() if entry.ratio
         }
         objective, violation = self._objective(law, row, motions)
-        realised = {"score": score_band(self, row)} | {
-            name: ratio_band(self, row, off, name) for name in SCORE
-        }
-        judged = motions == tuple(self.judged_motions)
+        bands = bands_over(self, row, off) if motions == tuple(self.judged_motions) else {}
         return Judgement(
             score=self.score_under(row, motions),
             criteria={name: float(np.mean(values)) for name, values in named.items()},
@@ -98,7 +95,7 @@ class TunedStudy(StudyResults):
             },
             objective=objective,
             violation=violation,
-            bands={name: band for name, band in realised.items() if judged and band is not None},
+            bands={name: bands[name] for name in ("score", *SCORE) if name in bands},
         )
 
     @checked
@@ -147,7 +144,7 @@ class TunedStudy(StudyResults):
 def _part_of(runs: Runs, row: int, motions: Sequence[int], count: int) -> Runs:
     """Criteria of a row under some motions: nominal ones, or of the last `count` realisations."""
     chosen = slice(-count, None) if count else slice(1)
-    return runs.part(slice(row, row + 1), motions, chosen)
+    return runs.part(slice(row, row + 1), list(motions), chosen)
 
 
 @checked

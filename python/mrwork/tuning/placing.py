@@ -17,7 +17,6 @@ from mrwork.study.constant import ConstantSearch
 from mrwork.study.dampers import ChosenDamper, equip_building
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.placements import Placed, placed_tables, placements_of
-from mrwork.study.realisations import nominal
 from mrwork.study.runs import Runs
 from mrwork.study.study import (
     Arrangement,
@@ -60,8 +59,7 @@ def compare_places(
 
     def at(arrangement: Arrangement, command: float, motions: Sequence[GroundMotion]) -> Runs:
         law = constant_commands([command] * len(arrangement.devices))
-        once = nominal(arrangement.devices)
-        return simulate_criteria(arrangement, law, motions, hardware, once, threads=threads)
+        return simulate_criteria(arrangement, law, motions, hardware, threads=threads)
 
     @cache
     def without_dampers(*, test: bool) -> Runs:

@@ -33,7 +33,7 @@ from mrwork.study.comparison import (
     verdict,
 )
 from mrwork.study.fragilities import Fragilities
-from mrwork.study.results import OFF_BALANCE, StudyResults, ratio_band
+from mrwork.study.results import OFF_BALANCE, StudyResults, bands_over
 from mrwork.study.tables import MOST_DRAWN
 from mrwork.tuning.judging import TunedStudy
 
@@ -148,7 +148,7 @@ def _verdict(comparison: StudyComparison) -> str:
     under = "" if both is None else f", both lower under {both} of {motions}"
     tied = "; within the spread of the motions they are equal" if is_tied(results, row, passive) else ""
     beaten = beaten_in_words(results.rows[row].label, over, every[row])
-    if (band := ratio_band(results, row, passive, BOTH[0])) is not None:
+    if (band := bands_over(results, row, passive).get(BOTH[0])) is not None:
         ends = f"{signed_percent(band.lower - 1.0)} to {signed_percent(band.upper - 1.0)} %"
         beaten += f"; drift {ends} in 90 % of {results.n_realisations} realisations"
     return f"{beaten}{under}{tied}."

@@ -230,6 +230,6 @@ def _change_section(comparison: StudyComparison, shown: ShownRows) -> Section | 
     ]
     return Section(
         title="Changes of every quantity",
-        summary=f"{comparison.heading(comparison.leading)}.",
+        summary=f"{comparison.heading}.",
         groups=(*groups, Group(points=findings(results), prose=(shown.in_words,) if shown.in_words else ())),
     )
