@@ -38,14 +38,7 @@ from mrwork.study.schema import (
     StudyTable,
     TuneTable,
 )
-from mrwork.study.study import (
-    Arrangement,
-    Kind,
-    NamedLaw,
-    Row,
-    StudyLaw,
-    constant_share,
-)
+from mrwork.study.study import Arrangement, Kind, NamedLaw, Row, StudyLaw, constant_share
 
 
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:

@@ -238,23 +238,15 @@ def verdict(comparison: StudyComparison, row: int) -> str:
         return f"did not finish under {results.motions[ended[0]].name}{more}"
     if constant := constant_in_words(results, row):
         return constant
-    reference = comparison.uncontrolled if comparison.passive is None else comparison.passive
-    if reference is None:
-        return "no reference to compare with"
+    reference, motions = comparison.references[-1], counted(len(judged), "motion")
     counts = [times_better(results, row, reference, names) for names in (BOTH[:1], BOTH[1:], BOTH)]
     if None in counts:
         return f"{results.rows[reference].label} did not finish under every motion"
-    drift, acceleration, both = (count or 0 for count in counts)
-    against = "" if comparison.passive is not None else " against no dampers"
+    drift, acceleration, both = counts
+    text = f"better in drift on {drift}, in acceleration on {acceleration} of {motions}"
     if both == len(judged):
-        on = f" on all {len(judged)} motions" if len(judged) > 1 else ""
-        text = f"better in both peaks{on}"
-    elif len(judged) == 1:
-        text = f"{'better' if drift else 'worse'} in drift, {'better' if acceleration else 'worse'} in acceleration"
-    else:
-        (word, first), (other, second) = _on(drift, len(judged)), _on(acceleration, len(judged))
-        again = "" if other == word else f"{other} "
-        text = f"{word} in drift on {first}, {again}in acceleration on {second} of {len(judged)}"
+        text = f"better in both peaks on {motions}"
+    against = "" if comparison.passive is not None else " against no dampers"
     tied = comparison.passive is not None and is_tied(results, row, reference)
     return f"{text}{against}{'; equal within the spread' if tied else ''}"
 
@@ -283,11 +275,6 @@ def beaten_in_words(law: str, constant: str, changes: Mapping[str, Floats]) -> s
 def lowers_all(changes: Mapping[str, Floats]) -> bool:
     """Whether the mean of every change is a decrease in whole per cent, as sentences show it."""
     return all(rounds_to_increase(-float(each.mean())) for each in changes.values())
-
-
-def _on(better: int, count: int) -> tuple[str, int]:
-    """What is more often the case, "better" or "worse", and how often."""
-    return ("better", better) if 2 * better >= count else ("worse", count - better)
 
 
 def is_tied(results: StudyResults, row: int, reference: int) -> bool:

@@ -8,7 +8,6 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -60,7 +59,7 @@ class Course:
     def __init__(
         self,
         on_progress: Callable[[StudyProgress], bool | None] | None = None,
-        costs: Mapping[Kind, float] = MappingProxyType({}),
+        costs: Mapping[Kind, float] | None = None,
         total: int = 0,
     ) -> None:
         self._on_progress, self._total, self._left = on_progress, total, Counter(costs)

@@ -249,26 +249,28 @@ def equip_building(
             return _row_of(bare, tables[number])
 
     building, rows = bare, read_each(row_of, range(len(tables)))
+
+    def whole(row: Floats) -> Floats:
+        # Braces of other dampers add coordinates, which do not move this one.
+        return np.append(row, np.zeros(building.n_coordinates - len(row)))
+
     for number, table in enumerate(tables):
-        if table.brace is not None:
-            mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
+        if (brace := table.brace) is not None:
+            mass = brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
+            where = bare.storey_name(table.storey)
             with keyed("damper", number, "brace"):
-                row = np.append(rows[number], np.zeros(building.n_coordinates - len(rows[number])))
-                where = bare.storey_name(table.storey)
                 building = brace_across(
                     building,
-                    row,
+                    whole(rows[number]),
                     where,
-                    stiffness=table.brace.stiffness,
-                    damping=table.brace.damping,
+                    stiffness=brace.stiffness,
+                    damping=brace.damping,
                     mass=mass,
                     name=table.name or f"damper in {where}",
                 )
             rows[number] = building.storeys[-1]
     devices: list[Device] = []
     for number, (table, one, row) in enumerate(zip(tables, chosen, rows, strict=True)):
-        # Braces of later dampers add coordinates, which do not move this one.
-        whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
         name = table.name or f"damper in {bare.storey_name(table.storey)}"
         before = 0 if table.name else sum(device.name.startswith(name) for device in devices)
         with keyed("damper", number):
@@ -281,7 +283,7 @@ def equip_building(
                     name=f"{name}, number {before + 1}" if before else name,
                     spec=one.spec,
                     theta=one.theta,
-                    row=whole,
+                    row=whole(row),
                     count=table.count,
                     differential=table.differential,
                     largest_command=one.largest_command,

@@ -29,13 +29,7 @@ from mrwork.store.run_folder import (
     RunFolder,
 )
 from mrwork.store.run_writer import RunAtWork
-from mrwork.study.comparison import (
-    StudyComparison,
-    compared,
-    findings,
-    judged_in_words,
-    motion_groups,
-)
+from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words, motion_groups
 from mrwork.study.damper_size import worst_by_quantity
 from mrwork.study.histories import Histories
 from mrwork.study.results import DeviceDemand, Ensemble, StudyResults, bands_over, criterion_band
@@ -311,12 +305,8 @@ def _criteria_csv(results: StudyResults) -> str:
         facts = results.motions[motion]
         error, score = quantities.energy_error[row, motion, 0], scores[row][motion]
         values = (results.labelled.numbers[entry.name][row, motion, 0] for entry in known)
-        lines.append(
-            [
-                *(results.rows[row].label, facts.name, facts.use, str(outcomes[row, motion])),
-                *(_cell(error, 3), _cell(score, 6), *map(_cell, values)),
-            ]
-        )
+        labels = [results.rows[row].label, facts.name, facts.use, str(outcomes[row, motion])]
+        lines.append([*labels, _cell(error, 3), _cell(score, 6), *map(_cell, values)])
     return csv_text(lines)
 
 

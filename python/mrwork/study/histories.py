@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from mrwork.base.labelled import NamedArray, NamedArrays, labels_of
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.responses import History, Labelled, Quantity, history_signals, in_command_unit
-from mrwork.errors import RecordError
 from mrwork.store.netcdf import netcdf_of, read_netcdf
 from mrwork.store.output_file import replacing
 from mrwork.store.run_folder import HISTORIES, RunFolder
@@ -77,13 +77,10 @@ class Histories:
     def is_stored(self, row: int, motion: int) -> bool:
         """Whether the history of a run is stored and whole; a damaged one will be written again."""
         path = self._work.grown(_name_of(row, motion))
-        if not path.is_file():
-            return False
-        try:
-            _read_history(path)
-        except RecordError:
-            return False
-        return True
+        # What reading a damaged file leads to.
+        with suppress(LookupError, OSError, RuntimeError, TypeError, ValueError):
+            return path.is_file() and _read_history(path) is not None
+        return False
 
     def keep(self, row: int, motion: int, history: RunHistory) -> None:
         """Store the history of a run, whole or not at all."""
@@ -99,7 +96,8 @@ class Histories:
         arrays = {
             each.name: NamedArray.of(
                 history.numbers[each.name].astype(np.float32),
-                *("time", *(("energy_part",) if each is energy else each.own_axes)),
+                "time",
+                *(("energy_part",) if each is energy else each.own_axes),
                 unit=in_command_unit(each.unit, study.command_unit),
                 long_name=each.description,
             )
@@ -114,19 +112,15 @@ class Histories:
 def read_history(place: Path, row: int, motion: int) -> RunHistory | None:
     """The history of a run in the folder of a study, if it is stored."""
     run, name = RunFolder.open(place), _name_of(row, motion)
-    return _read_history(run.file(name)) if name in run.files and run.file(name).is_file() else None
+    with run.explained(name):
+        return _read_history(run.file(name)) if name in run.files and run.file(name).is_file() else None
 
 
 def _read_history(path: Path) -> RunHistory:
     """The history in a file; one without devices has them with an empty axis."""
-    try:
-        stored = read_netcdf(path, path)[""]
-        time = stored.labels["time"].values
-        numbers = {name: each.values.astype(np.float64) for name, each in stored.arrays.items()}
-    except (LookupError, OSError, RuntimeError, TypeError, ValueError) as reason:
-        raise RecordError(
-            f"{path} is not the history of a run ({reason}); run `mrwork respond` again"
-        ) from None
+    stored = read_netcdf(path, path)[""]
+    time = stored.labels["time"].values
+    numbers = {name: each.values.astype(np.float64) for name, each in stored.arrays.items()}
     empty = np.empty((time.size, 0))
     return RunHistory(time=time, numbers={each.name: empty for each in _kept_signals()} | numbers)
 

@@ -35,18 +35,8 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines
-from mrwork.study.arrangements import (
-    arrangements,
-    resolve_settings,
-    settings_of_law,
-)
-from mrwork.study.dampers import (
-    ChosenDamper,
-    Identified,
-    chosen_damper,
-    equip_building,
-    other_sets,
-)
+from mrwork.study.arrangements import arrangements, resolve_settings, settings_of_law
+from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper, equip_building, other_sets
 from mrwork.study.fragilities import limit_of
 from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study, refuse_same
 from mrwork.study.placements import Placed, placed_tables, placements_of
@@ -61,14 +51,7 @@ from mrwork.study.schema import (
     TuneTable,
     target_spectrum,
 )
-from mrwork.study.study import (
-    Arrangement,
-    Kind,
-    MotionOfStudy,
-    Row,
-    Study,
-    StudyFile,
-)
+from mrwork.study.study import Arrangement, Kind, MotionOfStudy, Row, Study, StudyFile
 
 # What a row is that is designed for the motions, or chosen on them.
 _DESIGNED: tuple[Kind, ...] = ("best_passive", "best_passive_by_group", "controller", "actuator")

@@ -20,20 +20,13 @@ from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.evaluation import (
-    STANDARD_GRAVITY,
-    Scales,
-    Spread,
-    criteria,
-    criterion,
-    searched,
-)
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY, Scales, Spread, criteria, criterion, searched
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import OperatingRange, Outside
 from mrwork.errors import SettingError
 from mrwork.motions.spectrum import Intensity
-from mrwork.study.runs import NOT_RUN, Runs, outcome_in_words
+from mrwork.study.runs import NOT_RUN, Runs
 from mrwork.study.schema import Use
 from mrwork.study.study import Kind, MotionOfStudy, Row, Study
 
@@ -66,6 +59,7 @@ OFF_BALANCE = (
     "halve the step and compare, as --check-step does."
 )
 """Advice for runs whose energies do not balance."""
+_IN_WORDS = {Outcome.UNRESOLVED: "could not be resolved", Outcome.ABANDONED: "was abandoned"}
 _NO_CRITERIA = " A run that does not finish has no criteria."
 
 
@@ -244,11 +238,6 @@ class RecordLevels:
         return RecordLevels(records=records, measures=measures, levels=levels, places=places)
 
     @property
-    def is_full(self) -> bool:
-        """Whether every record has every level of one measure, of which there are several."""
-        return len(self.measures) == 1 and self.levels.size > 1 and bool((self.places >= 0).all())
-
-    @property
     def measure(self) -> str:
         """The one measure of all intensities, refused where there are several."""
         if len(self.measures) > 1:
@@ -356,6 +345,7 @@ class StudyResults(Plotted, Summarised):
         study: Study, rows: Sequence[Row], runs: Runs, criteria: Runs, choices: Sequence[str]
     ) -> StudyResults:
         """Results of runs of a study, without the demands on its dampers."""
+        drawn = study.table.report.controllers
         return StudyResults(
             title=study.title,
             rows=tuple(rows),
@@ -372,7 +362,9 @@ class StudyResults(Plotted, Summarised):
             facts=study.facts,
             study_warnings=study.warnings,
             detailed=study.detailed,
-            with_histories=tuple(study.report.select_drawn([row.label for row in rows])),
+            with_histories=tuple(
+                number for number, row in enumerate(rows) if not drawn or row.label in drawn
+            ),
         )
 
     @property
@@ -386,12 +378,8 @@ class StudyResults(Plotted, Summarised):
         return self.quantities.shape[2] > 1
 
     @arguments.checked
-    def criteria(self, row: int, motion: int) -> dict[str, float] | None:
-        """Every criterion of a run that finished."""
-        self.check_place(row, motion)
-        return self._criteria(row, motion, 0)
-
-    def _criteria(self, row: int, motion: int, realisation: int) -> dict[str, float] | None:
+    def criteria(self, row: int, motion: int, realisation: Whole = 0) -> dict[str, float] | None:
+        """Every criterion of a run that finished, by default of the nominal one."""
         if not self.quantities.finished[row, motion, realisation]:
             return None
         found = self.labelled.at(row, motion, realisation)
@@ -405,15 +393,18 @@ class StudyResults(Plotted, Summarised):
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
         whole = self.criteria(row, motion)
-        half = self._criteria(row, motion, 1) if self.step_checked else None
+        half = self.criteria(row, motion, 1) if self.step_checked else None
         if whole is None or half is None:
             return None
-        return {name: _relative_change(value, half[name]) for name, value in whole.items()}
+        changes = {name: (abs(half[name] - value), abs(value)) for name, value in whole.items()}
+        return {
+            name: change / size if size else math.inf if change else 0.0
+            for name, (change, size) in changes.items()
+        }
 
     @arguments.checked
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
         """Demand of a run on each device; none for a run without dampers or that did not finish."""
-        self.check_place(row, motion)
         return self.demanded.get((row, motion), ())
 
     @property
@@ -473,7 +464,7 @@ class StudyResults(Plotted, Summarised):
         groups = self._named_groups()
         if by_record:
             at = self.record_levels
-            if not at.is_full:
+            if len(at.measures) > 1 or at.levels.size < 2 or (at.places < 0).any():
                 raise SettingError(
                     f"not each of {counted(len(at.records), 'record')} has the same levels, several of one measure of "
                     "intensity; give all the same pga or sa, or leave by_record out"
@@ -491,15 +482,6 @@ class StudyResults(Plotted, Summarised):
         `quantities.to_pandas()` is the table of the quantities, with storeys, floors and devices as columns.
         """
         return self.labelled.to_pandas()
-
-    @arguments.checked
-    def check_place(self, row: int, motion: int) -> None:
-        """Refuse a row or a motion that the study has not."""
-        if not (0 <= row < len(self.rows) and 0 <= motion < len(self.motions)):
-            raise SettingError(
-                f"there are {len(self.rows)} rows and {len(self.motions)} motions, counted from 0; give one of each, "
-                f"not row {row} and motion {motion}"
-            )
 
     @property
     def done(self) -> int:
@@ -643,7 +625,8 @@ class StudyResults(Plotted, Summarised):
             return (
                 "diverged without dampers that follow a command: check [building], and the step of [hardware]"
             )
-        return outcome_in_words(outcome)
+        words = _IN_WORDS.get(outcome, outcome.name.lower().replace("_", " "))
+        return f"{words}: {outcome.remedy}"
 
     def _summary(self) -> Summary:
         shown = range(min(len(self.motions), _MOTIONS_SHOWN))
@@ -674,12 +657,6 @@ class StudyResults(Plotted, Summarised):
 
 # Most motions of which a summary has the drifts.
 _MOTIONS_SHOWN: Final = 5
-
-
-def _relative_change(value: float, other: float) -> float:
-    if value == other:
-        return 0.0
-    return abs(other - value) / abs(value) if value != 0.0 else math.inf
 
 
 def criterion_band(results: StudyResults, row: int, motion: int, name: str) -> RealisationBand | None:

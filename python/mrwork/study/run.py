@@ -216,7 +216,11 @@ class _StudyRuns:
         assert each.law is not None
         simulate = partial(
             simulate_criteria,
-            *(each, each.law, study.grounds, study.hardware, study.realisations),
+            each,
+            each.law,
+            study.grounds,
+            study.hardware,
+            study.realisations,
             threads=self.threads,
             on_block=self.course.advance,
         )

@@ -7,7 +7,7 @@ end; `outcome` says which.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -48,13 +48,6 @@ NOT_RUN = 255
 """Outcome of what was not simulated."""
 
 _FINISHED = (Outcome.FINISHED, Outcome.FAILED_SAFE)
-_IN_WORDS = {
-    Outcome.FINISHED: "finished",
-    Outcome.DIVERGED: "diverged",
-    Outcome.UNRESOLVED: "could not be resolved",
-    Outcome.ABANDONED: "was abandoned",
-    Outcome.FAILED_SAFE: "failed safe",
-}
 _N_FIRST = 3
 _REALISATION = 2
 _ALL = slice(None)
@@ -69,12 +62,6 @@ _FURTHER = (
     Quantity(name="steps", axis="run", unit="1", description="integration steps per sample"),
     Quantity(name="least_stroke", axis="device", unit="m", description="least stroke of a cycle"),
 )
-
-
-def outcome_in_words(outcome: Outcome) -> str:
-    """How a run ended, in words that follow its name, with a remedy."""
-    remedy = "" if outcome is Outcome.FINISHED else f": {outcome.remedy}"
-    return f"{_IN_WORDS[outcome]}{remedy}"
 
 
 def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
@@ -251,9 +238,7 @@ class Runs(Labelled, WithAxes, Summarised):
         own = dict.fromkeys(axis for each in declared for axis in each.own_axes)
         axes = {axis: labels.get(axis, ()) for axis in ("row", "motion", "realisation", *own)}
         numbers = {name: each.values for name, each in named.arrays.items()}
-        codes = {
-            name: code for code, name in enumerate(outcome_names(np.arange(NOT_RUN + 1, dtype=np.uint8)))
-        }
+        codes = {"": NOT_RUN} | {each.name.lower(): int(each) for each in Outcome}
         outcome = np.array([codes[name] for name in numbers["outcome"].ravel()], dtype=np.uint8)
         axes["realisation"] = axes["realisation"] or (realisation,)
         return Runs._of(axes, declared, numbers, outcome)
@@ -302,45 +287,34 @@ def runs_of(responses: Responses, arrangement: Arrangement, law: StudyLaw, axes:
     runs = Runs.empty(axes, study_quantities(command_unit_of(arrangement.devices)))
     runs = replace(runs, outcome=responses.outcome.reshape(runs.shape))
     ended = runs.finished.ravel()
-    for quantity in runs.declared:
-        for columns, labels in _parts_of(responses, quantity, arrangement, law):
-            known = np.where(ended.reshape(-1, *[1] * (columns.ndim - 1)), columns, np.nan)
-            array = runs.numbers[quantity.name]
-            if labels is None:
-                array[...] = known.reshape(array.shape)
-            else:
-                places = [axes["device"].index(label) for label in labels]
-                array[..., places] = known.reshape(*runs.shape, len(places))
-    return runs
-
-
-def _parts_of(
-    responses: Responses, quantity: Quantity, arrangement: Arrangement, law: StudyLaw
-) -> Iterator[tuple[Floats, Sequence[str] | None]]:
-    """Columns of a quantity of all runs, for devices with their labels."""
-    name, n_dampers = quantity.name, len(arrangement.devices)
     dampers, strokes, elements = _device_labels(arrangement)
-    if name == "steps":
-        yield responses.steps.astype(np.float64), None
-    elif name == "least_stroke":
-        # Least strokes of others would depend on which histories are kept.
-        if responses.histories is not None and knows_least_strokes(arrangement):
-            deformations = (each.deformation[:, :n_dampers] for each in responses.histories)
-            yield (
-                np.array([[least_stroke(each) for each in columns.T] for columns in deformations]),
-                dampers,
-            )
-    elif quantity.axis == "device":
+
+    def fill(name: str, columns: Floats, labels: Sequence[str] | None = None) -> None:
+        known = np.where(ended.reshape(-1, *[1] * (columns.ndim - 1)), columns, np.nan)
+        if labels is None:
+            runs.numbers[name][...] = known.reshape(runs.numbers[name].shape)
+        else:
+            places = [axes["device"].index(label) for label in labels]
+            runs.numbers[name][..., places] = known.reshape(*runs.shape, len(places))
+
+    fill("steps", responses.steps.astype(np.float64))
+    # Least strokes of others would depend on which histories are kept.
+    if responses.histories is not None and knows_least_strokes(arrangement):
+        deformations = (each.deformation[:, : len(dampers)] for each in responses.histories)
+        least = [[least_stroke(each) for each in columns.T] for columns in deformations]
+        fill("least_stroke", np.array(least), dampers)
+    fill("peak_stroke", responses.peak_drift[:, arrangement.strokes], strokes)
+    for name, source in _OF_ELEMENTS.items():
+        fill(name, responses.numbers[source][:, arrangement.passive_devices], elements)
+    for quantity in runs.declared:
+        name, columns = quantity.name, responses.numbers.get(quantity.name)
+        if columns is not None and quantity.axis != "device":
+            places = arrangement.places.get(quantity.axis)
+            fill(name, columns if places is None else columns[:, places])
         # The command of an ideal actuator is a force, not a current.
-        if not (name in _COMMANDS and commands_force(law)):
-            yield responses.numbers[name][:, :n_dampers], dampers
-        if name == "peak_stroke":
-            yield responses.peak_drift[:, arrangement.strokes], strokes
-        if name in _OF_ELEMENTS:
-            yield responses.numbers[_OF_ELEMENTS[name]][:, arrangement.passive_devices], elements
-    else:
-        places, columns = arrangement.places.get(quantity.axis), responses.numbers[name]
-        yield (columns if places is None else columns[:, places]), None
+        elif columns is not None and not (name in _COMMANDS and commands_force(law)):
+            fill(name, columns[:, : len(dampers)], dampers)
+    return runs
 
 
 def knows_least_strokes(arrangement: Arrangement) -> bool:

@@ -6,11 +6,11 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
-from mrwork.base.arguments import checked
+from mrwork.base.arguments import Positive, checked
 from mrwork.base.documents import heading_lines, key_lines, keys_in_words, prose_of
 from mrwork.base.keys import (
     LARGEST_SEED,
@@ -38,13 +38,7 @@ from mrwork.errors import InvalidSettingError
 from mrwork.motions.ground_motion import HIGHEST_ORDER, GroundMotion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
 from mrwork.motions.synthetic import suite as synthetic_suite
-from mrwork.motions.targets import (
-    ScaledBy,
-    TargetSpectrum,
-    asce_7_spectrum,
-    en_1998_spectrum,
-    table_spectrum,
-)
+from mrwork.motions.targets import ScaledBy, TargetSpectrum, asce_7_spectrum, en_1998_spectrum, table_spectrum
 from mrwork.search.rules import LARGEST_POPULATION
 
 Risk = Literal["mean", "max", "cvar"]
@@ -153,7 +147,7 @@ class TuneTable(Stated):
         "for the range of the law. Of any law also largest_command, and dead_zone [m/s] and command_slope [A/s or V/s] "
         "of its command"
     )
-    criteria: tuple[str, ...] | Mapping[str, float] = key(
+    criteria: tuple[str, ...] | Mapping[str, Positive] = key(
         "criteria of the score, an array or a table with their weights; by default peak and rms of drift and "
         "acceleration",
         default=(),
@@ -225,9 +219,6 @@ class TuneTable(Stated):
                         each,
                         f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints",
                     )
-        for name, weight in self.criteria.items() if isinstance(self.criteria, Mapping) else ():
-            if not (weight > 0.0 and math.isfinite(weight)):
-                yield "criteria", f"the weight of {name} is {weight:g}; give a positive number"
 
 
 Use = Literal["test", "training"]
@@ -577,9 +568,21 @@ class MotionTable(Stated):
         if len(given) > 1 and given != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
             yield given[1], f"{says}; keep one of {list_names(given)}"
-        for reason, names in self._unread():
+        made, of_samples = self.is_synthetic, self.file is None and not self.is_synthetic
+        for unread, reason, names in (
+            (self.sa is None, "is of sa, which this motion does not have", ("sa_period", "sa_damping")),
+            (not made, "is of synthetic motions, and this one is given", ("duration", "soil", "seed")),
+            (bool(self.suite), "is for a single synthetic motion, and this is a suite", ("duration", "soil")),
+            (made, "is for files, and this motion is synthetic", ("unit", "column", "channel")),
+            (of_samples, "is for files, and this motion is given by its samples", ("column", "channel")),
+            (
+                isinstance(self.file, GroundMotion),
+                "is for files, and this motion is a GroundMotion",
+                ("unit", "dt", "column", "channel"),
+            ),
+        ):
             # A seed of 0 is as if none were given.
-            for name in (each for each in names if getattr(self, each) not in (None, 0)):
+            for name in (each for each in names if unread and getattr(self, each) not in (None, 0)):
                 yield name, f"{name} {reason}; leave it out"
         if self.acceleration is not None and self.dt is None:
             yield (), "[[motion]] has no dt of its samples; give it [s]"
@@ -588,21 +591,6 @@ class MotionTable(Stated):
     def is_synthetic(self) -> bool:
         """Whether it is generated, alone or as a suite."""
         return self.synthetic is not None or self.suite is not None
-
-    def _unread(self) -> Iterator[tuple[str, tuple[str, ...]]]:
-        """Keys that a motion of this kind does not have, each with the reason."""
-        if self.sa is None:
-            yield "is of sa, which this motion does not have", ("sa_period", "sa_damping")
-        if not self.is_synthetic:
-            yield "is of synthetic motions, and this one is given", ("duration", "soil", "seed")
-        if self.suite is not None:
-            yield "is for a single synthetic motion, and this is a suite", ("duration", "soil")
-        if self.is_synthetic:
-            yield "is for files, and this motion is synthetic", ("unit", "column", "channel")
-        elif isinstance(self.file, GroundMotion):
-            yield "is for files, and this motion is a GroundMotion", ("unit", "dt", "column", "channel")
-        elif self.file is None:
-            yield "is for files, and this motion is given by its samples", ("column", "channel")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -640,12 +628,6 @@ class ReportTable:
         "criterion with its limit, of which the page has the fragility where records have several levels, as "
         '{ peak_drift_ratio = "1 %" }; by default drift_limit of [building], else collapse, 10 %'
     )
-
-    def select_drawn(self, labels: Sequence[str]) -> list[int]:
-        """Indices of the arrangements that are drawn, of all their labels."""
-        return [
-            number for number, label in enumerate(labels) if not self.controllers or label in self.controllers
-        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ from mrwork.motions.targets import SuiteCheck
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.dampers import Identified, OtherSet
 from mrwork.study.realisations import Realisations
-from mrwork.study.schema import ControllerTable, ReportTable, StudyTable, TuneTable, Use
+from mrwork.study.schema import ControllerTable, StudyTable, TuneTable, Use
 from mrwork.study.study_file import write_study_file
 
 WEIGHT = "control_weight"
@@ -276,11 +276,6 @@ class Study(Summarised):
     def title(self) -> str:
         """Heading of the page."""
         return self.table.title or self.building.name
-
-    @property
-    def report(self) -> ReportTable:
-        """What the page shows."""
-        return self.table.report
 
     @property
     def command_unit(self) -> str:

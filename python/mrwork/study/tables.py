@@ -9,13 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
-from typing import get_args
 
 import numpy as np
 
 from mrwork.base.numbers import NOTHING, format_fixed, significant
-from mrwork.base.summary import Summary, list_names
+from mrwork.base.summary import Summary
 from mrwork.base.table import Table
+from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.study.comparison import (
@@ -41,7 +41,6 @@ from mrwork.study.results import (
     bands_over,
     largest_step_changes,
 )
-from mrwork.study.schema import Use
 
 MOST_IN_DETAIL = 8
 """Most motions of which terminals show every table; of more they show medians."""
@@ -120,13 +119,12 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     """The criteria themselves under one motion, or their medians over several."""
     unit = results.command_unit
     several, under = len(motions) > 1, results.motions[motions[0]].name
-    by_row = [[_values(results, row, motion) for motion in motions] for row in rows]
-    known = {name for of_row in by_row for of_run in of_row for name in of_run}
-    values = [each for each in _VALUES if each[0] in known or not criterion(each[0]).optional]
-    columns = [
-        [factor * float(np.median([each.get(name, math.nan) for each in of_row])) for of_row in by_row]
-        for name, _, factor in values
+    runs = np.ix_(list(rows), list(motions))
+    known = {name: _known(results, name)[runs] for name, *_ in _VALUES}
+    values = [
+        each for each in _VALUES if not (criterion(each[0]).optional and np.isnan(known[each[0]]).all())
     ]
+    columns = [(factor * np.median(known[name], axis=1)).tolist() for name, _, factor in values]
     heads = tuple(
         f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})".removesuffix(
             " (1)"
@@ -150,16 +148,14 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     )
 
 
-def _values(results: StudyResults, row: int, motion: int) -> dict[str, float]:
-    """The known criteria; none if the run did not finish, nor of a quantity that it has not: no dampers, no stroke."""
-    criteria, run = results.criteria(row, motion) or {}, results.quantities.at(row, motion)
-    return {
-        name: criteria[name]
-        for name, *_ in _VALUES
-        if name in criteria
-        and not np.isnan(run[criterion(name).quantity]).all()
-        and (name not in _OF_YIELD or "peak_ductility" in criteria)
-    }
+def _known(results: StudyResults, name: str) -> Floats:
+    """A criterion of the nominal runs; NaN where the run has no such quantity, as without dampers no stroke."""
+    values = results.labelled.numbers[name][:, :, 0]
+    quantity = results.quantities.numbers[criterion(name).quantity][:, :, 0]
+    lacking = np.isnan(quantity).reshape(*values.shape, -1).all(axis=2)
+    if name in _OF_YIELD:
+        lacking |= np.isnan(results.labelled.numbers["peak_ductility"][:, :, 0])
+    return np.where(lacking, np.nan, values)
 
 
 def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
@@ -270,13 +266,9 @@ def study_summary(results: StudyResults) -> Summary:
     """What a study has found, of the rows that were simulated; of many motions the criteria are medians."""
     comparison = compared(results)
     begun = "" if results.complete else f": {results.done} of {results.total} runs"
-    return Summary(
+    return replace(
+        results._summary(),
         title=f"{results.title}{begun}",
-        facts=(
-            ("dampers", list_names(results.device_names)),
-            *((f"{use} motions", list_names(results.names_of(use))) for use in get_args(Use)),
-        ),
-        cautions=results.warnings(),
         tables=[replace(each, title=each.label, note="") for each in _tables(comparison)],
         notes=[
             *filter(None, [chosen_in_words(results)]),
