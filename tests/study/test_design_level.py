@@ -47,7 +47,7 @@ def test_laws_and_command_at_every_level_are_those_of_a_study_of_the_design_leve
     found, one = mr.run_study(whole), mr.run_study(alone)
     assert [row.label for row in found.rows] == [row.label for row in one.rows]
     assert [found.criteria(row, 1) for row in range(4)] == [one.criteria(row, 0) for row in range(4)]
-    assert "those at 0.3 g" in chosen_in_words(found)
+    assert ", at 0.3 g" in chosen_in_words(found)
     # Scores are of that level, so that a collapse at the highest does not hide them; the others stay with the record.
     assert found.judged_motions == (1,)
     assert judged_in_words(found) == "1 motion at 0.3 g"

@@ -195,7 +195,7 @@ def test_an_exceeded_limit_costs_more_than_any_gain_of_the_score() -> None:
     ("keys", "word"),
     [
         ({"criteria": ("peak_drifft",)}, "did you mean peak_drift"),
-        ({"criteria": {"peak_drift": -1.0}}, "weight of peak_drift is -1"),
+        ({"criteria": {"peak_drift": -1.0}}, "is -1; give a number above 0"),
         ({"constraints": {"peak_stroke": "10 kN"}}, "10 kN"),
         ({"constraints": {"peak_stroke": 0.0}}, "peak_stroke is 0"),
         ({"tail": 0.2}, "tail has no effect"),

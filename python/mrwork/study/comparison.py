@@ -45,7 +45,7 @@ def chosen_in_words(results: StudyResults) -> str:
         return ""
     number = _n_training(results)
     on = uses_in_words(["training"] * number) if number else "the motions that it is judged on"
-    at = f" at {results.design_levels[0]}" if len(results.design_levels) == 1 else ""
+    at = f", at {results.design_levels[0]}" if len(results.design_levels) == 1 else ""
     return f"The best constant command is chosen on {on}{at}."
 
 

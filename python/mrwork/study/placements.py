@@ -50,14 +50,12 @@ def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Place
     if not 1 <= len(placements) <= MOST_PLACEMENTS:
         have, remedy = "no placement", "a larger each"
         if placements:
-            have, remedy = (
-                "more placements",
-                "fewer storeys, a smaller each, or fewer dampers of a larger count",
-            )
+            have = f"more than {MOST_PLACEMENTS} placements"
+            remedy = "fewer storeys, a smaller each, or fewer dampers of a larger count"
         raise InvalidSettingError(
             "places",
-            f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have {have}, and "
-            f"1 to {MOST_PLACEMENTS} are compared; give {remedy}",
+            f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have {have}; "
+            f"give {remedy}",
         )
     given = {name: own[name] if len(dampers) > 1 else number for name in bare.storey_names if own[name]}
     return given, placements
