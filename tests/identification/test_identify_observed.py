@@ -71,7 +71,7 @@ def test_the_average_of_a_measured_record_improves_its_fit_wherever_the_part_end
 @cache
 def fooled() -> DamperTest:
     """The clean test with an average that was found in it though there is none."""
-    smoothing = Smoothing(window_seconds=0.08, kind="moving_average", channels=("force", "displacement"))
+    smoothing = Smoothing(window_seconds=0.08, channels=("force", "displacement"))
     return replace(CLEAN, name="fooled", path="", smoothing=smoothing)
 
 

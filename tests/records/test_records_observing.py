@@ -51,7 +51,7 @@ def test_what_has_no_average_or_a_model_of_its_own_is_the_same_test(smoothed: Da
 
 
 def test_an_average_of_the_displacement_alone_leaves_the_force(smoothed: DamperTest) -> None:
-    alone = Smoothing(window_seconds=0.1, kind="moving_average", channels=("displacement",))
+    alone = Smoothing(window_seconds=0.1, channels=("displacement",))
     assert observed(replace(smoothed, smoothing=alone), ["detect"]).observation == AS_IT_IS
 
 

@@ -145,7 +145,7 @@ def test_a_folder_with_no_record_and_a_use_with_no_test_are_refused(
 
 def test_a_pattern_that_takes_in_table_and_records_is_refused(rig: Path) -> None:
     table(rig, *FULL)
-    refusal(read_damper_tests, str(rig / "*.csv"), match="is given twice, by a table of tests and once more")
+    refusal(read_damper_tests, str(rig / "*.csv"), match="is given 2 times; give its table of tests")
 
 
 def test_the_first_guess_says_what_is_in_doubt(rig: Path) -> None:

@@ -436,7 +436,6 @@ def detect_smoothing(test: DamperTest, frequency: float | None = None) -> Smooth
         return None
     return Smoothing(
         window_seconds=seen[0] * test.dt,
-        kind="moving_average",
         channels=tuple(name for name, n_window in windows.items() if n_window == seen[0]),
     )
 

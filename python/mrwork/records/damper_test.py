@@ -185,7 +185,6 @@ class Smoothing:
     _made_by: ClassVar[str] = "mr.read_damper_test(path)"
 
     window_seconds: float
-    kind: Literal["moving_average"]
     channels: tuple[Channel, ...]
 
 

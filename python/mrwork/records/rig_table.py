@@ -105,14 +105,11 @@ def check_given_once(rows: Sequence[ListedTest]) -> None:
     for row in rows:
         groups.setdefault(real_path(row.file), []).append(row)
     for same in groups.values():
-        if len(same) == 1:
-            continue
-        if any(row.use is not None for row in same):
-            raise RecordError(
-                f"{same[0].file} is given twice, by a table of tests and once more; give the table or its folder "
-                "alone, or the records without the table"
-            )
-        raise RecordError(f"{same[0].file} is given {len(same)} times; give each file once")
+        if len(same) > 1:
+            remedy = "give each file once"
+            if any(row.use is not None for row in same):
+                remedy = "give its table of tests, or the folder, alone, or the records without the table"
+            raise RecordError(f"{same[0].file} is given {len(same)} times; {remedy}")
 
 
 def records_in(folder: Path) -> tuple[Path, ...]:
