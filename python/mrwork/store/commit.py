@@ -35,8 +35,11 @@ def digest_of(name: str, content: bytes) -> str:
 
 
 def digest_at(name: str, path: Path) -> str:
-    """Digest of a file that has, or will have, a name."""
-    return digest_of(name, path.read_bytes())
+    """Digest of a file that has, or will have, a name; histories are not read whole."""
+    if PurePath(name).suffix in _TEXTS:
+        return digest_of(name, path.read_bytes())
+    with path.open("rb") as stream:
+        return f"sha256:{hashlib.file_digest(stream, 'sha256').hexdigest()}"
 
 
 def digest_of_manifest(stated: Mapping[str, object]) -> str:
