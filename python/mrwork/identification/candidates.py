@@ -318,15 +318,15 @@ def objective(
     model, tests, ties, nuisances, observe, force_exponent
         As in `mr.identify`.
     bounds
-        Parameter name to (lower, upper); equal bounds hold the parameter. Others have the range in which an
-        identification searches first, which follows from stroke, speed and force of the tests.
+        Parameter name to (lower, upper); equal bounds hold the parameter. Parameters that are not named have
+        the range that `mr.identify` searches first, which follows from stroke, velocity and force of the tests.
     weights
         For each test factors on its residuals, one for each sample, shape (n_time,), or one number; `None` for none.
     masks
         For each test which samples are compared, true or false, shape (n_time,); `None` for all.
     loss, loss_scale
-        Loss of the residuals, and the residual [N] from which on it differs from the square; a function maps
-        z = (residual/scale)^2 to rho(z) and its derivative, stacked, as in `scipy.optimize.least_squares`.
+        Loss function of the residuals, and the size of a residual [N] above which it departs from the square; a
+        function maps z = (residual/scale)^2 to rho(z) and its derivative, stacked, as in `scipy.optimize.least_squares`.
     coordinates
         Whether points are physical parameters, "theta", shares of the range between the bounds, "unit", or the logits
         of these shares, "latent", which have no bounds.

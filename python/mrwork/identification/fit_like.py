@@ -36,15 +36,15 @@ def fit_like(
     rng: Seed = 0,
     threads: Threads = 0,
 ) -> Fit:
-    """Fit a model to the force that an identified damper has, as a damper of your own where a study wants lanes.
+    """Fit a model of the package to the simulated force of an identified damper, such as one in Python.
 
     Parameters
     ----------
     fit
         The damper whose force is fitted.
     model
-        Name of a model, or a model with current laws. Without laws, its positive parameters that scale with the force
-        follow the command, by values at up to four of its levels.
+        Name of a model, or a model with current laws. Without laws, each positive parameter that scales with the
+        force follows the command by its values at up to four levels.
     loadings
         Motions with commands; by default four sinusoids that reach the tested stroke and velocity of `fit`, at four
         commands over the tested ones where it follows one.

@@ -271,7 +271,7 @@ def misfit(
     tests
         The tests.
     coordinates
-        As in `mr.objective`, whose own are the default.
+        As in `mr.objective`; those of `model` are the default where it is an objective.
     substeps, threads
         As in `mr.jax.force`. With a fixed number of sub-steps the misfit has no jumps.
 

@@ -135,8 +135,8 @@ def test_from_arrays(
     velocity
         Shape (n_time,) [m/s]; derived from the displacement when absent.
     current, voltage
-        Command [A, V], one number or shape (n_time,). The test has its median if it is constant within noise; else
-        each sample is held until the next.
+        Command [A, V], one number or shape (n_time,). Where the channel is constant within noise, its median is the
+        command of the test; otherwise the command varies, and each sample is held until the next.
     command, command_unit
         Likewise a command in the unit given: "A" is the current, "V" the voltage, and another one, such as "mm" or "%",
         of a damper which follows another scalar.
@@ -322,9 +322,8 @@ def read_damper_test(
         The file.
     columns
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to
-        ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file tells the unit, for columns whose names do not state it; the
-        name may leave out a unit at its end. ``command`` is a column of current or voltage, or a number with its unit,
-        as ``"0.5 A"``, which goes before the columns of the file; ``time`` may likewise be a step or a sampling rate,
+        its column: ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file states the unit; a unit at the end of the name may
+        be omitted. ``command`` is a column of current or voltage, or a number with its unit, as ``"0.5 A"``, which goes before the columns of the file; ``time`` may likewise be a step or a sampling rate,
         as ``"200 Hz"``. A column may be given by its number from 1. ``"none"`` leaves out a quantity, or the column
         with that heading; ``markers`` is ``"skip"`` where lines among the rows mark events.
     keep_velocity
