@@ -326,7 +326,8 @@ def objective(
         For each test which samples are compared, true or false, shape (n_time,); `None` for all.
     loss, loss_scale
         Loss function of the residuals, and the size of a residual [N] above which it departs from the square; a
-        function maps z = (residual/scale)^2 to rho(z) and its derivative, stacked, as in `scipy.optimize.least_squares`.
+        function maps z = (residual/scale)^2 to rho(z) and its derivative, stacked, as in
+        `scipy.optimize.least_squares`.
     coordinates
         Whether points are physical parameters, "theta", shares of the range between the bounds, "unit", or the logits
         of these shares, "latent", which have no bounds.

@@ -321,11 +321,12 @@ def read_damper_test(
     path
         The file.
     columns
-        Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to
-        its column: ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file states the unit; a unit at the end of the name may
-        be omitted. ``command`` is a column of current or voltage, or a number with its unit, as ``"0.5 A"``, which goes before the columns of the file; ``time`` may likewise be a step or a sampling rate,
-        as ``"200 Hz"``. A column may be given by its number from 1. ``"none"`` leaves out a quantity, or the column
-        with that heading; ``markers`` is ``"skip"`` where lines among the rows mark events.
+        Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to its column:
+        ``"COLUMN:UNIT"``, or ``"COLUMN"`` where the file states the unit; a unit at the end of the name may be omitted.
+        ``command`` is a column of current or voltage, or a number with its unit, as ``"0.5 A"``, which goes before the
+        columns of the file; ``time`` may likewise be a step or a sampling rate, as ``"200 Hz"``. A column may be given
+        by its number from 1. ``"none"`` leaves out a quantity, or the column with that heading; ``markers`` is
+        ``"skip"`` where lines among the rows mark events.
     keep_velocity
         As for `test_from_arrays`.
 
