@@ -136,6 +136,14 @@ def test_a_law_is_named_where_it_leaves_its_range_and_only_there(
         assert words in found[0].in_words
 
 
+def test_a_value_on_the_bound_does_not_leave_the_range_by_rounding() -> None:
+    spec = mr.damper("normalised_bouc_wen").with_current_laws({"sigma": "values:0,0.77,2.25"}, unit="V")
+    values = dict(zip(spec.names, spec.nominal.tolist(), strict=True))
+    (upper,) = (each.upper for each in spec.plain if each.name == "sigma")
+    theta = [*(values | {"sigma@0V": 100.0, "sigma@0.77V": 105.0, "sigma@2.25V": upper}).values()]
+    assert law_limits(spec, theta, (0.0, 2.25)) == ()
+
+
 def test_an_offset_may_be_negative_and_a_constant_has_no_law() -> None:
     spec = mr.damper("dahl").with_current_laws({"f0": "linear"}, unit="A")
     assert law_limits(spec, [500.0, 2000.0, 10.0, -50.0], (0.0, 1.0)) == ()

@@ -420,6 +420,8 @@ def with_changed_laws(
 _N_COMMANDS = 201
 # A positive parameter below this share of its largest value has vanished.
 _VANISHED = 1e-3
+# Share of a bound that rounding may add to a value on it.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -466,6 +468,7 @@ def law_limits(spec: DamperSpec, theta: ArrayLike, commands: tuple[float, float]
     for parameter, value in law_values(spec, np.asarray(theta, dtype=np.float64), command):
         used = np.clip(value, parameter.lower, parameter.upper)
         beyond = np.abs(value - used)
+        beyond[beyond <= _ROUNDING * np.abs(used)] = 0.0
         if parameter.lower > 0.0 and parameter.unit != "1":
             beyond[(beyond == 0.0) & (value < _VANISHED * value.max())] = np.finfo(float).tiny
         outside = np.flatnonzero(beyond)

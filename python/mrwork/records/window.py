@@ -389,7 +389,7 @@ def excerpt(test: DamperTest) -> DamperTest:
 
 
 def _thinned(test: DamperTest, every: int) -> DamperTest:
-    """Every `every`-th sample, at the mean of a varying command until the next: a lag feels no other."""
+    """Every `every`-th sample, with the mean of a varying command until the next: the coil lags behind both alike."""
     starts = np.arange(0, test.n_time, every)
     lengths = np.diff(starts, append=test.n_time)
     means = [
@@ -449,7 +449,7 @@ def stretches_of(test: DamperTest) -> tuple[DamperTest, ...]:
 
 
 def _at_levels(command: Floats, degree: int | None = None) -> NDArray[np.intp]:
-    """Number of the level that is nearest to each sample of a command, (n_time,), of those for a law of a degree."""
+    """Number of the nearest level of each sample of a command, (n_time,), among as many as a `degree` needs."""
     every = levels_of_command(command)
     levels = np.array(CommandLaw(degree).at_commands(every, logarithms=True).nodes or every)
     return np.searchsorted(0.5 * (levels[:-1] + levels[1:]), command)

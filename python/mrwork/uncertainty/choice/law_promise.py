@@ -24,10 +24,10 @@ _SMALL = 1e-4
 class LinearisedTests:
     """Tests linearised about laws, in the latent parameters of a `model`.
 
-    The model is the plain one at each command, or, where a command varies within tests, that with every law by values
-    at the commands, once for all tests. Any laws are curves in its parameters, shape (n_rows, n_levels, n_model).
-    `here` are those about which the tests are linearised, a row for all tests and one without each split; `levels` has
-    the number of the level of each test.
+    The model is the plain one at each command or, where a command varies within tests, the model with every law by
+    values at the commands, once for all tests. Any laws are curves in its parameters, shape
+    (n_rows, n_levels, n_model). `here` are those about which the tests are linearised, a row for all tests and one
+    without each split; `levels` has the number of the level of each test.
     """
 
     model: DamperSpec
@@ -116,7 +116,7 @@ class LinearisedTests:
 
 
 def _curves_in(model: DamperSpec, spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
-    """Parameters of the plain `model` at each command, or of that with laws by values there and the driver's lag."""
+    """Parameters of the plain `model` at each command, or of the `model` with every law by values at the commands."""
     curves = plain_curves(spec, theta, commands)
     if model.command_unit is None:
         return curves

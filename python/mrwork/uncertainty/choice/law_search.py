@@ -130,8 +130,8 @@ class LawSearch:
     """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of the `whole` records.
 
     Laws are fitted to the `excerpts` of the same tests. Each row of `shares`, (1 + n_splits, n_tests), weighs these for
-    all tests, then without each split. About `linear`, the plain model or that with all laws by values, tests are
-    linearised.
+    all tests, then without each split. Tests are linearised in the parameters of
+    `linear`: the plain model or, where a command varies within a test, the model with every law by values.
     """
 
     plain: DamperSpec

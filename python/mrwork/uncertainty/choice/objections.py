@@ -48,7 +48,7 @@ def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> 
 def fastest_at_commands(
     spec: DamperSpec, tests: Sequence[DamperTest]
 ) -> dict[float, tuple[DamperTest, Loading]]:
-    """The fastest motion at each command, with its test; one whose command varies is at each of its levels."""
+    """The fastest motion at each command, with its test; a varying command counts at each of its levels."""
     fastest: dict[float, tuple[DamperTest, Loading]] = {}
     for test in sorted(tests, key=lambda test: float(np.abs(test.velocity).max())):
         motion = loading_of(test, spec)
