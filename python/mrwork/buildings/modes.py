@@ -66,7 +66,7 @@ def _with_signs(modes: Floats) -> Floats:
 
 
 def spaces_of(squares: Floats) -> list[slice]:
-    """Ranges of modes that have one frequency within rounding, from its squares in rising order, shape (n,).
+    """Ranges of modes of equal frequency within rounding, from the squared frequencies in rising order, shape (n,).
 
     Of several such modes any combination is a mode, so that only the space of their shapes is determined.
     """

@@ -154,7 +154,7 @@ def _of_each(name: str, given: float | Sequence[float] | None, count: int) -> Fl
 
 @checked
 def with_p_delta(building: Building) -> Building:
-    """Return the building with the second-order forces of its weight: P / h less stiffness in each storey.
+    """Return the building with P-delta forces: P / h of the weight P above is taken from the stiffness of each storey.
 
     P is the weight of all masses above a storey, h its height (Chopra, Dynamics of Structures, 2.1; as linear geometric
     stiffness). Matrices and the design of laws do not contain these forces. A row without height, as a row of

@@ -280,7 +280,7 @@ def is_within_spread(differences: Sequence[float]) -> bool:
 def ties_in_words(
     leading: str, scores: Sequence[float], others: Mapping[str, Sequence[float]], noun: str = "motions"
 ) -> tuple[str, ...]:
-    """A sentence on the rows whose scores under single motions the leading one does not beat beyond their spread."""
+    """A sentence on the rows that the leading row does not beat by more than the spread over motions."""
     tied = {
         label: np.subtract(each, scores)
         for label, each in others.items()

@@ -148,7 +148,7 @@ def study_of_tables(
 
 
 def placed_study(study: Study, placed: Placed) -> Study:
-    """The study with its dampers in these storeys, which it no longer compares with others."""
+    """The study with its dampers in these storeys, without a comparison of placements."""
     return _with_dampers(study, placed_tables(study.table.damper[0], placed))
 
 

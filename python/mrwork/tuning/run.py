@@ -50,10 +50,10 @@ def tune(
 ) -> TuningResults:
     """Tune the settings of control laws on the training motions of a study; `mr.tuning.judge` judges them.
 
-    Where the study has a table of places, the placements of its dampers are compared first, and laws tuned at the best.
-    First candidates (equal and published weights, the energy) and a search on the free settings are scored by the
-    objective of the table, and the best is chosen, beside references that no search has touched. What they are worth on
-    other motions the study says, with them as rows: `mr.tuning.judge`.
+    Where the study has a table of places, the placements of its dampers are compared first, and laws are tuned at the
+    best placement. First candidates (equal and published weights, the energy) and a search on the free settings are
+    scored by the objective of the table, and the best is chosen, beside references that no search has touched.
+    `mr.tuning.judge` judges the tuned laws on other motions, as rows of the study.
 
     Parameters
     ----------

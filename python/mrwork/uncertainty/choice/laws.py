@@ -237,15 +237,15 @@ def choose_laws(
     """Choose the laws by which parameters of a model follow the command, and the model where several are given.
 
     The first laws, with every positive parameter quadratic in the command, are identified from all tests by a global
-    search. From there on neighbours of the best laws are tried, of the simplest as good, and of others as good: those
-    that promise most when the tests are linearised. Laws are given by values at commands, as many as a polynomial of
-    the degree has coefficients, with logarithms between them or direct. All are fitted to all tests and without
-    the tests of each split, see `choose_model`, and judged by their predictions of the tests left out. Laws that vanish
-    within the tested commands are not chosen while others are left. Of all that are as good as the best within one
-    standard error, those with the fewest parameters are chosen, first of those that are not costly in a building, and
-    fitted to the whole tests. Up to four others, which predict at most 1 point worse and differ most beyond the tests,
-    are kept as they were fitted to cycles from the middle. The laws of several models stand in one ranking and are
-    judged alike; a model that cannot be fitted is a row of it.
+    search. Then neighbours of the best set of laws, of the simplest equally good set and of other equally good sets are
+    fitted, those first whose linearised fit promises the largest improvement. Laws are given by values at commands, as
+    many as a polynomial of the degree has coefficients, with logarithms between them or direct. All are fitted to all
+    tests and without the tests of each split, see `choose_model`, and judged by their predictions of the tests left
+    out. Laws that vanish within the tested commands are not chosen while others are left. Of all that are as good as
+    the best within one standard error, those with the fewest parameters are chosen, first of those that are not costly
+    in a building, and fitted to the whole tests. Up to four others, which predict at most 1 point worse and differ most
+    beyond the tests, are kept as they were fitted to cycles from the middle. The laws of several models stand in one
+    ranking and are judged alike; a model that cannot be fitted is a row of it.
 
     Parameters
     ----------
