@@ -15,7 +15,7 @@ _WORDS: Final[Mapping[str, str]] = {
     "building": "structure frame mdof sdof",
     "damper": "mrd device semi_active_damper actuator",
     "clipped_optimal controller": "lqr lqg h2 hinf lqi optimal_control",
-    "controller law laws controllers": "law regulator",
+    "controller law laws controllers": "law controller regulator",
     "controller law search": "algorithm strategy method",
     "motion file": "earthquake record quake seismic excitation accelerogram loading load load_case time_history ground",
     "acceleration": "samples array values ag",
