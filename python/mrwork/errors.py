@@ -135,13 +135,13 @@ class MistakesError(SettingError):
     def __str__(self) -> str:
         """The mistakes in the order of the document, the first ones where there are many."""
         own = (f"{self.document}, ", f"{self.document}: ")
-        listed = [str(each) for each in self.mistakes[:_MOST_LISTED]]
-        listed = [each.removeprefix(own[0]).removeprefix(own[1]) for each in listed]
+        listed = [str(mistake) for mistake in self.mistakes[:_MOST_LISTED]]
+        listed = [entry.removeprefix(own[0]).removeprefix(own[1]) for entry in listed]
         if more := len(self.mistakes) - len(listed):
             listed.append(f"and {more} more")
         beyond = " or more" if len(self.mistakes) >= MOST_MISTAKES else ""
         head = f"{self.document} has {len(self.mistakes)} mistakes{beyond}:"
-        return "\n  ".join(_in_one_line(each, _LONGEST_LISTED) for each in (head, *listed))
+        return "\n  ".join(_in_one_line(entry, _LONGEST_LISTED) for entry in (head, *listed))
 
 
 class ArgumentError(MrworkError, TypeError):

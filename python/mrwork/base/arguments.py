@@ -113,12 +113,16 @@ def takes_fields(
     declaring: Any = kind
     hints = get_type_hints(declaring, include_extras=True)
     made = {
-        each.name: each.default_factory for each in fields(declaring) if each.default_factory is not MISSING
+        entry.name: entry.default_factory
+        for entry in fields(declaring)
+        if entry.default_factory is not MISSING
     }
     # The annotations use names of the modules of the fields.
     parameters = [
-        each.replace(annotation=hints[name], default=made[name]() if name in made else each.default)
-        for name, each in inspect.signature(declaring).parameters.items()
+        parameter_name.replace(
+            annotation=hints[name], default=made[name]() if name in made else parameter_name.default
+        )
+        for name, parameter_name in inspect.signature(declaring).parameters.items()
     ]
 
     def decorated(function: Callable[[Value], Result]) -> Callable[Given, Result]:
@@ -128,7 +132,8 @@ def takes_fields(
 
         texts = parameter_texts(declaring)
         taking.__doc__ = with_parameters(
-            function.__doc__ or "", {each.name: texts[each.name] for each in parameters}
+            function.__doc__ or "",
+            {parameter_name.name: texts[parameter_name.name] for parameter_name in parameters},
         )
         taking.__signature__ = inspect.signature(function).replace(parameters=parameters)  # type: ignore[attr-defined]
         return checked(taking)
@@ -140,11 +145,16 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     """The function with its arguments checked; a constructor takes the fields of its class, the `owner`."""
     signature = inspect.signature(function)
     parameters = signature.parameters
-    rest = [parameter for parameter, each in parameters.items() if each.kind is each.VAR_POSITIONAL]
+    rest = [
+        parameter
+        for parameter, parameter_name in parameters.items()
+        if parameter_name.kind is parameter_name.VAR_POSITIONAL
+    ]
     required = [
         parameter
-        for parameter, each in parameters.items()
-        if each.default is each.empty and each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)
+        for parameter, parameter_name in parameters.items()
+        if parameter_name.default is parameter_name.empty
+        and parameter_name.kind not in (parameter_name.VAR_POSITIONAL, parameter_name.VAR_KEYWORD)
     ]
     declared: dict[str, Node] = {}
     shapes: dict[str, Shape] = {}
@@ -187,7 +197,7 @@ def _misfit(function: str, given: Mapping[str, Any], known: list[str], reason: T
     """The error of a call whose arguments do not fit the signature."""
     for unknown in (word for word in given if word not in known):
         named = suggestion(
-            unknown, [each for each in known if each not in ("self", "cls")], otherwise="it takes"
+            unknown, [entry for entry in known if entry not in ("self", "cls")], otherwise="it takes"
         )
         return ArgumentError(f"{function} has no argument `{unknown}`{named}")
     return ArgumentError(f"{function} has {reason}; give each argument once, by name")
@@ -413,7 +423,7 @@ def _sequence(node: Node, value: Any) -> Any:
     (of,) = node.parts
     # The rows of a matrix are items of their own where items are lists or arrays.
     kinds = (of, *of.parts)
-    rows = any(isinstance(each, nodes.Fixed | nodes.Array) for each in kinds)
+    rows = any(isinstance(kind, nodes.Fixed | nodes.Array) for kind in kinds)
     listed = _listed(node, value, most_axes=2 if rows else 1)
     items = [_accept_at(of, item, index) for index, item in enumerate(listed)]
     return items if isinstance(listed, list) and node.kind is not tuple else tuple(items)

@@ -38,7 +38,7 @@ _ENTRY = re.compile(r"^(\w+(?:, \w+)*)\n((?:(?: +.*)?\n)+)", re.MULTILINE)
 def parameter_texts(declaring: Any) -> dict[str, str]:
     """What the docstring of a function, or of a dataclass and its bases, says of each parameter."""
     if isinstance(declaring, type):
-        bases = [each for each in reversed(declaring.__mro__) if each is not object]
+        bases = [base for base in reversed(declaring.__mro__) if base is not object]
         return {name: text for base in bases for name, text in _texts_in(base.__doc__).items()}
     return _texts_in(declaring.__doc__)
 

@@ -103,7 +103,7 @@ def _ask(read: Any, given: Any, place: Place, entry: Key) -> None:
     """Keep a question on an unusual number of a key, or on the largest one of an array."""
     if not (usual := entry.says.usual):
         return
-    numbers = [each for each in (read if isinstance(read, tuple) else (read,)) if isinstance(each, float)]
+    numbers = [entry for entry in (read if isinstance(read, tuple) else (read,)) if isinstance(entry, float)]
     largest = max(map(abs, numbers), default=0.0)
     stated = any(isinstance(each, str) for each in (given if isinstance(given, list) else (given,)))
     room, unit = _STATED if stated else 1.0, entry.says.unit or "1"
@@ -116,7 +116,7 @@ def _ask(read: Any, given: Any, place: Place, entry: Key) -> None:
 @cache
 def _nodes_in_file(kind: Table) -> Mapping[str, Node]:
     """What each key of a table takes in a file, by its name there: numbers with units, and counts from one."""
-    return {each.name_in_file: _node_in_file(_without_arrays(each.node), each) for each in keys_of(kind)}
+    return {key.name_in_file: _node_in_file(_without_arrays(key.node), key) for key in keys_of(kind)}
 
 
 def _without_arrays(node: Node) -> Node:
@@ -142,7 +142,7 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
     members = node.parts if isinstance(node, nodes.Either) else (node,)
     table, several = inner_table(entry)
     if table is not None:
-        alone = any(isinstance(each, nodes.Record) for each in members)
+        alone = any(isinstance(member, nodes.Record) for member in members)
         return _read_inner(table, value, place, entry, alone=alone, several=several)
     most = entry.says.most_items
     if isinstance(value, list) and not value:
@@ -150,7 +150,7 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
         place.refuse(f"{_name(place)} is empty; give {entry.in_words}{leave}")
     if isinstance(value, list) and len(value) > most:
         place.refuse(f"{_name(place)} has {len(value)} entries; give at most {most}")
-    by_name = next((each for each in members if isinstance(each, nodes.ByName)), None)
+    by_name = next((member for member in members if isinstance(member, nodes.ByName)), None)
     if by_name is not None and isinstance(value, dict):
         inner = by_name.parts[1]
         read = read_each(lambda name: _accept(inner, value[name], place.within(name)), value)

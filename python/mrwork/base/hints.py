@@ -217,8 +217,8 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
     if origin in (Union, UnionType):
         members = dict.fromkeys(_members(hint))
         takes_arrays = members.keys() >= _ARRAY_LIKE
-        others = [each for each in members if not (takes_arrays and each in _ARRAY_LIKE)]
-        parts = [node_of(each, notes) for each in others if each is not NoneType]
+        others = [member for member in members if not (takes_arrays and member in _ARRAY_LIKE)]
+        parts = [node_of(other, notes) for other in others if other is not NoneType]
         # NumPy makes an array of what other members are meant for.
         parts.sort(key=lambda part: isinstance(part, Array))
         parts += [Array(None, (), notes)] * takes_arrays
@@ -249,11 +249,11 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         name, value = inner or (Any, Any)
         return ByName(kind, (node_of(name), node_of(value, notes)), notes)
     if kind is tuple and inner and inner[1:] != (...,):
-        return Fixed(kind, tuple(node_of(each, notes) for each in inner), notes)
+        return Fixed(kind, tuple(node_of(entry, notes) for entry in inner), notes)
     if inner and (kind is Iterable or issubclass(kind, Sequence)):
         if get_origin(inner[0]) in (tuple, Sequence):
             # A range holds for numbers and arrays of numbers, but not for entries beside the diagonal of a matrix.
-            notes = tuple(each for each in notes if not isinstance(each, Within))
+            notes = tuple(note for note in notes if not isinstance(note, Within))
         return Items(kind, (node_of(inner[0], notes),), notes)
     return Instance(kind, tuple(map(node_of, inner)), notes)
 
@@ -261,7 +261,7 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
 def note_of(node: Node, kind: type[NoteT], inside: type[Node] = Either) -> NoteT | None:
     """The first note of a kind that an annotation has, or a part of it: by default a member of a union."""
     parts = node.parts if isinstance(node, inside) else ()
-    own = (each for each in node.notes if isinstance(each, kind))
+    own = (note for note in node.notes if isinstance(note, kind))
     return next(own, None) or next(filter(None, (note_of(part, kind, inside) for part in parts)), None)
 
 
@@ -273,8 +273,10 @@ def fields_of(kind: type) -> Mapping[str, Node]:
     """What each field of a dataclass declares by its annotation, its default, and its `key` if it has one."""
     hints = get_type_hints(kind, include_extras=True)
     return {
-        each.name: node_of(hints[each.name], (*each.metadata.get(NOTES, ()), *notes_of_default(each.default)))
-        for each in fields(cast(Any, kind))
+        field.name: node_of(
+            hints[field.name], (*field.metadata.get(NOTES, ()), *notes_of_default(field.default))
+        )
+        for field in fields(cast(Any, kind))
     }
 
 
@@ -293,9 +295,10 @@ def nodes_of(function: Any, owner: type = object) -> dict[str, Node]:
     # Without what the function returns, which may be a name for the type checker only.
     annotated = SimpleNamespace(
         __annotations__={
-            name: each.annotation
-            for name, each in parameters.items()
-            if each.annotation is not each.empty and each.kind is not each.VAR_KEYWORD
+            name: parameter_name.annotation
+            for name, parameter_name in parameters.items()
+            if parameter_name.annotation is not parameter_name.empty
+            and parameter_name.kind is not parameter_name.VAR_KEYWORD
         }
     )
     hints = get_type_hints(annotated, inspect.unwrap(function).__globals__, include_extras=True)

@@ -177,7 +177,10 @@ keys_of: Callable[[Table], tuple[Key, ...]] = cache(_keys_of)
 
 def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
     declared = fields_of(function) if isinstance(function, type) else nodes_of(function)
-    defaults = {name: each.default for name, each in inspect.signature(function).parameters.items()}
+    defaults = {
+        name: parameter_name.default
+        for name, parameter_name in inspect.signature(function).parameters.items()
+    }
     return tuple(
         Key(name=name, node=declared[name], default=defaults[name], says=says)
         for name in defaults
@@ -210,7 +213,7 @@ def as_document(value: Any, *, from_one: bool = False) -> Any:
 
 def documented(target: Any, declared: Mapping[str, Node]) -> str | None:
     """The docstring of a function or class with what the notes of its parameters say."""
-    if not target.__doc__ or not any(note_of(each, Says) for each in declared.values()):
+    if not target.__doc__ or not any(note_of(quantity, Says) for quantity in declared.values()):
         return cast("str | None", target.__doc__)
     texts = {}
     for each in keys_of((target,)):
@@ -226,7 +229,7 @@ def refuse_missing(entry: Key, place: Place) -> NoReturn:
 
 def own_keys(functions: Sequence[Callable[..., Any]]) -> list[list[str]]:
     """Names of the keys of each function in a document, without the keys that all functions have."""
-    names = [[entry.name_in_file for entry in keys_of((each,))] for each in functions]
+    names = [[entry.name_in_file for entry in keys_of((function,))] for function in functions]
     return [[name for name in keys if any(name not in other for other in names)] for keys in names]
 
 
@@ -289,7 +292,7 @@ def tables(table: Table, path: str = "") -> Iterator[tuple[str, Table]]:
             name = ".".join(filter(None, (path.strip("[]"), entry.name_in_file)))
             for heading, each in tables(inner, f"[[{name}]]" if several else f"[{name}]"):
                 by_table.setdefault(each, heading)
-    yield from ((heading, each) for each, heading in by_table.items())
+    yield from ((heading, key_name) for key_name, heading in by_table.items())
 
 
 def inner_table(entry: Key) -> tuple[Table | None, bool]:
@@ -346,10 +349,10 @@ def toml_text(document: Mapping[str, Any]) -> str:
     """A document as TOML: its own keys, then its tables below their headings, and what is in these in their lines."""
     own, blocks = {}, []
     for name, value in document.items():
-        several = isinstance(value, list) and all(isinstance(each, dict) for each in value)
+        several = isinstance(value, list) and all(isinstance(entry, dict) for entry in value)
         if not several and not isinstance(value, dict):
             own[name] = value
             continue
         heading = f"[[{name}]]" if several else f"[{name}]"
-        blocks += [[heading, *toml_lines_of(each)] for each in (value if several else [value])]
+        blocks += [[heading, *toml_lines_of(entry)] for entry in (value if several else [value])]
     return "\n\n".join("\n".join(block) for block in [toml_lines_of(own), *blocks] if block) + "\n"

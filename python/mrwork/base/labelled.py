@@ -38,8 +38,8 @@ class NamedArray:
     ) -> NamedArray:
         """Values as they come; numbers that are `None` become NaN."""
         listed: Any = values
-        if isinstance(listed, list | tuple) and any(each is None for each in listed):
-            listed = [np.nan if each is None else each for each in listed]
+        if isinstance(listed, list | tuple) and any(entry is None for entry in listed):
+            listed = [np.nan if entry is None else entry for entry in listed]
         return cls(values=np.asarray(listed), axes=axes, unit=unit, long_name=long_name)
 
     @property
@@ -73,13 +73,13 @@ class NamedArrays:
 
         def arrays(group: Mapping[str, NamedArray]) -> dict[str, NamedArray]:
             taken = dict(group)
-            for name, each in group.items():
-                if axis in each.axes:
-                    values = np.take(each.values, indices, each.axes.index(axis))
-                    taken[name] = replace(each, values=values, axes=axes(each.axes))
+            for name, member in group.items():
+                if axis in member.axes:
+                    values = np.take(member.values, indices, member.axes.index(axis))
+                    taken[name] = replace(member, values=values, axes=axes(member.axes))
             return taken
 
-        others = {name: each for name, each in self.labels.items() if name != axis}
+        others = {name: label for name, label in self.labels.items() if name != axis}
         return replace(
             self,
             rows=axes(self.rows),
@@ -92,9 +92,9 @@ class NamedArrays:
         """A variable for each array, with its unit and words as attributes."""
         from xarray import Dataset
 
-        labels = {axis: ((axis,), each.values, each.attributes) for axis, each in self.labels.items()}
+        labels = {axis: ((axis,), label.values, label.attributes) for axis, label in self.labels.items()}
         arrays, along = (
-            {name: (each.axes, each.values, each.attributes) for name, each in group.items()}
+            {name: (member.axes, member.values, member.attributes) for name, member in group.items()}
             for group in (self.arrays, self.along)
         )
         return Dataset(arrays, coords=labels | along, attrs={"title": self.title})
@@ -109,7 +109,7 @@ class NamedArrays:
             for name, each in {**self.along, **self.arrays}.items()
             if set(self.rows) <= set(each.axes) or (name in self.along and set(each.axes) <= set(self.rows))
         }
-        depth = max((len(each.axes) - len(self.rows) for each in shown.values()), default=0)
+        depth = max((len(label.axes) - len(self.rows) for label in shown.values()), default=0)
         columns: dict[Any, NDArray[Any]] = {}
         for name, each in shown.items():
             further = [axis for axis in each.axes if axis not in self.rows]
@@ -128,8 +128,8 @@ class NamedArrays:
             table.columns = MultiIndex.from_tuples(list(columns), names=["", *[""] * depth])
         table.attrs = {
             "title": self.title,
-            "units": {name: each.unit for name, each in shown.items() if each.unit},
-            "long_name": {name: each.long_name for name, each in shown.items() if each.long_name},
+            "units": {name: label.unit for name, label in shown.items() if label.unit},
+            "long_name": {name: label.long_name for name, label in shown.items() if label.long_name},
         }
         return table
 
@@ -163,7 +163,7 @@ def columns_of(
 ) -> dict[str, NamedArray]:
     """Fields of records of one class, each over the axis, with the unit and the words that are declared for it."""
     return {
-        name: NamedArray.of([getattr(each, name) for each in records], axis, unit=unit, long_name=words)
+        name: NamedArray.of([getattr(record, name) for record in records], axis, unit=unit, long_name=words)
         for name, (unit, words) in declared.items()
     }
 
@@ -177,4 +177,4 @@ def tree_of(title: str, groups: Mapping[str, NamedArrays]) -> DataTree:
     """Several groups of arrays, each with axes of its own."""
     from xarray import DataTree
 
-    return DataTree.from_dict({name: each.to_xarray() for name, each in groups.items()}, name=title)
+    return DataTree.from_dict({name: group.to_xarray() for name, group in groups.items()}, name=title)

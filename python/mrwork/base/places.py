@@ -37,7 +37,7 @@ def all_mistakes() -> Iterator[Callable[[], AbstractContextManager[None]]]:
             yield
         except MrworkError as error:
             several = error.mistakes if isinstance(error, MistakesError) else (error,)
-            by_text.update({(each.path, str(each)): each for each in several})
+            by_text.update({(item.path, str(item)): item for item in several})
 
     with part():
         yield part
@@ -64,8 +64,8 @@ def keyed(*keys: str | int) -> Iterator[None]:
     try:
         yield
     except MistakesError as several:
-        for each in several.mistakes:
-            each.path = (*keys, *each.path)
+        for mistake in several.mistakes:
+            mistake.path = (*keys, *mistake.path)
         raise
     except MrworkError as error:
         error.path = (*keys, *error.path)
@@ -143,7 +143,7 @@ class Place:
             yield
         except MistakesError as several:
             raise MistakesError(
-                self.origin, [self.about(each, kind) for each in several.mistakes]
+                self.origin, [self.about(mistake, kind) for mistake in several.mistakes]
             ) from several
         except MrworkError as error:
             raise self.about(error, kind) from error

@@ -47,15 +47,15 @@ class Summary:
         """The tables that have rows, of their columns with an entry."""
         first = Table(columns=self.columns, rows=self.rows, words=columns_in_words(self.rows))
         return [
-            replace(each.filled, label=each.label or each.title or self.title)
-            for each in (first, *self.tables)
-            if each.rows
+            replace(table.filled, label=table.label or table.title or self.title)
+            for table in (first, *self.tables)
+            if table.rows
         ]
 
     @property
     def sentences(self) -> Sequence[str]:
         """Cautions as warnings, and notes."""
-        return [*(f"warning: {each}" for each in self.cautions), *filter(None, self.notes)]
+        return [*(f"warning: {caution}" for caution in self.cautions), *filter(None, self.notes)]
 
     def text(self, *, whole: bool = False, width: int | None = None) -> str:
         """For one screen of a terminal; `whole` for all rows, and lines of any length, or of tables at most `width`."""
@@ -118,7 +118,7 @@ class Summarised:
     _units: ClassVar[Mapping[str, str]] = {}
 
     def _summary(self) -> Summary:
-        values = {each.name: getattr(self, each.name) for each in fields(self) if each.repr}  # type: ignore[arg-type] # a dataclass
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.repr}  # type: ignore[arg-type] # a dataclass
         return Summary(
             title=type(self).__name__,
             facts=[
@@ -170,7 +170,7 @@ def _in_short(value: object) -> str:
 def _array_in_short(values: Any) -> str:
     size = " x ".join(map(str, values.shape))
     if 0 < values.size <= _FEW_NUMBERS:
-        return f"[{', '.join(f'{each:.4g}' for each in values.ravel().tolist())}]"
+        return f"[{', '.join(f'{value:.4g}' for value in values.ravel().tolist())}]"
     if not values.size or values.dtype.kind not in "fiuc":
         return f"shape {size}"
     magnitudes = abs(values) if values.dtype.kind == "c" else values

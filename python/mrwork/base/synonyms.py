@@ -121,6 +121,6 @@ def synonyms(name: str) -> list[list[str]]:
         alike.split("|")
         for targets, words in _WORDS.items()
         if {word, word.removesuffix("s"), word.removesuffix("es")}
-        & {without_style(each) for each in words.split()}
+        & {without_style(part) for part in words.split()}
         for alike in targets.split()
     ]

@@ -162,21 +162,23 @@ class Table:
 
 def document_of(columns: Sequence[TableColumn], item: object) -> dict[str, Any]:
     """The attributes of an item that have a key, for JSON."""
-    return {each.key: getattr(item, each.key) for each in columns if each.key}
+    return {column.key: getattr(item, column.key) for column in columns if column.key}
 
 
 def declared(columns: Sequence[TableColumn]) -> dict[str, tuple[str, str]]:
     """Unit and words of the columns that are arrays, as `columns_of` takes them."""
-    return {each.key: (each.unit, each.long_name) for each in columns if each.long_name}
+    return {column.key: (column.unit, column.long_name) for column in columns if column.long_name}
 
 
 def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
     """A table for a terminal, with a row for each item."""
-    columns = [each for each in columns if each.heading]
+    columns = [column for column in columns if column.heading]
     return Table(
-        columns=tuple(f"{each.heading} [{each.unit}]" if each.unit else each.heading for each in columns),
-        rows=tuple(tuple(each.cell(item) for each in columns) for item in items),
-        words=tuple(number for number, each in enumerate(columns) if each.words),
+        columns=tuple(
+            f"{column.heading} [{column.unit}]" if column.unit else column.heading for column in columns
+        ),
+        rows=tuple(tuple(column.cell(item) for column in columns) for item in items),
+        words=tuple(number for number, column in enumerate(columns) if column.words),
     )
 
 
@@ -188,7 +190,10 @@ def page_table(
     note: str = "",
 ) -> Table:
     """A table for a page, with a row for each item, without the columns that are empty in every row."""
-    table, headings = text_table(columns, items), tuple(each.on_page for each in columns if each.heading)
+    table, headings = (
+        text_table(columns, items),
+        tuple(column.on_page for column in columns if column.heading),
+    )
     return replace(table, label=label, columns=headings, note=note).filled
 
 

@@ -231,7 +231,7 @@ def number_in(text: str, unit: str) -> float | str:
     """
     glued = _GLUED.fullmatch(text.strip())
     number, given = glued.groups() if glued else text.strip().partition(" ")[::2]
-    known = ", ".join(name for each in unit.split(" or ") for name in _readable(each))
+    known = ", ".join(name for part in unit.split(" or ") for name in _readable(part))
     try:
         value = float(number)
     except ValueError:
@@ -249,9 +249,9 @@ def number_in(text: str, unit: str) -> float | str:
     if {"ton", "tons"} & set(given.casefold().split()):
         tons = "short (2000 lb), long (2240 lb) or metric (1000 kg)"
         return f"is {text!r}; a ton may be {tons}, so give another unit: {known}"
-    wanted = [own.powers for each in unit.split(" or ") if (own := _unit_of(each))]
+    wanted = [own.powers for part in unit.split(" or ") if (own := _unit_of(part))]
     read = [_unit_of(given, pound) for pound in ("lbf", "lbm")] if len(given) <= _LONGEST else [None]
-    if fitting := [each for each in read if each is not None and each.powers in wanted]:
+    if fitting := [entry for entry in read if entry is not None and entry.powers in wanted]:
         return value * fitting[0].factor
     if read[0] is None:
         pure = any(given in units for units in _PURE.values())

@@ -53,7 +53,7 @@ def keep_arrays(made: object, *names: str) -> None:
 def _equal(self: Any, other: Any) -> Any:
     if type(other) is not type(self):
         return NotImplemented
-    compared = (each.name for each in fields(self) if each.compare)
+    compared = (entry.name for entry in fields(self) if entry.compare)
     return all(_same(getattr(self, name), getattr(other, name)) for name in compared)
 
 

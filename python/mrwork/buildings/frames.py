@@ -213,7 +213,7 @@ def building(name: str) -> Building:
     >>> building("dyke1996").frequencies.round(2).tolist()
     [5.46, 15.81, 23.64]
     """
-    known = {each.name: each for each in buildings()}
+    known = {building_name.name: building_name for building_name in buildings()}
     check_known(name, known, f"no published building is called {name!r}")
     return known[name]
 
@@ -507,7 +507,7 @@ def mode_at_floor(building: Building, floor: int | str, mode: int, name: str) ->
         raise SettingError(
             f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"
         )
-    (space,) = (each for each in spaces_of(building.frequencies**2) if each.start < mode <= each.stop)
+    (space,) = (space for space in spaces_of(building.frequencies**2) if space.start < mode <= space.stop)
     # Of large buildings these modes alone take a fraction of the time of all.
     squares, shapes = scipy.linalg.eigh(
         building.stiffness, building.mass, subset_by_index=[space.start, space.stop - 1]

@@ -266,7 +266,7 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
             built = _replace_matrices(known, table, folder)
         built = _with_statements(built, table).check()
         of_damping = (table.rayleigh, table.modal_damping)
-        if table.element or any(each not in of_damping for each in table.additions()):
+        if table.element or any(addition not in of_damping for addition in table.additions()):
             with keyed(form):
                 refuse_without_masses(built)
         for add in additions:
@@ -291,7 +291,7 @@ def refuse_without_masses(building: Building) -> None:
 
 def _with_statements(building: Building, table: BuildingTable) -> Building:
     """The building with what a table states beside its matrices: strokes, elements, heights, drift limit, weights."""
-    elements = tuple(each.call()() for each in table.element or ())
+    elements = tuple(element.call()() for element in table.element or ())
     n_strokes = building.n_strokes if table.n_strokes is None else table.n_strokes
     count = max(len(building.storeys) - n_strokes, 0)
     if table.height is not None and table.heights is not None:
@@ -404,7 +404,7 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
     )
     with keyed("system"):
         building = built(mass=mass)
-    forces = [number for number, each in enumerate(inputs) if each != "ground"]
+    forces = [number for number, input_name in enumerate(inputs) if input_name != "ground"]
     if mass is None and forces:
         with keyed("inputs"):
             rows = np.stack([building.storey_row(inputs[number]) for number in forces])

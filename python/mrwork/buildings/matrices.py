@@ -232,20 +232,20 @@ class Building(Plotted, Summarised):
     @property
     def _beside_loops(self) -> Floats:
         """K without the initial stiffness of the parts of the frame that yield [N/m], shape (n, n); K if none does."""
-        loops = [each for each in self.elements if each.in_stiffness]
+        loops = [element for element in self.elements if element.in_stiffness]
         if not loops:
             return self.stiffness
-        rows = np.array([each.row for each in loops])
-        springs = np.array([each.yield_force / each.yield_displacement for each in loops])
+        rows = np.array([loop.row for loop in loops])
+        springs = np.array([loop.yield_force / loop.yield_displacement for loop in loops])
         return np.asarray(self.stiffness - rows.T @ (springs[:, None] * rows))
 
     @property
     def yield_drifts(self) -> Floats:
         """Drift at which each storey yields [m], shape (n_storeys,), 0 where a storey does not; empty if none does."""
         drifts = np.zeros(len(self.storeys))
-        for each in self.elements:
-            if each.in_stiffness:
-                drifts[(self.storeys == each.row).all(axis=1)] = each.yield_displacement
+        for element in self.elements:
+            if element.in_stiffness:
+                drifts[(self.storeys == element.row).all(axis=1)] = element.yield_displacement
         return drifts if drifts.any() else np.empty(0)
 
     @property
@@ -262,7 +262,7 @@ class Building(Plotted, Summarised):
     def nonlinear(self) -> str:
         """Name of the first part that is simulated and not in the matrices; empty for a linear building."""
         beside = "P-delta" if self.loads.any() else ""
-        return next((each.name for each in self.elements if not each.is_linear), beside)
+        return next((element.name for element in self.elements if not element.is_linear), beside)
 
     @property
     def unit_drifts(self) -> Floats:
@@ -472,7 +472,7 @@ class Building(Plotted, Summarised):
                 ("heights", _listed(self.drift_heights, "m")),
                 ("yield at", _listed(1e3 * self.yield_drifts[: len(self.drifts)], "mm of drift")),
                 ("P-delta", _listed(self.loads[: len(self.drifts)], "N") if self.loads.any() else ""),
-                ("passive", ", ".join(each.name for each in self.elements if not each.in_stiffness)),
+                ("passive", ", ".join(element.name for element in self.elements if not element.in_stiffness)),
                 ("source", f"{self.source} ({self.status})" if self.source else self.status),
             ),
             columns=("mode", "period [s]", "[Hz]", "damping [%]", "participation", "mass [%]", "sum [%]"),
@@ -483,14 +483,14 @@ class Building(Plotted, Summarised):
             notes=(
                 "damping: diagonal of the modal damping over 2 omega, without coupling; participation: of shapes that "
                 "are 1 at the highest floor; mass: effective modal mass over the mass of the building",
-                *(f"warning: {each}" for each in self.warnings),
+                *(f"warning: {warning}" for warning in self.warnings),
             ),
         )
 
 
 def _listed(values: Floats, unit: str) -> str:
     """Numbers with their unit, equal ones beside each other once, as "337, 4 x 330 kg"."""
-    texts = [format_rounded(float(each)) for each in values]
+    texts = [format_rounded(float(value)) for value in values]
     runs = [(text, len(list(same))) for text, same in groupby(texts)]
     return f"{', '.join(text if n == 1 else f'{n} x {text}' for text, n in runs)} {unit}" if texts else ""
 
@@ -604,7 +604,7 @@ def _check_motion(building: Building) -> None:
     _check_mass(building.mass, where)
     _check_stiffness(building.stiffness, where)
     _check_weight(building)
-    yields = any(each.in_stiffness for each in building.elements)
+    yields = any(element.in_stiffness for element in building.elements)
     if yields and not is_positive(building._beside_loops, 1e-9 * float(np.trace(building.stiffness))):
         raise SettingError(
             f"{where}: the storeys that yield are stiffer than the stiffness matrix, which has their initial "
@@ -639,7 +639,11 @@ def _ask_of_modes(building: Building) -> Iterator[str]:
             f"mode 1 moves {100.0 * shares[0]:.0f} % of the mass and mode {most + 1} "
             f"{100.0 * shares[most]:.0f} %; a part by itself is softer than the frame, check its stiffness."
         )
-    dashpots = (each.damping * (each.row @ modes) ** 2 for each in building.elements if not each.in_stiffness)
+    dashpots = (
+        element.damping * (element.row @ modes) ** 2
+        for element in building.elements
+        if not element.in_stiffness
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = modal.damping_ratio - sum(dashpots) / (2.0 * omega)
     seen = (omega > 0.0) & ~apart
@@ -701,15 +705,15 @@ def _ask_of_storeys(building: Building) -> Iterator[str]:
         else:
             numbers.append(("the drift at which a storey yields", float(drifts.max()), (1e-5, 0.5), "m"))
     omega, modes = building._shapes(None)
-    for each in building.elements:
-        ratio = float((each.damping * (each.row @ modes) ** 2 / np.maximum(2.0 * omega, 1e-9)).max())
-        if each.yield_force and not each.in_stiffness:
-            share = each.yield_force / weight
-            numbers.append((f"the force of {each.name} over the weight", share, (2e-4, 3.0), ""))
-        elif each.is_linear and ratio:
-            numbers.append((f"the damping ratio that {each.name} adds to a mode", ratio, (2e-4, 50.0), ""))
+    for element in building.elements:
+        ratio = float((element.damping * (element.row @ modes) ** 2 / np.maximum(2.0 * omega, 1e-9)).max())
+        if element.yield_force and not element.in_stiffness:
+            share = element.yield_force / weight
+            numbers.append((f"the force of {element.name} over the weight", share, (2e-4, 3.0), ""))
+        elif element.is_linear and ratio:
+            numbers.append((f"the damping ratio that {element.name} adds to a mode", ratio, (2e-4, 50.0), ""))
     questions = [question_on(name, float(value), usual, unit) for name, value, usual, unit in numbers]
-    yield from (f"{each}." for each in dict.fromkeys(questions) if each)
+    yield from (f"{fromkey}." for fromkey in dict.fromkeys(questions) if fromkey)
     heaviest = float(np.diag(building.mass).max())
     if real.size and real.min() > _HUMAN and heaviest < _LEAST_FLOOR:
         yield (
@@ -726,7 +730,7 @@ def _check_heights(building: Building, where: str) -> None:
             "storey"
         )
     if heights.size and not (((heights >= 0.0) & (heights <= _TALLEST)).all() and heights.any()):
-        wrong = next((each for each in heights.tolist() if not 0.0 <= each <= _TALLEST), 0.0)
+        wrong = next((value for value in heights.tolist() if not 0.0 <= value <= _TALLEST), 0.0)
         raise SettingError(
             f"{where}: the height of a storey is {wrong:g} m, which is beyond any storey; give heights in m, as 3.5"
         )

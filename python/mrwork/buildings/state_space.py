@@ -184,7 +184,10 @@ def system_of(
         B=inputs,
         C=np.vstack([np.zeros((0, 2 * n)), *C]),
         D=np.vstack([np.zeros((0, inputs.shape[1])), *D]),
-        input_names=("ground acceleration", *(f"force in {building.storey_name(each)}" for each in devices)),
+        input_names=(
+            "ground acceleration",
+            *(f"force in {building.storey_name(device)}" for device in devices),
+        ),
         output_names=tuple(names),
     )
 
@@ -368,7 +371,7 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
             f"to {building.n_coordinates}"
         )
     omega, modes = modes_of(building.mass, building.stiffness)
-    cut = next(each for each in spaces_of(omega**2) if n_modes <= each.stop)
+    cut = next(space for space in spaces_of(omega**2) if n_modes <= space.stop)
     if n_modes < cut.stop:
         raise SettingError(
             f"building {building.name}: modes {cut.start + 1} to {cut.stop} have one frequency, "

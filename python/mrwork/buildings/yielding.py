@@ -62,14 +62,14 @@ def with_storeys_that_yield(
             f"{building.name} is no chain of floors, each on the spring of its storey, so that its matrices do not say "
             "what a storey carries; give masses and stiffnesses, or the elements themselves, as [[building.element]]"
         )
-    if any(each.in_stiffness for each in building.elements):
+    if any(element.in_stiffness for element in building.elements):
         raise SettingError(
             f"the storeys of {building.name} yield already; give a building whose storeys are elastic"
         )
     given = {
         "yield_drift": yield_drift, "yield_drift_ratio": yield_drift_ratio, "yield_shear": yield_shear,
     }  # fmt: skip
-    if sum(each is not None for each in given.values()) != 1:
+    if sum(value is not None for value in given.values()) != 1:
         raise SettingError(f"give one of {', '.join(given)}, which follow from each other")
     if yield_drift_ratio is not None and not building.heights.size:
         raise SettingError("yield_drift_ratio stands on heights; give height or heights in [building]")
@@ -94,7 +94,7 @@ def with_storeys_that_yield(
         )
         for storey in range(count)
     )
-    words = ", ".join(dict.fromkeys(f"{1e3 * each:.4g}" for each in drifts))
+    words = ", ".join(dict.fromkeys(f"{1e3 * drift:.4g}" for drift in drifts))
     return replace(
         building,
         elements=(*building.elements, *loops),
@@ -105,7 +105,7 @@ def with_storeys_that_yield(
 
 def elastic_frame(building: Building) -> Building:
     """The building whose storeys stay elastic, without P-delta: itself, where they do."""
-    beside = tuple(each for each in building.elements if not each.in_stiffness)
+    beside = tuple(element for element in building.elements if not element.in_stiffness)
     if len(beside) == len(building.elements) and not building.loads.any():
         return building
     return replace(building, elements=beside, loads=np.empty(0))
@@ -138,7 +138,7 @@ def with_factors(
     return replace(
         building,
         stiffness=stiffness * building.stiffness,
-        elements=tuple(changed(each) for each in building.elements),
+        elements=tuple(changed(element) for element in building.elements),
     )
 
 
@@ -290,10 +290,10 @@ def pushover(
     force = building.mass @ shape
     force = force / float(units[0] @ force)
     goal = roof if roof is not None else _far(building, force, float(levels[-1]) if heights.size else 0.0)
-    rows = np.array([each.row for each in building.elements]).reshape(
+    rows = np.array([element.row for element in building.elements]).reshape(
         len(building.elements), building.n_coordinates
     )
-    loops = np.array([each.numbers[3:6] for each in building.elements]).reshape(-1, 3)
+    loops = np.array([element.numbers[3:6] for element in building.elements]).reshape(-1, 3)
     stiffness, top = building.site_stiffness, floors[-1]
     q, w, load = np.zeros(building.n_coordinates), np.zeros(len(rows)), 0.0
     # The frame carries what the weight on it adds.
@@ -306,7 +306,8 @@ def pushover(
         return np.asarray(loops[:, 1] * np.maximum(rising, _FLAT))
 
     fastest = max(
-        (1.0 / each.yield_displacement for each in building.elements if each.yield_force > 0.0), default=0.0
+        (1.0 / element.yield_displacement for element in building.elements if element.yield_force > 0.0),
+        default=0.0,
     )
     parts = max(1, math.ceil(2.0 * goal / steps * fastest)) if goal * fastest < _MOST_STEPS else _MOST_STEPS
     if steps * parts > _MOST_STEPS:

@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
             note(str(error))
     together, shared = findings_of_set(tests), gathered_findings(tests).shared
     document = {"files": rows, "set": [finding.document() for finding in together]}
-    document |= {"shared": [asdict(each) for each in shared]}
+    document |= {"shared": [asdict(finding) for finding in shared]}
     if tests or options.json:
         print_result(options, document, _summary_of(tests).text(whole=True))
     return 0 if len(tests) == len(rows) else 2
@@ -74,9 +74,11 @@ def _summary_of(tests: Sequence[DamperTest]) -> Summary:
     """A row of facts for each test, and what the checks found in each, in all, and in several."""
     gathered = gathered_findings(tests)
     own = zip(tests, gathered.own, strict=True)
-    notes = [f"{test.label}: {each.severity}: {each.message}" for test, found in own for each in found]
-    notes += [f"{each.severity}: {each.message}" for each in findings_of_set(tests)]
-    notes += [each.in_words for each in gathered.shared]
+    notes = [
+        f"{test.label}: {finding.severity}: {finding.message}" for test, found in own for finding in found
+    ]
+    notes += [f"{finding.severity}: {finding.message}" for finding in findings_of_set(tests)]
+    notes += [finding.in_words for finding in gathered.shared]
     return Summary(
         title=f"{counted(len(tests), 'test')}",
         columns=("file", "samples", "rate [Hz]", "amplitude [mm]", "velocity [mm/s]", "force [N]", "command"),

@@ -44,7 +44,7 @@ class VerbHelp(argparse.HelpFormatter):
         prefix: str | None = None,
     ) -> None:
         """Say what must be given."""
-        needed = [each for each in actions if each.required or not each.option_strings]
+        needed = [action for action in actions if action.required or not action.option_strings]
         words = f"{self._format_usage(usage, needed, [], '').strip()} [options]".replace("%", "%%")
         margin = " " * len("usage: ")
         lines = textwrap.wrap(
@@ -75,7 +75,9 @@ class CommandParser(argparse.ArgumentParser):
         if left and left[0].startswith("-"):
             self.error(f"no option is called {left[0]!r}")
         if left:
-            several = any(each.nargs in ("+", "*") and not each.option_strings for each in self._actions)
+            several = any(
+                action.nargs in ("+", "*") and not action.option_strings for action in self._actions
+            )
             together = "; give all files together, with no option between" if several else ""
             self.error(f"there is no place for {left[0]!r}{together}")
         return options, left
@@ -89,11 +91,11 @@ class CommandParser(argparse.ArgumentParser):
         for word in own:
             name = word.partition("=")[0]
             # argparse takes the beginning of an option for the option, and a text with a blank for an argument.
-            if _is_option(word) and " " not in word and not any(each.startswith(name) for each in known):
+            if _is_option(word) and " " not in word and not any(entry.startswith(name) for entry in known):
                 # Loads difflib, which only a mistake needs.
                 from mrwork.base.keys import closest
 
-                near = closest(name[2:], [each[2:] for each in known if each.startswith("--")])
+                near = closest(name[2:], [entry[2:] for entry in known if entry.startswith("--")])
                 of_verb = "; options of a verb come after it" if self._subparsers else ""
                 self.error(f"no option is called {name!r}{f', did you mean --{near}' if near else of_verb}")
 
@@ -109,7 +111,7 @@ class CommandParser(argparse.ArgumentParser):
 
     def group(self, title: str) -> argparse._ArgumentGroup:
         """The group of options with this title, which is made when it is first asked for."""
-        made = next((each for each in self._action_groups if each.title == title), None)
+        made = next((group for group in self._action_groups if group.title == title), None)
         return made or self.add_argument_group(title)
 
 

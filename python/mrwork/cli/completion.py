@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
 
 def subcommands(parser: CommandParser) -> dict[str, CommandParser]:
     """The parsers of the verbs."""
-    (verbs,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
+    (verbs,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
     return dict(verbs.choices)
 
 

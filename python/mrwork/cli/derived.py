@@ -90,7 +90,7 @@ def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
     """Annotation, default and text of a parameter."""
     text = parameter_texts(declaring)[name]
     if isinstance(declaring, type):
-        (field,) = (each for each in fields(declaring) if each.name == name)
+        (field,) = (entry for entry in fields(declaring) if entry.name == name)
         made = field.default_factory
         return fields_of(declaring)[name], field.default if made is MISSING else made(), text
     return nodes_of(declaring)[name], inspect.signature(declaring).parameters[name].default, text
@@ -131,7 +131,7 @@ def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
             inner = _form_of(item, reads)
             return None if inner is None else replace(inner, repeated=True)
         case nodes.Either():
-            forms = [form for each in node.parts if (form := _form_of(each, reads)) is not None]
+            forms = [form for part in node.parts if (form := _form_of(part, reads)) is not None]
             words = [word for form in forms for word in form.choices]
             numbers = [form.reads for form in forms if isinstance(form.reads, Range)]
             if words and numbers:

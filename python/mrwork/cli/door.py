@@ -49,7 +49,7 @@ def parser(arguments: Sequence[str] = ()) -> CommandParser:
 
     A verb may need libraries that take a second to load, which should not delay the other verbs and the help.
     """
-    return _parser_with([each for each in arguments if each in _VERBS][:1])
+    return _parser_with([argument for argument in arguments if argument in _VERBS][:1])
 
 
 def whole_parser() -> CommandParser:

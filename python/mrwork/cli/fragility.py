@@ -69,7 +69,9 @@ def run(options: argparse.Namespace) -> int:
     limit = None if options.limit is None else _limit(options.limit)
     table: Path | None = options.output
     figures = ("ida", "fragility") if table is not None else ()
-    files = [] if table is None else [table, *(table.parent / f"{table.stem}-{each}.svg" for each in figures)]
+    files = (
+        [] if table is None else [table, *(table.parent / f"{table.stem}-{figure}.svg" for figure in figures)]
+    )
     for place in files:
         check_output(place, replace=options.replace, otherwise="give --replace")
     # SciPy and the readers of runs are slow to load.
@@ -118,8 +120,8 @@ def _table(found: Fragilities) -> bytes:
     first = next(iter(found.rows.values()))
     head = ("arrangement", f"{first.measure} [m/s2]", "probability", "reached", "beyond tests")
     lines = [
-        (label, *(f"{cell:.6g}" for cell in (level, each.probability(level), *shares)))
-        for label, each in found.rows.items()
-        for level, *shares in zip(each.levels.tolist(), each.crossed, each.outside, strict=True)
+        (label, *(f"{cell:.6g}" for cell in (level, row.probability(level), *shares)))
+        for label, row in found.rows.items()
+        for level, *shares in zip(row.levels.tolist(), row.crossed, row.outside, strict=True)
     ]
     return csv_text([head, *lines]).encode()

@@ -171,7 +171,7 @@ class Identification:
         """Print results, or the document with --json."""
         findings = findings_for("identify", self.tests)
         more = {"findings": as_plain(findings), "out": str(self.frame.folder)}
-        below = ["", *(f"  {each.in_words}" for each in findings)] if findings else []
+        below = ["", *(f"  {finding.in_words}" for finding in findings)] if findings else []
         show_results(self.frame.options, *results, document={**document, **more}, below=below)
 
 

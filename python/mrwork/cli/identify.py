@@ -105,7 +105,7 @@ def add_options(parser: CommandParser) -> None:
         parser,
         FitSettings,
         SEARCH,
-        *(each.name for each in fields(FitSettings) if each.name not in elsewhere),
+        *(entry.name for entry in fields(FitSettings) if entry.name not in elsewhere),
     )
     add_options_of(parser, resize_search, SEARCH, "population", "generations")
     add_options_of(parser, FitSettings, COMPUTATION, "rng")
@@ -127,7 +127,7 @@ def _law(text: str) -> tuple[str, LawName]:
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     # A damper of the user as its spec.
-    models = [own_model(each) if is_own(each) else each for each in options.model.split(",")]
+    models = [own_model(part) if is_own(part) else part for part in options.model.split(",")]
     several, law_is_auto = models == [ALL] or len(models) > 1, _AUTO in options.law
     settings = _settings_of(options)
     _refuse_together(options, settings, several=several, law_is_auto=law_is_auto)

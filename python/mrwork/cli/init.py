@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _write_rig(folder: Path) -> _Written:
     _refuse_what_is_there(folder, within=True)
-    contents = {each.name: each.read_bytes() for each in (_SAMPLES / "rig").iterdir()}
+    contents = {path.name: path.read_bytes() for path in (_SAMPLES / "rig").iterdir()}
     write_files(folder, contents)
     rig, run = shlex.quote(str(folder)), shlex.quote(str(Path("out") / (folder.name or "rig")))
     table = folder / TABLE_NAME

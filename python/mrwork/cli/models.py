@@ -92,20 +92,20 @@ def _list_presets(options: argparse.Namespace) -> int:
         columns=("force class", "preset", "model", "force (N)", "stroke (mm)", "command", "status"),
         rows=[
             (
-                each.force_class or "not known",
-                each.name,
-                each.spec.name,
-                "-" if each.rated_force is None else f"{each.rated_force:.0f}",
-                "-" if each.rated_stroke is None else f"{1e3 * each.rated_stroke:g}",
-                each.command_in_words or "-",
-                each.status,
+                preset.force_class or "not known",
+                preset.name,
+                preset.spec.name,
+                "-" if preset.rated_force is None else f"{preset.rated_force:.0f}",
+                "-" if preset.rated_stroke is None else f"{1e3 * preset.rated_stroke:g}",
+                preset.command_in_words or "-",
+                preset.status,
             )
-            for each in presets
+            for preset in presets
         ],
         words=(1, 2, 5, 6),
         note="Force and stroke to either side that one damper is made for; a study tells runs that exceed them.",
     )
-    document = [asdict(each) | {"force_class": each.force_class or None} for each in presets]
+    document = [asdict(preset) | {"force_class": preset.force_class or None} for preset in presets]
     print_result(options, {"presets": document}, "\n".join(listed.lines()))
     return 0
 

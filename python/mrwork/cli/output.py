@@ -82,7 +82,7 @@ def show_results(
     below: Sequence[str] = (),
 ) -> None:
     """Print results: the `document` with --json, else their summaries and the lines `below`."""
-    texts = [each._summary().text(whole=True) for each in results]
+    texts = [result._summary().text(whole=True) for result in results]
     print_result(options, document, "\n".join(["\n\n".join(texts), *below]))
 
 
@@ -118,7 +118,7 @@ def end_addition(
 
 def as_plain(findings: Iterable[SharedFinding]) -> list[dict[str, Any]]:
     """Findings of the checks for --json."""
-    return [asdict(each) for each in findings]
+    return [asdict(finding) for finding in findings]
 
 
 def told_findings(
@@ -129,8 +129,8 @@ def told_findings(
     from mrwork.records.findings import findings_for
 
     findings = findings_for(verb, tests)
-    for each in () if options.json else findings:
-        note(each.in_words)
+    for finding in () if options.json else findings:
+        note(finding.in_words)
     return as_plain(findings)
 
 

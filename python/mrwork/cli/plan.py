@@ -77,7 +77,7 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     add_to_run(place, {PLAN: json_document(ranked.document() | document).encode()})
     if ranked.left_out and not options.quiet:
         unit = spec.command_unit
-        failed = "; ".join(each.in_words(unit) for each in ranked.left_out)
+        failed = "; ".join(left_out.in_words(unit) for left_out in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")
     more = document | {"findings": findings, "out": str(place / PLAN)}
     return end_addition(options, ranked, more, [f"Report: {place / REPORT}"])

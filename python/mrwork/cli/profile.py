@@ -65,9 +65,9 @@ def _profile(options: argparse.Namespace) -> int:
         return _write_interrupted(opened.run, interrupt.result, options)
     add_to_run(place, {PROFILES: json_document(profiles.document()).encode()})
     fit = load(place, StoredRun).fit
-    more = {"directions": [asdict(each) for each in fit.informative], "findings": findings}
+    more = {"directions": [asdict(test) for test in fit.informative], "findings": findings}
     below = [
-        *(f"  {each.sentence}" for each in fit.informative),
+        *(f"  {test.sentence}" for test in fit.informative),
         *verdicts_elsewhere(fit, "profile"),
         f"Report: {place / REPORT}",
     ]

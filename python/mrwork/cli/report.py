@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
 
         drawn = {"every_test": options.all_tests, "summary": options.summary}
         page, compared = page_of(place, **drawn, on_progress=on_progress)
-        tests.extend(each.test for each in compared)
+        tests.extend(test.test for test in compared)
         written.append(page.write(place, summary=options.summary))
         if options.figures:
             names.extend(write_figures(place, page, on_progress=on_progress))

@@ -175,7 +175,7 @@ def _find_counts(options: argparse.Namespace) -> int:
     print_result(
         options,
         finite(plain(found)) | drawn,
-        "\n".join([text, *(f"Figure: {each}" for each in drawn.values())]),
+        "\n".join([text, *(f"Figure: {curve}" for curve in drawn.values())]),
     )
     return 0
 
@@ -204,7 +204,11 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
         if options.workers or options.cluster:
             if len(study.histories) == len(study.motions):
                 note("every history is stored, and this process simulates the runs with histories")
-            if own := [each.row.label for each in study.arrangements if isinstance(each.law, UserLaw)]:
+            if own := [
+                arrangement.row.label
+                for arrangement in study.arrangements
+                if isinstance(arrangement.law, UserLaw)
+            ]:
                 note(f"laws in Python run in this process: {', '.join(own)}")
         results = run_study(
             study,

@@ -170,7 +170,7 @@ def command_unit(tests: Sequence[DamperTest], given: CommandUnit | None = None) 
     unit = given or next(iter([*shared, *known]), None) or "V"
     for test, units in zip(tests, own, strict=True):
         if units and unit not in units:
-            other = next((each.label for each, has in zip(tests, own, strict=True) if unit in has), "")
+            other = next((test.label for test, has in zip(tests, own, strict=True) if unit in has), "")
             beside = f"--command-unit is {unit}" if given else f"that of {other} in {unit}"
             raise SettingError(
                 f"{test.label}: the command is {test.command_in_words}, {beside}; laws have one unit of the "

@@ -132,6 +132,6 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
         return tables
     budget, population = _QUICK
     return tuple(
-        replace(each, budget=min(each.budget, budget), population=min(each.population, population))
-        for each in tables
+        replace(table, budget=min(table.budget, budget), population=min(table.population, population))
+        for table in tables
     )

@@ -282,13 +282,13 @@ def ties_in_words(
 ) -> tuple[str, ...]:
     """A sentence on the rows that the leading row does not beat by more than the spread over motions."""
     tied = {
-        label: np.subtract(each, scores)
-        for label, each in others.items()
-        if is_within_spread([one - lead for one, lead in zip(each, scores, strict=True)])
+        label: np.subtract(other, scores)
+        for label, other in others.items()
+        if is_within_spread([one - lead for one, lead in zip(other, scores, strict=True)])
     }
     if not tied:
         return ()
-    listed = ", ".join(f"{label} ({float(np.mean(each)):+.3f})" for label, each in tied.items())
+    listed = ", ".join(f"{label} ({float(np.mean(tie)):+.3f})" for label, tie in tied.items())
     return (
         f"On these {len(scores)} {noun} the score of {leading} is not told apart from the score of {listed}: the mean "
         f"difference{' is' if len(tied) == 1 else 's are'} within two standard errors over the {noun}.",

@@ -81,7 +81,7 @@ def _make_quantities(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quan
 @cache
 def quantity_named(name: str) -> Quantity:
     """A quantity of a run or a signal of its history."""
-    return {each.name: each for each in (*history_signals(), *run_quantities())}[name]
+    return {signal.name: signal for signal in (*history_signals(), *run_quantities())}[name]
 
 
 def in_command_unit(unit: str, command_unit: str) -> str:
@@ -324,10 +324,12 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
             exceedances = [
                 device.outside(self.demand(run, number)) for run in self._extreme(finished, number)
             ]
-            exceeded += [(device.name, each) for outside in exceedances for each in outside.exceedances]
-            laws += [each for outside in exceedances for each in outside.laws]
+            exceeded += [
+                (device.name, exceedance) for outside in exceedances for exceedance in outside.exceedances
+            ]
+            laws += [law for outside in exceedances for law in outside.laws]
         worst = [f"{name}: {each.in_words}" for each, name, _ in worst_of(exceeded)]
-        return [*worst, *(each.in_words for each in worst_laws(laws))]
+        return [*worst, *(law.in_words for law in worst_laws(laws))]
 
     def _least_stroke(self, run: int, device: int) -> float | None:
         return None if self.histories is None else least_stroke(self.histories[run].deformation[:, device])
@@ -339,7 +341,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
         _, n_motions, n_draws = self.shape
         seconds = np.array(self.seconds)[runs // n_draws % n_motions]
         signals = (self.peak_stroke, self.peak_rate, self.peak_force, self.peak_current, self.device_energy)
-        columns = [each[runs, device] for each in signals]
+        columns = [signal[runs, device] for signal in signals]
         columns[-1] = columns[-1] / seconds
         columns.append(columns[1] / np.maximum(columns[0], np.finfo(float).tiny))
         if self.histories is not None:
@@ -368,5 +370,5 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
                 for each in [getattr(self, name).reshape(len(finished), -1).max(axis=1, initial=0.0)]
                 for largest in [each[finished] if finished.any() else np.array([np.nan])]
             ],
-            notes=[f"warning: {each}" for each in self.warnings()],
+            notes=[f"warning: {warning}" for warning in self.warnings()],
         )

@@ -61,8 +61,8 @@ def _theta_of(devices: Sequence[Device]) -> tuple[Floats, ...]:
     return tuple(
         np.stack(
             [
-                np.broadcast_to(devices[each].draws, (n_draws, len(devices[each].spec.parameters)))
-                for each in group
+                np.broadcast_to(devices[member].draws, (n_draws, len(devices[member].spec.parameters)))
+                for member in group
             ],
             axis=1,
         )
@@ -71,7 +71,7 @@ def _theta_of(devices: Sequence[Device]) -> tuple[Floats, ...]:
 
 
 def _core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_rust.Dampers]:
-    groups = [[devices[each] for each in group] for group in groups_of(devices)]
+    groups = [[devices[member] for member in group] for group in groups_of(devices)]
     return [
         _rust.Dampers(
             model=group[0].spec.name,
@@ -171,7 +171,7 @@ def _core_model(law: ControlLaw) -> _rust.LoopModel | None:
         n_strokes=0,
     )
     core = _core_building(drifting, devices, stiffness=building.site_stiffness)
-    first_draws = [each[:1] for each in _theta_of(devices)]
+    first_draws = [theta[:1] for theta in _theta_of(devices)]
     return _rust.LoopModel(core, _core_dampers(devices, first_draws))
 
 
@@ -271,7 +271,9 @@ class LoopOfRuns:
     @property
     def is_own(self) -> bool:
         """Whether some of its dampers are models of the user, which the core does not have."""
-        return any(each.spec.own is not None for each in self.devices) and not self.law.spec.commands_force
+        return (
+            any(device.spec.own is not None for device in self.devices) and not self.law.spec.commands_force
+        )
 
     def core(self) -> _Core:
         """The same for the core, which is made anew in each process."""
@@ -333,7 +335,7 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
         columns = given.gains[:, start : start + math.prod(shape)]
         gains[gain.name] = columns.reshape(len(given.gains), *shape)
         start += columns.shape[1]
-    devices = tuple(LoopDevice.of(each) for each in loop.devices)
+    devices = tuple(LoopDevice.of(device) for device in loop.devices)
     layouts = core.building.summary_layout, core.building.history_layout
     own = OwnLoop(
         matrices={name: np.asarray(getattr(loop.building, name), dtype=np.float64) for name in MATRICES},
@@ -351,7 +353,7 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
         step_factor=loop.step_factor,
         widths=(sum(count for _, count in layouts[0]), sum(count for _, count in layouts[1])),
     )
-    theta = tuple(each[:, place] for each in given.theta for place in range(each.shape[1]))
+    theta = tuple(theta[:, place] for theta in given.theta for place in range(theta.shape[1]))
     return respond(own, OwnRuns(runs, gains, given.shaping, theta), histories=histories)
 
 
@@ -429,7 +431,7 @@ def loop_observer(
         if known == asked:
             return observer
     observer = _design_observer(plant_of(building, rows, names), hardware, floors)
-    if not hardware.kinematic and any(each.in_stiffness for each in building.elements):
+    if not hardware.kinematic and any(element.in_stiffness for element in building.elements):
         warnings.warn(
             f"the observer of {building.name} goes by its elastic stiffness, and is wrong once a storey yields; set "
             "`kinematic` of the hardware, with sensors of all drifts",
@@ -691,7 +693,7 @@ def simulate_loop(
     call = _Call(
         loop=LoopOfRuns(
             building=building,
-            varied=tuple((each.damping, each.site_stiffness) for each in varied),
+            varied=tuple((parameter.damping, parameter.site_stiffness) for parameter in varied),
             devices=tuple(devices),
             # As its candidates share it: with gains of zero, which belong to no candidate.
             law=replace(law, gains=zeros, weights=None, margins=None, notes=()),
@@ -707,7 +709,7 @@ def simulate_loop(
         factors=factors,
         theta=theta,
         n_draws=n_draws,
-        springs=[each.storey_springs for each in varied],
+        springs=[parameter.storey_springs for parameter in varied],
         places=np.array(places, dtype=np.uint32),
         late=late.astype(np.uint32),
         streams=np.array(range(len(motions)) if motion_numbers is None else motion_numbers, dtype=np.uint64),
@@ -812,7 +814,7 @@ class _Call:
         """The responses of runs that were simulated in this order."""
         loop, shape, places, histories = self.loop, self.shape, np.argsort(order), None
         summary, outcome, steps = (
-            np.concatenate([part[each] for part in parts])[places] for each in range(3)
+            np.concatenate([part[index] for part in parts])[places] for index in range(3)
         )
         if self.changes is not None:
             slopes = np.concatenate([part[4] for part in parts])[places]
@@ -836,7 +838,7 @@ class _Call:
         if loop.n_commanded < len(loop.devices):
             # Devices that no law commands count in no criterion of the command.
             of_law = np.arange(len(loop.devices)) < loop.n_commanded
-            names = {each.quantity for each in criteria() if each.of_command}
+            names = {criterion.quantity for criterion in criteria() if criterion.of_command}
             numbers |= {name: np.where(of_law, numbers[name], np.nan) for name in names}
         if self.factors is not None:
             numbers |= {name: numbers[name] * self.factors[candidate] for name in _COMMANDS}
@@ -860,7 +862,7 @@ def _shears(
 ) -> dict[str, Floats]:
     """Shears of a run that the core does not know, and NaN for what of them the building does not say."""
     springs, is_chain = building.storey_springs, bool(building.unit_drifts.any())
-    is_linear = all(each.is_linear for each in building.elements)
+    is_linear = all(element.is_linear for element in building.elements)
     own = np.array(varied)[places] if varied else springs
     known = {
         "peak_storey_shear": is_chain,

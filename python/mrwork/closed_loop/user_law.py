@@ -139,7 +139,7 @@ class _Fading:
 
     def take(self, number: int, places: NDArray[np.uintp], readings: Sequence[Floats]) -> RunningRms:
         """The root mean squares of the runs at `places` after a sample, with readings in the order of `RunningRms`."""
-        columns = [each.reshape(len(places), -1) for each in readings]
+        columns = [reading.reshape(len(places), -1) for reading in readings]
         taken = np.hstack(columns)
         if self._squares.shape[1] != taken.shape[1]:
             self._squares = np.zeros((self._n_runs, taken.shape[1]))
@@ -150,7 +150,7 @@ class _Fading:
             fresh = np.square(taken, where=finite, out=np.zeros_like(taken))
         squares = np.where(finite, self._left * before + (1.0 - self._left) * fresh, before)
         self._squares[places] = squares
-        roots = np.split(np.sqrt(squares), np.cumsum([each.shape[1] for each in columns])[:-1], axis=1)
+        roots = np.split(np.sqrt(squares), np.cumsum([column.shape[1] for column in columns])[:-1], axis=1)
         named = zip(RunningRms._units, roots, readings, strict=True)
         return RunningRms(**{name: root.reshape(each.shape) for name, root, each in named})
 

@@ -261,7 +261,7 @@ class Converted(Summarised):
             title=f"Bouc-Wen parameters, {self.convention}",
             columns=("parameter", "value", "unit"),
             rows=[(name, f"{value:.12g}", units.get(name, "")) for name, value in self.parameters.items()],
-            notes=[f"note: {each}" for each in self.remarks],
+            notes=[f"note: {remark}" for remark in self.remarks],
         )
 
 

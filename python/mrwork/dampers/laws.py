@@ -231,7 +231,7 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
     """
     if isinstance(text, CommandLaw):
         return text
-    named = {str(each): each for each in named_laws()}
+    named = {str(law): law for law in named_laws()}
     if text in named:
         return named[text]
     name, _, commands = text.partition(":")
@@ -240,7 +240,7 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
     except ValueError:
         nodes = ()
     rising = all(before < after for before, after in pairwise(nodes)) and bool(np.isfinite(nodes).all())
-    polynomials = [each + 1 for each in range(1, len(_POLYNOMIALS)) if _POLYNOMIALS[each] == name]
+    polynomials = [index + 1 for index in range(1, len(_POLYNOMIALS)) if _POLYNOMIALS[index] == name]
     counts = range(2, _MOST_NODES + 1) if name == _VALUES else polynomials
     if not (rising and len(nodes) in counts):
         near = suggestion(name, [*named, _VALUES]) if name == text else ""

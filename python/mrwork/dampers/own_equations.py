@@ -67,7 +67,7 @@ class OwnEquations:
             If it is not trusted.
         """
         if not self.is_trusted:
-            namesake = [each for each in _TRUSTED.values() if each.force == self.force]
+            namesake = [value for value in _TRUSTED.values() if value.force == self.force]
             changed = (
                 "; those of that name that run here are others: they were changed since" if namesake else ""
             )

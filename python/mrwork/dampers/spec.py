@@ -70,31 +70,31 @@ class DamperSpec(Summarised):
         """What is wrong with a damper of the user; empty if nothing is."""
         if not self.name.isidentifier() or keyword.iskeyword(self.name):
             return "is no name of a damper; give letters, digits and underscores, and begin with a letter"
-        if any(each.name == self.name for each in damper_models()):
+        if any(model.name == self.name for model in damper_models()):
             return "is the name of a model of the package; give another one"
         if not self.parameters:
             return "has no parameters; give those that are to be identified"
-        for each in self.parameters:
+        for entry in self.parameters:
             if (
-                not each.name.isidentifier()
-                or keyword.iskeyword(each.name)
-                or each.name.startswith("_")
-                or each.name == "eta"
+                not entry.name.isidentifier()
+                or keyword.iskeyword(entry.name)
+                or entry.name.startswith("_")
+                or entry.name == "eta"
             ):
-                return f"has a parameter {each.name!r}; give letters, digits and underscores, and not eta"
+                return f"has a parameter {entry.name!r}; give letters, digits and underscores, and not eta"
             if not (
-                isfinite(each.lower) and isfinite(each.upper) and each.lower <= each.nominal <= each.upper
+                isfinite(entry.lower)
+                and isfinite(entry.upper)
+                and entry.lower <= entry.nominal <= entry.upper
             ):
                 return (
-                    f"has {each.name} from {each.lower:g} to {each.upper:g}, nominally {each.nominal:g}; give finite "
-                    "numbers: a lower bound, a nominal value and an upper bound, in this order"
+                    f"has {entry.name} from {entry.lower:g} to {entry.upper:g}, nominally {entry.nominal:g}; give "
+                    "finite numbers: a lower bound, a nominal value and an upper bound, in this order"
                 )
-            if each.lower == each.upper:
-                return f"has {each.name} with equal bounds; give a range, and hold it in a fit by `bounds`"
-            if each.scale == "log" and each.lower <= 0.0:
-                return (
-                    f"has {each.name} on a logarithmic scale from {each.lower:g}; give a positive lower bound"
-                )
+            if entry.lower == entry.upper:
+                return f"has {entry.name} with equal bounds; give a range, and hold it in a fit by `bounds`"
+            if entry.scale == "log" and entry.lower <= 0.0:
+                return f"has {entry.name} on a logarithmic scale from {entry.lower:g}; give a positive lower bound"
         unknown = [name for name in self.spring or () if name not in self.names]
         return f"has no parameter {unknown[0]!r} of its spring" if unknown else ""
 
@@ -107,7 +107,7 @@ class DamperSpec(Summarised):
     @property
     def equations(self) -> str:
         """The equation of the model, then a line for each law that is not constant and for the driver."""
-        lines = [law.equation(each, self.command_unit) for each, law in self.law_pairs if not law.is_constant]
+        lines = [law.equation(pair, self.command_unit) for pair, law in self.law_pairs if not law.is_constant]
         driver = "u' = -eta (u - command)" if self.lagged else "u = command"
         lines += [f"{driver} [{self.command_unit}]"] if self.command_unit else []
         return "\n".join([self.equation, *lines])
@@ -185,14 +185,16 @@ class DamperSpec(Summarised):
             )
         given = laws_in_order(self.plain, laws, self.name)
         pairs = zip(self.plain, given, strict=True)
-        parameters = [each for parameter, law in pairs for each in law.coefficients_of(parameter, unit)]
+        parameters = [
+            coefficient for parameter, law in pairs for coefficient in law.coefficients_of(parameter, unit)
+        ]
         parameters += [DRIVER_RATE] * lagged
         return replace(self, parameters=tuple(parameters), laws=given, command_unit=unit, lagged=lagged)
 
     @property
     def presets(self) -> tuple[str, ...]:
         """Names of the model's published parameter sets."""
-        return tuple(each.name for each in published_sets() if each.spec.name == self.name)
+        return tuple(law_set.name for law_set in published_sets() if law_set.spec.name == self.name)
 
     @checked
     def preset(self, name: str) -> Preset:
@@ -205,7 +207,7 @@ class DamperSpec(Summarised):
         >>> prototype.status, prototype.spec.command_unit, len(prototype.theta)
         ('verified', 'V', 14)
         """
-        known = {each.name: each for each in published_sets() if each.spec.name == self.name}
+        known = {law_set.name: law_set for law_set in published_sets() if law_set.spec.name == self.name}
         check_known(name, known, f"{self.name} has no published set called {name!r}", otherwise="it has")
         return known[name]
 
@@ -221,11 +223,13 @@ class DamperSpec(Summarised):
             columns=("parameter", "nominal", "lower", "upper", "scale", "unit", "meaning"),
             rows=[
                 (
-                    each.name,
-                    *map(format_rounded, (each.nominal, each.lower, each.upper)),
-                    *(each.scale, each.unit, each.description),
+                    parameter_name.name,
+                    *map(
+                        format_rounded, (parameter_name.nominal, parameter_name.lower, parameter_name.upper)
+                    ),
+                    *(parameter_name.scale, parameter_name.unit, parameter_name.description),
                 )
-                for each in self.parameters
+                for parameter_name in self.parameters
             ],
         )
 
@@ -271,8 +275,8 @@ class Preset(Summarised):
             ),
             columns=("parameter", "value", "unit"),
             rows=[
-                (each.name, format_rounded(value, 6), each.unit)
-                for each, value in zip(self.spec.parameters, self.theta, strict=True)
+                (parameter_name.name, format_rounded(value, 6), parameter_name.unit)
+                for parameter_name, value in zip(self.spec.parameters, self.theta, strict=True)
             ],
             notes=(self.note,),
         )
@@ -332,9 +336,9 @@ def _published(
     """
     spec = damper(model)
     listed = [each if isinstance(each, tuple) else (each,) for each in map(values.__getitem__, spec.names)]
-    theta = [each for coefficients in listed for each in coefficients]
+    theta = [coefficient for coefficients in listed for coefficient in coefficients]
     if unit is not None:
-        laws = {each: CommandLaw(len(own) - 1) for each, own in zip(spec.names, listed, strict=True)}
+        laws = {name: CommandLaw(len(own) - 1) for name, own in zip(spec.names, listed, strict=True)}
         spec = spec.with_current_laws(laws, unit=unit, lagged=eta is not None)
         theta += () if eta is None else (eta,)
     return Preset(
@@ -545,10 +549,10 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
 def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
     """For each parameter the limit with the largest deviation."""
     worst: dict[str, LawLimit] = {}
-    for each in limits:
-        known = worst.get(each.parameter)
-        if known is None or abs(each.value - each.used) > abs(known.value - known.used):
-            worst[each.parameter] = each
+    for limit in limits:
+        known = worst.get(limit.parameter)
+        if known is None or abs(limit.value - limit.used) > abs(known.value - known.used):
+            worst[limit.parameter] = limit
     return list(worst.values())
 
 

@@ -188,7 +188,7 @@ class OperatingRange(Summarised):
             if (gap := self.gap) is not None and not exceedances[-1]:
                 low, high = gap
                 depth, level = max(
-                    (min(each - low, high - each), each) for each in demand.levels or demand.command
+                    (min(level - low, high - level), level) for level in demand.levels or demand.command
                 )
                 if depth > _TOLERANCE * (high - low):
                     exceedances.append(
@@ -241,12 +241,15 @@ class Outside(Summarised):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the quantities."""
-        return tuple(each.quantity for each in self.exceedances)
+        return tuple(exceedance.quantity for exceedance in self.exceedances)
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """A sentence for each quantity and law."""
-        return (*(each.in_words for each in self.exceedances), *(each.in_words for each in self.laws))
+        return (
+            *(exceedance.in_words for exceedance in self.exceedances),
+            *(law.in_words for law in self.laws),
+        )
 
     def _summary(self) -> Summary:
         title = "Within the tested ranges" if self.known else "Tested ranges not known"
@@ -281,8 +284,10 @@ def outside_of(
     exceedances = () if tested is None else tested.exceeded_by(demand)
     return Outside(
         exceedances=tuple(
-            replace(each, extrapolated=spec.following) if each.quantity == "command" else each
-            for each in exceedances
+            replace(exceedance, extrapolated=spec.following)
+            if exceedance.quantity == "command"
+            else exceedance
+            for exceedance in exceedances
         ),
         laws=() if demand.command is None else law_limits(spec, theta, demand.command),
         known=tested is not None,
@@ -303,18 +308,18 @@ def beyond_rating(
 
 def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
     """The smallest range that covers all; they have one unit of the command."""
-    units = [each.command_unit for each in ranges if each.command_unit is not None]
+    units = [interval.command_unit for interval in ranges if interval.command_unit is not None]
     return OperatingRange(
-        stroke=max(each.stroke for each in ranges),
-        velocity=max(each.velocity for each in ranges),
-        frequency=_hull(each.frequency for each in ranges),
-        command=_hull(each.command for each in ranges),
+        stroke=max(interval.stroke for interval in ranges),
+        velocity=max(interval.velocity for interval in ranges),
+        frequency=_hull(interval.frequency for interval in ranges),
+        command=_hull(interval.command for interval in ranges),
         command_unit=units[0] if units else None,
-        levels=tuple(sorted({level for each in ranges for level in each.levels})),
-        force=max(each.force for each in ranges),
-        power=max(each.power for each in ranges),
+        levels=tuple(sorted({level for interval in ranges for level in interval.levels})),
+        force=max(interval.force for interval in ranges),
+        power=max(interval.power for interval in ranges),
         least_stroke=min(
-            (each.least_stroke for each in ranges if each.least_stroke is not None), default=None
+            (interval.least_stroke for interval in ranges if interval.least_stroke is not None), default=None
         ),
     )
 

@@ -134,8 +134,8 @@ class DelimitedTable(ColumnTable):
         marked: dict[int, str] = {}
         for index in self._data:
             fields = self._split(index)
-            texts = ["" if is_number(each) or each.casefold() in MISSING else each for each in fields]
-            words = [any(map(str.isalpha, each)) for each in texts]
+            texts = ["" if is_number(field) or field.casefold() in MISSING else field for field in fields]
+            words = [any(map(str.isalpha, text)) for text in texts]
             is_row = len(fields) == len(self.names) and sum(map(is_number, fields)) > 1
             if any(words) and (not is_row or (words[0] and begins_with_number)):
                 marked[index] = f"line {index + 1} '{self._lines[index].strip()[:40]}'"

@@ -211,7 +211,7 @@ def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> 
     for index in reversed(filled[: bisect_left(filled, rows.first)]):
         if not _RULE.fullmatch(lines[index]):
             fields = _texts(lines[index], rows)
-            if not any(map(is_number, fields)) and not all(each.casefold() in MISSING for each in fields):
+            if not any(map(is_number, fields)) and not all(field.casefold() in MISSING for field in fields):
                 yield index
 
 

@@ -72,7 +72,7 @@ def open_matlab(path: Path) -> ColumnTable:
         for name, array in variables.items()
         if array is not None and array.ndim == 2 and min(array.shape) > 1 and max(array.shape) >= _FEWEST_ROWS
     ]
-    if max((each.size for each in columns.values()), default=0) < 2 and len(matrices) == 1:
+    if max((column.size for column in columns.values()), default=0) < 2 and len(matrices) == 1:
         matrix = np.asarray(variables[matrices[0]])
         rows = matrix if matrix.shape[0] < matrix.shape[1] else matrix.T
         columns = dict(zip(numbered_names(len(rows)), rows, strict=True))
@@ -120,11 +120,11 @@ def _variables(path: Path, kind: FileKind) -> tuple[bytes, Variables]:
 def _version_73(data: bytes, path: Path) -> Variables:
     """Variables of a version 7.3 file, or the fields of its only struct."""
     members = members_of(data, path, name="version 7.3 .mat file", remedy=_DAMAGED)
-    names = [each for each in members if each and "/" not in each]
+    names = [member for member in members if member and "/" not in member]
     prefix = ""
     if len(names) == 1 and members[names[0]].is_group:
         prefix = f"{names[0]}/"
-        names = [each.removeprefix(prefix) for each in members if each.startswith(prefix)]
+        names = [member.removeprefix(prefix) for member in members if member.startswith(prefix)]
     variables: Variables = dict.fromkeys(names)
     for name in names:
         member = members[f"{prefix}{name}"]

@@ -256,7 +256,7 @@ def suggested_options(
     missing: Sequence[Missing], free: Sequence[str], units: Mapping[str, str], read: ReadColumn
 ) -> str:
     """Options for all that is missing, with the likeliest of the `free` columns, or `NO_COLUMN`."""
-    left = [name for name in free if name not in {each.column for each in missing}]
+    left = [name for name in free if name not in {name.column for name in missing}]
     numbers = {name: samples for name in free if (samples := read(name)) is not None}
     options: list[str] = []
     is_sure = True

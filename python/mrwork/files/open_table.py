@@ -79,12 +79,12 @@ def open_tdms(path: Path) -> ColumnTable:
                 raise ValueError("it claims more samples than it has bytes")
             occurs = Counter(channel.name for channel in channels)
             by_name = {
-                each.name if occurs[each.name] == 1 else f"{each.group_name}/{each.name}": each
-                for each in channels
+                channel.name if occurs[channel.name] == 1 else f"{channel.group_name}/{channel.name}": channel
+                for channel in channels
             }
             read = {name: np.asarray(each[:]) for name, each in by_name.items()}
             units = {name: _unit(each) for name, each in by_name.items()}
-            steps = {_waveform(each) for each in channels if len(each)}
+            steps = {_waveform(channel) for channel in channels if len(channel)}
     finally:
         log_manager.console_handler.setStream(usual)
     if report := reports.getvalue().partition("\n")[0]:

@@ -179,7 +179,7 @@ def sensitivities(
     return ForceSensitivities(
         model=spec.name,
         names=spec.names,
-        units=tuple(each.unit for each in spec.parameters),
+        units=tuple(parameter_name.unit for parameter_name in spec.parameters),
         time=start + loading.dt * np.arange(run.force.shape[1], dtype=np.float64),
         force=run.force[0] if one else run.force,
         jacobian=jacobian[0] if one else jacobian,
@@ -282,7 +282,7 @@ class CandidateObjective(Summarised):
     def _summary(self) -> Summary:
         spec = self.objective.spec
         return Summary(
-            title=f"Objective of {spec.name} on {list_names([each.label for each in self.objective.tests])}",
+            title=f"Objective of {spec.name} on {list_names([test.label for test in self.objective.tests])}",
             facts=(("coordinates", self.coordinates), ("samples", str(self.objective.n_time))),
             columns=("parameter", "lower", "upper", "unit"),
             rows=[

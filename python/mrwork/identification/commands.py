@@ -120,9 +120,9 @@ def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
 def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName | CommandLaw], commands: Floats) -> str:
     """Options that let the dampings and yield forces of a model follow these commands, beside the laws given."""
     own = {
-        each.name: "linear" if each.unit == "N s/m" or len(commands) < 3 else "quadratic"
-        for each in plain.parameters
-        if each.scale == "log" and each.unit in ("N", "N s/m")
+        parameter_name.name: "linear" if parameter_name.unit == "N s/m" or len(commands) < 3 else "quadratic"
+        for parameter_name in plain.parameters
+        if parameter_name.scale == "log" and parameter_name.unit in ("N", "N s/m")
     }
     laws = " ".join(f"--law {name}={law}" for name, law in {**own, **given}.items())
     return f"--model {plain.name} {laws}"

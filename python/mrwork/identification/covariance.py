@@ -54,7 +54,11 @@ class Slopes:
     def by_interior(self) -> Floats:
         """Derivatives by the parameters that are not on a bound, shape (n_interior, n_residuals)."""
         interior, free = self.interior, list(self.form.box.free)
-        return self.by_free if interior == free else self.by_free[[free.index(each) for each in interior]]
+        return (
+            self.by_free
+            if interior == free
+            else self.by_free[[free.index(parameter) for parameter in interior]]
+        )
 
     def by_model(self) -> Floats:
         """Derivatives by the requested model's parameters, (n_residuals, n_params); zero where the form is fixed."""
@@ -162,7 +166,7 @@ def autocorrelation_time(residual: ArrayLike) -> float:
 
 def effective_samples(residuals: Iterable[ArrayLike]) -> float:
     """Effective number of samples of all tests, from the residuals of each, shape (n_counted,)."""
-    return float(sum(np.size(each) / autocorrelation_time(each) for each in residuals))
+    return float(sum(np.size(residual) / autocorrelation_time(residual) for residual in residuals))
 
 
 def residuals_by_test(residuals: Floats, tests: Sequence[DamperTest]) -> tuple[Floats, ...]:

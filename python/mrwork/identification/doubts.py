@@ -199,8 +199,8 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
     def find_shift(first: int, index: int, threads: int) -> Floats | None:
         """Change of the parameters in a draw; `None` where the model cannot be simulated under it."""
         parts = []
-        for number, each in enumerate(noises):
-            observed = objective.compared[number].of_test(each([first + index, number]))
+        for number, noise in enumerate(noises):
+            observed = objective.compared[number].of_test(noise([first + index, number]))
             (part,), (failed,) = observed.residuals(theta[None], threads=threads)
             if failed:
                 return None
@@ -233,7 +233,7 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
 
 def _estimate_coverage(shares: Floats) -> float:
     """Expected coverage of 95 % intervals if noise shifts the parameters by `shares` of their standard errors."""
-    return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + each**2))) for each in shares]))
+    return float(np.mean([erf(_QUANTILE / sqrt(2.0 * (1.0 + share**2))) for share in shares]))
 
 
 def _noise_of_motion(test: DamperTest) -> Callable[[list[int]], DamperTest]:

@@ -213,7 +213,7 @@ def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, comman
 def leaves_range(spec: DamperSpec, theta: Floats, commands: Floats) -> tuple[str, ...]:
     """Parameters whose law is clipped to its admissible range at or between these increasing commands."""
     limits = law_limits(spec, theta, (float(commands[0]), float(commands[-1])))
-    return tuple(each.parameter for each in limits if each.value != each.used)
+    return tuple(limit.parameter for limit in limits if limit.value != limit.used)
 
 
 def within_range(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:

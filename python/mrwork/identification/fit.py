@@ -405,8 +405,8 @@ class Fit(Plotted, WithAxes, Summarised):
     def observation_in_words(self) -> str:
         """A sentence on what the records add to the force of the damper by the fit; empty where they add nothing."""
         tests: dict[str, list[str]] = {}
-        for each in self.quality:
-            tests.setdefault(each.recorded_in_words, []).append(each.test)
+        for quality_of_test in self.quality:
+            tests.setdefault(quality_of_test.recorded_in_words, []).append(quality_of_test.test)
         said = [
             words if len(tests) == 1 else f"{words} in {list_names(own, 3)}"
             for words, own in tests.items()
@@ -464,7 +464,7 @@ class Fit(Plotted, WithAxes, Summarised):
         >>> fit.parameters["c0"].unit, fit.parameters["c0"].value > 0.0
         ('N s/m', True)
         """
-        return _ByName({each.name: each for each in self.estimates})
+        return _ByName({estimate.name: estimate for estimate in self.estimates})
 
     @property
     def theta(self) -> tuple[float, ...]:
@@ -489,14 +489,16 @@ class Fit(Plotted, WithAxes, Summarised):
     @checked
     def with_intervals(self, intervals: Intervals) -> Fit:
         """The fit with the intervals of `Profiles.intervals` or `Draws.intervals`, and the verdicts by them."""
-        of = {each.name: each for each in intervals.intervals}
-        estimates = tuple(each.with_interval(of.get(each.name)) for each in self.estimates)
+        of = {interval.name: interval for interval in intervals.intervals}
+        estimates = tuple(estimate.with_interval(of.get(estimate.name)) for estimate in self.estimates)
         return replace(self, intervals=intervals, estimates=estimates)
 
     @property
     def informative(self) -> tuple[Direction, ...]:
         """The directions without those dominated by an identifiable or negligible parameter."""
-        settled = {each.name for each in self.estimates if each.verdict in ("identifiable", "negligible")}
+        settled = {
+            estimate.name for estimate in self.estimates if estimate.verdict in ("identifiable", "negligible")
+        }
         return tuple(way for way in self.directions if not way.seen or way.changes[0].name not in settled)
 
     @property
@@ -531,7 +533,10 @@ class Fit(Plotted, WithAxes, Summarised):
         parameters = columns_of(self.estimates, "parameter", declared(self._columns))
         ends = {
             f"interval_{end}": NamedArray.of(
-                [None if each.interval is None else getattr(each.interval, end) for each in self.estimates],
+                [
+                    None if estimate.interval is None else getattr(estimate.interval, end)
+                    for estimate in self.estimates
+                ],
                 "parameter",
                 long_name=f"{end} end of the interval",
             )
@@ -568,7 +573,10 @@ class Fit(Plotted, WithAxes, Summarised):
         """Median and worst of the fits of the tests; `None` for one test."""
         if len(self.quality) == 1:
             return None
-        return FitSpread.of([each.test for each in self.quality], [each.fit_percent for each in self.quality])
+        return FitSpread.of(
+            [quality_of_test.test for quality_of_test in self.quality],
+            [quality_of_test.fit_percent for quality_of_test in self.quality],
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Nested dictionaries and lists for the file of the fit, without tests, forces and live settings."""
@@ -581,10 +589,12 @@ class Fit(Plotted, WithAxes, Summarised):
         spread = self.spread
         return {
             "model": self.model,
-            "parameters": {each.name: document_of(self._columns, each) for each in self.estimates},
+            "parameters": {
+                estimate.name: document_of(self._columns, estimate) for estimate in self.estimates
+            },
             "uncertainty": self.uncertainty_heading,
             "current_laws": None if self.current is None else asdict(self.current),
-            "directions": [asdict(each) for each in self.directions],
+            "directions": [asdict(direction) for direction in self.directions],
             "nuisances": self.nuisances,
             "observation": self.observation_in_words,
             **named(self, "fit_percent", "nrmse", "rmse_n"),
@@ -593,7 +603,9 @@ class Fit(Plotted, WithAxes, Summarised):
             "tested_range": asdict(self.tested),
             **named(self, "warnings", "evaluations", "refinement_steps", "seconds", "n_time", "n_effective"),
             "rng": self.provenance.rng,
-            "files": [{"file": each.test, **asdict(each)} for each in self.quality],
+            "files": [
+                {"file": quality_of_test.test, **asdict(quality_of_test)} for quality_of_test in self.quality
+            ],
             "median_fit_percent": None if spread is None else spread.median_percent,
             "worst_fit_percent": None if spread is None else spread.worst_percent,
             "spread": None if spread is None else asdict(spread),
@@ -615,7 +627,7 @@ class Fit(Plotted, WithAxes, Summarised):
             ),
             cautions=self.warnings,
             tables=tables,
-            notes=[each.sentence for each in self.informative],
+            notes=[test.sentence for test in self.informative],
         )
 
 

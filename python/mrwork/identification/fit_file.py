@@ -58,7 +58,7 @@ def manifest_of(fit: Fit, status: str) -> dict[str, object]:
     return {
         "model": fit.model,
         "status": status,
-        "estimates": {each.name: each.value for each in fit.estimates},
+        "estimates": {estimate.name: estimate.value for estimate in fit.estimates},
         "laws": None if fit.current is None else fit.current.laws,
         **asdict(fit.provenance),
     }
@@ -73,7 +73,7 @@ class OtherFits:
 
 def others_content(fits: Sequence[Fit]) -> Mapping[str, object]:
     """The document of the other fits in the run folder of a fit."""
-    return {"fits": [each.as_dict() for each in fits]}
+    return {"fits": [fit.as_dict() for fit in fits]}
 
 
 def read_others(run: RunFolder) -> tuple[Fit, ...] | None:

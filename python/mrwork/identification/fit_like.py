@@ -106,7 +106,7 @@ def _commands(spec: DamperSpec, tested: OperatingRange) -> list[float | None]:
         return [None]
     if tested.command is None:
         raise SettingError(f"the commands of {spec.name} are not known; give `loadings` with commands")
-    return [float(each) for each in np.linspace(*tested.command, _LEVELS)]
+    return [float(level) for level in np.linspace(*tested.command, _LEVELS)]
 
 
 def _loading(tested: OperatingRange, shares: Sequence[tuple[float, float]], command: float | None) -> Loading:
@@ -150,7 +150,11 @@ def _with_laws(model: DamperSpec, like: DamperSpec, tests: tuple[DamperTest, ...
     # As many values as there are commands, since the force to be fitted has no noise.
     commands = tested_commands(like, tests)
     law = CommandLaw(min(len(commands) - 1, MOST_DEGREE))
-    following = {each.name: law for each in model.plain if each.scales_with_force and each.lower > 0.0}
+    following = {
+        parameter.name: law
+        for parameter in model.plain
+        if parameter.scales_with_force and parameter.lower > 0.0
+    }
     spec = model.with_current_laws(following, unit=like.command_unit, lagged=like.lagged)
     return spec_by_values(spec, commands)
 

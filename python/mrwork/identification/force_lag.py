@@ -169,7 +169,7 @@ def _predict_groups(slopes: Slopes, columns: Floats, groups: Sequence[Sequence[i
     of_tests = [residuals_by_test(each, slopes.objective.tests) for each in (unit, slopes.residuals)]
     steps, squares = [], 0.0
     for group in groups:
-        part, residuals = (np.concatenate([each[test] for test in group], axis=-1) for each in of_tests)
+        part, residuals = (np.concatenate([of_test[test] for test in group], axis=-1) for of_test in of_tests)
         step = _solve(matrix - part @ part.T, gradient - part @ residuals)
         steps.append(step[-1])
         squares += float(np.sum((residuals + step @ part) ** 2))
@@ -222,7 +222,11 @@ def _advice(
 
 def _damping(problem: Problem) -> list[int]:
     """Indices of the viscous damping in the requested model."""
-    return [index for index, each in enumerate(problem.spec.parameters) if each.unit == "N s/m"]
+    return [
+        index
+        for index, parameter_name in enumerate(problem.spec.parameters)
+        if parameter_name.unit == "N s/m"
+    ]
 
 
 def _unknown_delay(problem: Problem, on_time: _LateFit, errors: Floats, seconds: float) -> tuple[str, ...]:

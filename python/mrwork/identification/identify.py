@@ -69,7 +69,7 @@ class _Call(FitSettings):
 
     @property
     def settings(self) -> FitSettings:
-        return FitSettings(**{each.name: getattr(self, each.name) for each in fields(FitSettings)})
+        return FitSettings(**{entry.name: getattr(self, entry.name) for entry in fields(FitSettings)})
 
 
 @takes_fields(_Call)
@@ -291,7 +291,7 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
             ).theta[0]
             covariance = Covariance.of(Slopes.at(alone.objective, alone.form, theta))
             estimates, _ = fitted_parameters(alone, theta, covariance)
-            following = tuple(each for each in estimates if each.name in spec.following)
+            following = tuple(estimate for estimate in estimates if estimate.name in spec.following)
             fits.append(SingleCommand(command=command, estimates=following))
     return tuple(fits)
 

@@ -58,20 +58,20 @@ def _observe_tests(
     compared = [ObservedTest.of(spec, test, settings.nuisances) for test in tests]
     shares = np.ones(len(compared))
     if settings.force_exponent != EQUAL_SHARES:
-        deviations = np.array([each.deviation for each in compared])
+        deviations = np.array([test.deviation for test in compared])
         shares = (deviations / np.max(deviations)) ** (2.0 * (EQUAL_SHARES - settings.force_exponent))
         shares = shares / shares.mean()
     ties = ties_of(spec, settings)
     return tuple(
-        replace(each, share=share, ties=ties) for each, share in zip(compared, shares.tolist(), strict=True)
+        replace(test, share=share, ties=ties) for test, share in zip(compared, shares.tolist(), strict=True)
     )
 
 
 def observe_tests_by(objective: Objective, observations: Sequence[Observation]) -> Objective:
     """The same misfit with these observation models of the tests."""
     compared = [
-        replace(each, test=replace(each.test, observation=own))
-        for each, own in zip(objective.compared, observations, strict=True)
+        replace(test, test=replace(test.test, observation=own))
+        for test, own in zip(objective.compared, observations, strict=True)
     ]
     return replace(objective, compared=tuple(compared))
 
@@ -132,7 +132,7 @@ class Objective(Summarised):
     @checked
     def with_laws(self, spec: DamperSpec) -> Objective:
         """The same misfit, on the same motions, for the same model with other laws, or without any."""
-        return replace(self, spec=spec, compared=tuple(replace(each, spec=spec) for each in self.compared))
+        return replace(self, spec=spec, compared=tuple(replace(test, spec=spec) for test in self.compared))
 
     @checked
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
@@ -145,7 +145,7 @@ class Objective(Summarised):
     @property
     def tests(self) -> tuple[DamperTest, ...]:
         """The tests."""
-        return tuple(each.test for each in self.compared)
+        return tuple(test.test for test in self.compared)
 
     @property
     def stiffest(self) -> float:
@@ -159,14 +159,14 @@ class Objective(Summarised):
         There are no observation models, nuisance parameters, weights, losses or spans that are not compared.
         """
         return not self.settings.nuisances and all(
-            each.is_plain and each.test.observation == AS_IT_IS and not each.test.uncompared
-            for each in self.compared
+            test.is_plain and test.test.observation == AS_IT_IS and not test.test.uncompared
+            for test in self.compared
         )
 
     @property
     def n_time(self) -> int:
         """Number of samples that are compared, of all tests together."""
-        return sum(each.measured.size for each in self.compared)
+        return sum(test.measured.size for test in self.compared)
 
     @checked
     def __call__(
@@ -179,7 +179,7 @@ class Objective(Summarised):
         """
         n_tests = len(self.compared)
         if shares is None:
-            weights = np.tile([each.share for each in self.compared], (len(theta), 1))
+            weights = np.tile([test.share for test in self.compared], (len(theta), 1))
         elif shares.shape[1] != n_tests:
             raise SettingError(
                 f"`shares` have {shares.shape[1]} columns; give one for each of {n_tests} tests"
@@ -188,7 +188,7 @@ class Objective(Summarised):
             weights = n_tests * shares
         counted = included = weights > 0.0
         if self.stiffest < np.inf:
-            below = [each.stiffness(theta) <= 1.0 for each in self.compared]
+            below = [test.stiffness(theta) <= 1.0 for test in self.compared]
             included = counted & np.all(below, axis=0)[:, None]
         squared = self.squared_nrmse(theta, included)
         total = np.zeros(len(theta))
@@ -200,7 +200,7 @@ class Objective(Summarised):
     @property
     def shares(self) -> Floats:
         """Weights of the squared NRMSE of the tests in the squared misfit, shape (n_tests,)."""
-        return np.array([each.share for each in self.compared]) / len(self.compared)
+        return np.array([test.share for test in self.compared]) / len(self.compared)
 
     @checked
     def squared_nrmse(self, theta: _Rows, included: NDArray[np.bool_] | None = None) -> Floats:
@@ -290,7 +290,7 @@ def up_to(objective: Objective, stiffest: float) -> Objective:
     """The same misfit, infinite for candidates that want more sub-steps a second than `stiffest` [1/s]."""
     if stiffest == objective.stiffest:
         return objective
-    return replace(objective, compared=tuple(replace(each, stiffest=stiffest) for each in objective.compared))
+    return replace(objective, compared=tuple(replace(test, stiffest=stiffest) for test in objective.compared))
 
 
 # Largest Jacobian of which sums are taken at once, in numbers: 64 MiB.

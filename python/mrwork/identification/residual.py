@@ -93,7 +93,7 @@ def offset_warning(
     shifts = _shifts(spec)
     if "offset" in names or any(bounds.get(name) != (0.0, 0.0) for name in shifts):
         return ()
-    shifted = [test.label for test in tests if any(each.kind == FORCE_OFFSET for each in test.findings)]
+    shifted = [test.label for test in tests if any(finding.kind == FORCE_OFFSET for finding in test.findings)]
     if not shifted:
         return ()
     fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"
@@ -108,8 +108,14 @@ def offset_warning(
 
 def _shifts(spec: DamperSpec) -> tuple[str, ...]:
     """Names of the parameters that shift the force of a model by a constant: f0, or x0 of its spring."""
-    shifts = {each.name for each in spec.plain if each.scale == "offset" and each.unit in ("N", "m")}
-    return tuple(each.name for each in spec.parameters if each.plain_name in shifts)
+    shifts = {
+        parameter.name
+        for parameter in spec.plain
+        if parameter.scale == "offset" and parameter.unit in ("N", "m")
+    }
+    return tuple(
+        parameter_name.name for parameter_name in spec.parameters if parameter_name.plain_name in shifts
+    )
 
 
 def without_nuisance(force: AnyArray, measured: AnyArray, names: Sequence[NuisanceName]) -> Any:
@@ -373,7 +379,7 @@ class ObservedTest:
         Derivatives with respect to columns of `theta`, shape (n_batch, n_columns, n_counted), zero where a row failed.
         """
         tied = () if self.ties is None else self.ties.indices
-        every = [*columns, *(each for each in tied if each not in columns)]
+        every = [*columns, *(tie for tie in tied if tie not in columns)]
         run = simulate_sensitivities(self.spec, self.tie(theta), self.history, columns=every, threads=threads)
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0

@@ -117,7 +117,7 @@ def fit_at(
         else _half_step_change(spec, values, objective, [force for force, _ in runs])
     )
     coarse = () if change is None or change <= _MOST_CHANGE else (step_in_words(change),)
-    nrmse = rms([each.nrmse for each in quality])
+    nrmse = rms([test_quality.nrmse for test_quality in quality])
     return Fit(
         model=spec.name,
         own=None if spec.own is None else spec.without_laws,
@@ -127,18 +127,18 @@ def fit_at(
         stop_reason=trace.stop_reason,
         nrmse=nrmse,
         fit_percent=100.0 * (1.0 - nrmse),
-        rmse_n=rms([each.rmse_n for each in quality]),
+        rmse_n=rms([test_quality.rmse_n for test_quality in quality]),
         error_norms=ErrorNorms(
-            time=rms([each.error_norms.time for each in quality]),
-            displacement=rms([each.error_norms.displacement for each in quality]),
-            velocity=rms([each.error_norms.velocity for each in quality]),
+            time=rms([test_quality.error_norms.time for test_quality in quality]),
+            displacement=rms([test_quality.error_norms.displacement for test_quality in quality]),
+            velocity=rms([test_quality.error_norms.velocity for test_quality in quality]),
         ),
         quality=quality,
         trace=trace,
         evaluations=objective.tally.simulations,
         refinement_steps=steps,
         seconds=seconds,
-        n_time=sum(each.n_time for each in quality),
+        n_time=sum(test_quality.n_time for test_quality in quality),
         provenance=provenance_of(problem),
         current=spec.current_laws,
         nuisances=objective.settings.nuisances,
@@ -168,8 +168,8 @@ def _half_step_change(
         return None
     with suppress(SimulationError):
         finer = [
-            free_run(spec, theta, each, nuisances=objective.settings.nuisances, substep_factor=2)[0]
-            for each in objective.tests
+            free_run(spec, theta, test, nuisances=objective.settings.nuisances, substep_factor=2)[0]
+            for test in objective.tests
         ]
         return max(
             100.0 * float(np.sqrt(np.mean((half - force) ** 2)) / np.std(test.force))
@@ -187,16 +187,17 @@ def _law_warnings(spec: DamperSpec, theta: Floats, tested: OperatingRange) -> tu
     if tested.command is None:
         return ()
     lowest, highest = tested.command
-    within = {each.parameter: each for each in law_limits(spec, theta, tested.command)}
+    within = {limit.parameter: limit for limit in law_limits(spec, theta, tested.command)}
     near = law_limits(spec, theta, (min(0.0, lowest), _NEAR * highest))
     span = f"{lowest:g} to {highest:g} {tested.command_unit}"
     limits = (
-        f"{within[each.parameter].in_words}; that is within the tested commands, {span}: choose another law"
-        if each.parameter in within
-        else f"{each.in_words}; the tests are at {span}: do not use the fit there, or test there, or choose another law"
-        for each in near
+        f"{within[neighbour.parameter].in_words}; that is within the tested commands, {span}: choose another law"
+        if neighbour.parameter in within
+        else f"{neighbour.in_words}; the tests are at {span}: do not use the fit there, or test there, or choose "
+        "another law"
+        for neighbour in near
     )
-    return (*limits, *(each.in_words for each in hidden_extrema(spec, theta, tested.levels)))
+    return (*limits, *(extremum.in_words for extremum in hidden_extrema(spec, theta, tested.levels)))
 
 
 def rms(values: Sequence[float] | Floats) -> float:
@@ -252,7 +253,7 @@ class BuildingCost:
 
 def cost_warning(fit: Fit, cost: BuildingCost) -> str:
     """A sentence on a fit with a high cost."""
-    at_bound = [each.name for each in fit.estimates if each.at_bound]
+    at_bound = [estimate.name for estimate in fit.estimates if estimate.at_bound]
     causes = f", with {list_names(at_bound)} on a bound" if at_bound else ""
     return (
         f"the fit takes {cost.in_words}{causes}, where a model without states takes {_FEWEST}; compare it with models "

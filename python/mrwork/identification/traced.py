@@ -165,13 +165,13 @@ def arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
     """The tests of an objective as arrays."""
     return tuple(
         ComparedArrays(
-            record=RecordArrays.of(each.history),
-            measured=jnp.asarray(each.measured),
-            weight=jnp.asarray(each.weight(len(objective.compared))),
-            counted=None if isinstance(each.counted, slice) else jnp.asarray(each.counted),
-            weights=None if each.weights is None else jnp.asarray(each.weights),
+            record=RecordArrays.of(test.history),
+            measured=jnp.asarray(test.measured),
+            weight=jnp.asarray(test.weight(len(objective.compared))),
+            counted=None if isinstance(test.counted, slice) else jnp.asarray(test.counted),
+            weights=None if test.weights is None else jnp.asarray(test.weights),
         )
-        for each in objective.compared
+        for test in objective.compared
     )
 
 
@@ -227,7 +227,7 @@ def force(
         f"Force of {spec.name}",
         Kernel.of(spec, substeps=_substeps(substeps), threads=threads),
         box=Box.of(spec),
-        units=tuple(each.unit for each in spec.parameters),
+        units=tuple(parameter_name.unit for parameter_name in spec.parameters),
         coordinates=coordinates,
         start=np.array(spec.nominal),
         data=RecordArrays.of(loading_for(record, spec).history()),
@@ -327,7 +327,7 @@ def function_of(
     start: Sequence[float] = (),
 ) -> TracedFunction:
     """A function of the point of an objective, and of further parameters of the `box`, if one is given."""
-    labels = list_names([each.label for each in given.objective.tests])
+    labels = list_names([test.label for test in given.objective.tests])
     return TracedFunction.of(
         f"{what} of {given.objective.spec.name} on {labels}",
         compute,

@@ -271,12 +271,14 @@ def judged(
     null = _null_space(jacobian)
     unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)
     open_names = {
-        each.name
+        parameter_change.name
         for direction in unseen
-        for each in direction.changes
+        for parameter_change in direction.changes
         if not held & {each.name for each in direction.changes}
     }
-    counted = np.array([index for index, each in enumerate(scales) if each.name not in held], dtype=int)
+    counted = np.array(
+        [index for index, parameter_scale in enumerate(scales) if parameter_scale.name not in held], dtype=int
+    )
     free, own = jacobian[:, counted], [scales[index] for index in counted]
     cov = covariance[np.ix_(counted, counted)]
     undetermined = ~np.isfinite(np.diag(cov)) | np.array(
@@ -322,10 +324,10 @@ def _unidentifiable_direction(
         combinations = simple_combinations(changes)
         only = f"; combinations such as {join_parts(combinations)} can be identified" if combinations else ""
         sentence = (
-            f"{join_parts([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
+            f"{join_parts([change.name for change in changes])} cannot be distinguished: {_joint_change(changes)} "
             f"does not change the force{only}"
         )
-    kept = [each.name for each in changes if each.name in held]
+    kept = [change.name for change in changes if change.name in held]
     if kept:
         sentence += f"; {join_parts(kept)} was held fixed for this reason"
     return Direction(
@@ -350,7 +352,7 @@ def _weak_directions(
         order = np.argsort(np.arange(len(scales)) != largest, kind="stable")
         changes = changes_along(vector[order], [scales[index] for index in order])
         effect = _effect(changes, jacobian, scales)
-        names = [each.name for each in scales]
+        names = [parameter_scale.name for parameter_scale in scales]
         in_order = sorted(changes, key=lambda change: names.index(change.name))
         combinations = simple_combinations(in_order, within=_APPROXIMATE)
         better = f"; {join_parts(combinations)} is better identifiable" if combinations else ""
@@ -364,13 +366,13 @@ def _weak_directions(
 
 
 def _joint_change(changes: Sequence[ParameterChange]) -> str:
-    first, *rest = [each.in_words for each in changes]
+    first, *rest = [change.in_words for change in changes]
     return f"{first} with {join_parts(rest)}" if rest else first
 
 
 def _effect(changes: Sequence[ParameterChange], jacobian: Floats, scales: Sequence[ParameterScale]) -> float:
-    column = {each.name: number for number, each in enumerate(scales)}
-    moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)
+    column = {parameter_scale.name: number for number, parameter_scale in enumerate(scales)}
+    moved = sum(0.01 * change.percent * jacobian[:, column[change.name]] for change in changes)
     return float(np.linalg.norm(moved))
 
 
@@ -385,9 +387,9 @@ def _judged(
     scale = scales[number]
     if undetermined[number]:
         others = [
-            each.name
-            for each, is_undetermined in zip(scales, undetermined, strict=True)
-            if is_undetermined and each is not scale
+            parameter_scale.name
+            for parameter_scale, is_undetermined in zip(scales, undetermined, strict=True)
+            if is_undetermined and parameter_scale is not scale
         ]
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
@@ -461,7 +463,7 @@ def fitted_parameters(
         covariance.matrix[np.ix_(taken, taken)] / np.outer(size, size),
         scales=[scale.of_parameter(spec, index, derivative[:, index]) for index in taken],
         # Fixed by the form for the sake of a redundant scale, not by the user.
-        held={each.name for each in rows if not each.is_free} & set(form.fixed),
+        held={row.name for row in rows if not row.is_free} & set(form.fixed),
     )
     for index, row in zip(taken, judged_rows, strict=True):
         rows[index] = row

@@ -149,9 +149,13 @@ class Loop(Summarised):
         return {name: part for (name, axis), part in zip(signals, parts, strict=True) if widths[axis]}
 
     def _summary(self) -> Summary:
-        inputs = self.inputs._asdict() | {f"gains {name}": each for name, each in self.inputs.gains.items()}
-        inputs |= {f"theta {number}": each for number, each in enumerate(self.inputs.theta)}
-        shapes = {name: np.shape(each) for name, each in inputs.items() if name not in ("gains", "theta")}
+        inputs = self.inputs._asdict() | {f"gains {name}": gain for name, gain in self.inputs.gains.items()}
+        inputs |= {f"theta {number}": row for number, row in enumerate(self.inputs.theta)}
+        shapes = {
+            name: np.shape(input_name)
+            for name, input_name in inputs.items()
+            if name not in ("gains", "theta")
+        }
         return Summary(
             title=f"Closed loop for JAX, {self.law or 'prescribed commands'}",
             facts=(
@@ -277,7 +281,7 @@ def loop(
         )
     n_samples = max(int(motion.duration / hardware.sample_time * (1.0 + 1e-12)), 1)
     largest = np.array([device.largest_command for device in devices])
-    own = tuple(LoopDevice.of(each) for each in devices)
+    own = tuple(LoopDevice.of(device) for device in devices)
     gains, believed, shaping, commands = {}, None, (0.0, np.inf), None
     if isinstance(law, ControlLaw):
         if len(law.gain_rows(len(devices), 2 * building.n_coordinates)) != 1:
@@ -302,12 +306,12 @@ def loop(
         raise SettingError(
             f"`steps` is {steps}; give a multiple of {hardware.steps}, the steps of the hardware"
         )
-    matrices = {each: np.asarray(getattr(building, each), dtype=np.float64) for each in MATRICES}
+    matrices = {name: np.asarray(getattr(building, name), dtype=np.float64) for name in MATRICES}
     return Loop(
         inputs=LoopInputs(
             gains=gains,
             theta=tuple(each.theta for each in own),
-            **{each: matrices[each] for each in MATRICES[:3]},
+            **{name: matrices[name] for name in MATRICES[:3]},
             acceleration=np.asarray(motion.acceleration, dtype=np.float64),
             commands=commands,
         ),
@@ -335,7 +339,7 @@ def _steps_of(
     if not isinstance(law, ControlLaw):
         law = ControlLaw(name="passive", gains={"command": law.mean(axis=0)})
     run = simulate_loop(
-        building, [replace(each, theta=each.draws[0]) for each in devices], law, [motion], hardware
+        building, [replace(device, theta=device.draws[0]) for device in devices], law, [motion], hardware
     )
     if not run.steps[0]:
         raise SettingError(

@@ -104,7 +104,7 @@ class GroundMotion(Plotted, Summarised):
                 ("source", self.source),
                 ("changes", "; ".join(self.changes) or "none"),
             ),
-            notes=[f"warning: {each}" for each in self.warnings],
+            notes=[f"warning: {warning}" for warning in self.warnings],
         )
 
 
@@ -158,8 +158,8 @@ def copies_among(motions: Sequence[GroundMotion]) -> dict[int, int]:
     prints = np.array([_autocorrelation(_on_step(motion)) for motion in motions])
     copies: dict[int, int] = {}
     for number, motion in enumerate(motions):
-        near = [each for each in firsts if np.abs(prints[each] - prints[number]).max() < _APART]
-        first = next((each for each in near if is_copy(motions[each], motion)), None)
+        near = [first for first in firsts if np.abs(prints[first] - prints[number]).max() < _APART]
+        first = next((neighbour for neighbour in near if is_copy(motions[neighbour], motion)), None)
         if first is None:
             firsts.append(number)
         elif motion.name != motions[first].name or motion.peak == motions[first].peak:

@@ -194,7 +194,7 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     if not found or numbers[0] * numbers[1] < w[0] or np.abs(best).max() > _NEAR_END * _END:
         warnings.warn(
             f"ground motion {motion.name}: the likelihood of the {kind} spectrum has no maximum that the record "
-            f"determines; the search ended at {', '.join(f'{each:.3g}' for each in numbers)} (rad/s, damping ratio). "
+            f"determines; the search ended at {', '.join(f'{x:.3g}' for x in numbers)} (rad/s, damping ratio). "
             "Take another kind, or state frequency and damping",
             MrworkWarning,
             stacklevel=2,

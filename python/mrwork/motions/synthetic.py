@@ -318,8 +318,8 @@ def suite(
         raise SettingError("a suite has motions on a soil; give one or several")
     seed = rng if isinstance(rng, int) else int(rng.integers(2**32))
     strata = [
-        Stratum(soil=each, pulse=pulse, seed=seed)
-        for each in soils
+        Stratum(soil=soil, pulse=pulse, seed=seed)
+        for soil in soils
         for pulse in {"both": (False, True), "with": (True,), "without": (False,)}[pulses]
     ]
     counts = [len(range(number, n, len(strata))) for number in range(len(strata))]

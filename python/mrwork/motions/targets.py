@@ -456,7 +456,10 @@ def check_suite(motions: Sequence[GroundMotion], target: TargetSpectrum, *, peri
         peaks=np.array([motion.peak for motion in motions]),
         periods=periods,
         spectra=np.array(
-            [response_spectrum(each, periods, damping=target.damping).pseudo_acceleration for each in motions]
+            [
+                response_spectrum(motion, periods, damping=target.damping).pseudo_acceleration
+                for motion in motions
+            ]
         ),
         copies=copies,
     )

@@ -159,10 +159,10 @@ def legend(axes: Axes, columns: int = 3, others: int = 0) -> None:
 
 def coinciding(lines: Mapping[str, Floats]) -> str:
     """A sentence on lines of a panel, by their labels, that lie on each other: to a two-hundredth of the range."""
-    close = 0.005 * max((float(np.abs(each).max()) for each in lines.values()), default=0.0)
+    close = 0.005 * max((float(np.abs(line).max()) for line in lines.values()), default=0.0)
     groups: dict[str, list[str]] = {}
     for name, line in lines.items():
-        first = next((each for each in groups if np.abs(lines[each] - line).max() <= close), name)
+        first = next((group for group in groups if np.abs(lines[group] - line).max() <= close), name)
         groups.setdefault(first, []).append(name)
     said = [f"{', '.join(some)} and {last} coincide" for *some, last in groups.values() if some]
     return f"{'; '.join(said)}." if said else ""

@@ -84,10 +84,10 @@ def _rows_of(axes: Axes, panel: str) -> Iterator[_Row]:
     abscissa = next((each.get_xlabel() for each in sharing if each.get_xlabel()), "")
     of_panel = (title or panel, abscissa, axes.get_ylabel() or title)
     names = [_names(axis) for axis in (axes.xaxis, axes.yaxis)]
-    drawn = (each for each in axes.containers if isinstance(each, BarContainer))
-    bars: dict[Artist, BarContainer] = {bar: each for each in drawn for bar in each.patches}
-    fills = [each for each in axes.collections if not isinstance(each, QuadMesh)]
-    words = [each for each in axes.texts if each.get_transform() == axes.transData]
+    drawn = (container for container in axes.containers if isinstance(container, BarContainer))
+    bars: dict[Artist, BarContainer] = {bar: curve for curve in drawn for bar in curve.patches}
+    fills = [collection for collection in axes.collections if not isinstance(collection, QuadMesh)]
+    words = [text for text in axes.texts if text.get_transform() == axes.transData]
     for number, part in enumerate((*axes.lines, *axes.patches, *fills, *words), start=1):
         label = part.get_text() if isinstance(part, Text) else str((bars.get(part) or part).get_label())
         curve = label if label and not label.startswith("_") else part.get_gid() or f"curve {number}"

@@ -121,9 +121,9 @@ class Explorer:
             return
         self._is_setting = True
         # Without a driver's lag that the test does not show.
-        for each in self.fit.estimates:
-            if each.name in self.sliders:
-                self.sliders[each.name].value = each.value
+        for estimate in self.fit.estimates:
+            if estimate.name in self.sliders:
+                self.sliders[estimate.name].value = estimate.value
         self._is_setting = False
         self._draw()
 

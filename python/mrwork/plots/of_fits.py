@@ -82,7 +82,9 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
     panels = panels_for(ax, len(drawn), "laws")
     for axes, (law, along) in zip(panels, drawn, strict=True):
         axes.plot(commands, along, color=style.MODEL, linewidth=1.4)
-        alone = ((single.command, each) for single in fit.single_commands for each in single.estimates)
+        alone = (
+            (single.command, estimate) for single in fit.single_commands for estimate in single.estimates
+        )
         points = np.array(
             [
                 (command, each.value, np.nan if each.standard_error is None else each.standard_error)
@@ -141,7 +143,7 @@ def profiles(
             raise _absent(result, "profile likelihoods", "profile", "draw `mr.profile(fit, tests)`")
         result = result.profiles
     several = (result,) if isinstance(result, Profile) else result.profiles
-    drawn = _choose(parameters, {each.name: each for each in several}, "profiled parameter")
+    drawn = _choose(parameters, {item.name: item for item in several}, "profiled parameter")
     threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
     panels = panels_for(ax, len(drawn), "profiles")
     for axes, profile in zip(panels, drawn, strict=True):
@@ -290,17 +292,19 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     """
     fitted: dict[str, float] = {}
     if isinstance(result, StoredRun):
-        fitted = {each.name: each.value for each in result.fit.estimates}
+        fitted = {estimate.name: estimate.value for estimate in result.fit.estimates}
         if result.draws is None:
             raise _absent(result, "posterior", "sample", "draw `mr.sample(fit, tests)`")
         result = result.draws
-    drawn = _choose(parameters, {each.name: each for each in result.varied}, "parameter that varied")
-    names = [each.name for each in drawn]
+    drawn = _choose(
+        parameters, {parameter.name: parameter for parameter in result.varied}, "parameter that varied"
+    )
+    names = [curve.name for curve in drawn]
     panels = triangle_for(ax, len(names), "posterior")
     values = [result.chain(name).reshape(-1) for name in names]
     # Single outliers would compress the rest.
-    spans = [tuple(np.quantile(each, [0.002, 0.998]).tolist()) for each in values]
-    labels = [with_unit(style.symbol_text(each.name), each.unit) for each in drawn]
+    spans = [tuple(np.quantile(value, [0.002, 0.998]).tolist()) for value in values]
+    labels = [with_unit(style.symbol_text(curve.name), curve.unit) for curve in drawn]
     for row, column in np.argwhere(np.tri(len(names))).tolist():
         axes, at = panels[row, column], (fitted.get(names[column]), fitted.get(names[row]))
         if row == column:
@@ -414,7 +418,7 @@ def _predict_with_band(
     if result.bands is None:
         raise _absent(result, "calibrated band", "calibrate", "draw a prediction with its `calibration`")
     predictions = result.bands.predictions
-    prediction = predictions[chosen(test, [each.test.name for each in predictions], "test")]
+    prediction = predictions[chosen(test, [prediction.test.name for prediction in predictions], "test")]
     others = result.bands.others(prediction) if calibration is None and len(predictions) > 1 else []
     used = calibration or result.bands.calibration
     if others:

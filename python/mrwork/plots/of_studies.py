@@ -73,7 +73,7 @@ def strokes(
         "best_passive_by_group": Stroke(colour=style.INK, pattern=_DASHED, width=1.6),
     }
     kinds = [
-        each.kind for each in (results.rows.values() if isinstance(results, Fragilities) else results.rows)
+        row.kind for row in (results.rows.values() if isinstance(results, Fragilities) else results.rows)
     ]
     rows = range(len(kinds)) if coloured is None else coloured
     others = [row for row in rows if kinds[row] not in references]
@@ -127,7 +127,7 @@ def storey_profiles(
     >>> responses = mr.simulate_loop(frame, dampers, law, motions)  # doctest: +SKIP
     >>> axes = responses.plot.storey_profiles(rows=[0, 5])  # doctest: +SKIP
     """
-    known = [each.name for each in run_quantities() if each.axis in ("storey", "floor")]
+    known = [quantity.name for quantity in run_quantities() if quantity.axis in ("storey", "floor")]
     facts = result.building if isinstance(result, StudyResults) else None
     if facts is not None and facts.has_ratios:
         known.append(RATIO)
@@ -181,13 +181,13 @@ def _lines_of_study(
     behind: Sequence[str | int],
 ) -> list[tuple[str, Floats, Stroke]]:
     """Rows that finished under a motion, else under all judged ones: label, values (n_motions, n_heights), stroke."""
-    labels = [each.label for each in results.rows]
-    names = [each.name for each in results.motions]
+    labels = [row.label for row in results.rows]
+    names = [motion.name for motion in results.motions]
     motions = results.judged_motions if motion is None else (chosen(motion, names, "motion"),)
     first, others = ([chosen(row, labels, "row") for row in each] for each in (rows, behind))
     first = first or [row for row in range(len(labels)) if row not in others]
     of_row = strokes(results, first)
-    finished = set(range(len(labels))).intersection(*(results.finished_rows(each) for each in motions))
+    finished = set(range(len(labels))).intersection(*(results.finished_rows(motion) for motion in motions))
     lines = [
         (labels[row], results.quantities.numbers[quantity][row, list(motions), 0], of_row[row])
         for row in (*first, *others)
@@ -241,7 +241,7 @@ def energies(
     if isinstance(result, History):
         return _course(result, ax, legend=legend)
     runs = _runs(result, motion, rows)
-    parts = np.array([energy_parts(each) for each in runs.values()])
+    parts = np.array([energy_parts(run) for run in runs.values()])
     if len(runs) > _MOST_BARS:
         raise SettingError(
             f"there are {len(runs)} runs, and {_MOST_BARS} bars can be read; choose some by `rows`"
@@ -297,8 +297,8 @@ def _runs(
 ) -> dict[str, Mapping[str, Any]]:
     """Quantities of the runs of these rows or candidates under a motion that finished, by their labels."""
     if isinstance(result, StudyResults):
-        place = chosen(motion, [each.name for each in result.motions], "motion")
-        labels = [each.label for each in result.rows]
+        place = chosen(motion, [motion.name for motion in result.motions], "motion")
+        labels = [row.label for row in result.rows]
         numbers = {row: result.quantities.at(row, place) for row in result.finished_rows(place)}
     else:
         n_candidates, n_motions, n_draws = result.shape
@@ -351,8 +351,8 @@ def fronts(
     """
     if isinstance(result, SizeFront):
         axes = axes_for(ax)
-        volume = [1e3 * each.envelope_volume for each in result.designs]
-        dynamic_range = [each.dynamic_range for each in result.designs]
+        volume = [1e3 * design.envelope_volume for design in result.designs]
+        dynamic_range = [design.dynamic_range for design in result.designs]
         draw_points(axes, volume, dynamic_range, size=4.5, colour=style.MODEL)
         return finished(axes, "Volume (l)", with_unit("Dynamic range", "1"))
     if isinstance(result, TunedStudy):
@@ -362,14 +362,14 @@ def fronts(
             raise SettingError(
                 f"the tuning {result.title!r} has no front; give two `objectives` or more in its table [[tune]]"
             )
-        result = result.fronts[chosen(law, [each.label for each in result.fronts], "law")]
+        result = result.fronts[chosen(law, [front.label for front in result.fronts], "law")]
     axes, (first, second) = axes_for(ax), result.objectives[:2]
     for label, colour, marker, points in (
-        ("training", style.FAINT_INK, "o-", [each.train for each in result.points]),
-        ("test", style.MODEL, "o", [each.test for each in result.points if each.test is not None]),
+        ("training", style.FAINT_INK, "o-", [point.train for point in result.points]),
+        ("test", style.MODEL, "o", [point.test for point in result.points if point.test is not None]),
     ):
         if points:
-            drawn = np.array(sorted(((each[first], each[second]) for each in points), key=itemgetter(0))).T
+            drawn = np.array(sorted(((point[first], point[second]) for point in points), key=itemgetter(0))).T
             axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
     names = (f"{criterion(each).title} over i = 0" for each in (first, second))
     return finished(axes, *names, legend=legend)
@@ -412,7 +412,7 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
     )
     drawn = [chosen(row, labels, "arrangement") for row in rows] or [*range(len(labels))][:_MOST_PANELS]
     panels = panels_for(ax, len(drawn), "ida")
-    every = np.concatenate([each.responses for each in result.rows.values()])
+    every = np.concatenate([row.responses for row in result.rows.values()])
     largest, limit = (
         unit.factor * float(every[np.isfinite(every)].max(initial=0.0)),
         unit.factor * result.limit,
@@ -505,7 +505,7 @@ def fragility(
     >>> axes = mr.fragility(results, limit={"peak_drift_ratio": "1 %"}).plot.fragility()  # doctest: +SKIP
     """
     axes, labels, of_row = axes_for(ax), [*result.rows], strokes(result)
-    for row in [chosen(each, labels, "arrangement") for each in rows] or range(len(labels)):
+    for row in [chosen(row, labels, "arrangement") for row in rows] or range(len(labels)):
         one, stroke = result[labels[row]], of_row[row]
         levels = one.levels / STANDARD_GRAVITY
         over = np.linspace(0.0, 1.02 * float(levels[-1]), _CURVE_POINTS)[1:]

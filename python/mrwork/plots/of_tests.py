@@ -256,7 +256,7 @@ def commands(
                 f"the command of {record.label} is unknown; give it where the test is read, as `command` of "
                 "`mr.test_from_arrays`"
             )
-        varying = (each for each in record.commands if each.varies)
+        varying = (command for command in record.commands if command.varies)
         time, (command, symbol) = record.time, next(varying, record.commands[0])
         lines = {"command": np.broadcast_to(command, time.shape)}
     axes = axes_for(ax)
@@ -318,7 +318,7 @@ def _one(
     result: Fit | StoredRun | Prediction | DamperTest, test: str | int | None
 ) -> Prediction | DamperTest:
     several = _drawn(result)
-    return several[chosen(test, [_test_and_force(each)[0].name for each in several], "test")]
+    return several[chosen(test, [_test_and_force(item)[0].name for item in several], "test")]
 
 
 def _test_and_force(drawn: Prediction | DamperTest) -> tuple[DamperTest, Floats | None]:

@@ -118,7 +118,7 @@ def finished(axes: Axes, abscissa: str, ordinate: str, *, legend: bool = False) 
 def _check_axes(ax: GivenAxes, shape: tuple[int, ...], figure: str) -> Panels:
     given = np.array([ax] if isinstance(ax, Axes) or ax is None else list(ax), dtype=object)
     count = int(np.prod(shape))
-    if given.size != count or not all(isinstance(each, Axes) for each in given.flat):
+    if given.size != count or not all(isinstance(value, Axes) for value in given.flat):
         raise SettingError(
             f"`ax` of {figure} has {given.size} entries where {count} axes were expected; give as many, or choose by "
             "`parameters`"

@@ -116,10 +116,10 @@ def _variable(colour: str) -> str:
     if colour in _NAMES:
         return f"var(--{_NAMES[colour]})"
     for ends in _BLENDS:
-        start, end, wanted = (np.array(to_rgb(each)) for each in (*ends, colour))
+        start, end, wanted = (np.array(to_rgb(end)) for end in (*ends, colour))
         share = float(np.dot(wanted - start, end - start) / np.dot(end - start, end - start))
         if 0.0 < share < 1.0 and np.abs(start + share * (end - start) - wanted).max() < 1.0 / 255.0:
-            near, far = (_NAMES[each] for each in ends)
+            near, far = (_NAMES[end] for end in ends)
             return f"color-mix(in srgb,var(--{far}) {100.0 * share:.1f}%,var(--{near}))"
     return colour
 

@@ -164,7 +164,7 @@ class StatedCommand:
         number = _NUMBER_AND_UNIT.fullmatch(stated)
         column, colon, unit = (part.strip() for part in stated.rpartition(":"))
         unit = number[2] if number else unit
-        quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
+        quantity = next((word for word in COMMANDS if quantity_of(unit) == word), None)
         other = command_unit_of(unit)
         if quantity is None and number is None and not colon:
             if not stated or _STARTS_AS_NUMBER.match(stated):
@@ -175,7 +175,7 @@ class StatedCommand:
         if quantity is None and (other is None or not (number or column)):
             raise UnitError(
                 f"the command is '{stated}': '{unit}' is no unit of a command; give one of "
-                f"{', '.join(known_units(each) for each in COMMANDS)}, {', '.join(OTHER_COMMAND_UNITS)}"
+                f"{', '.join(known_units(word) for word in COMMANDS)}, {', '.join(OTHER_COMMAND_UNITS)}"
             )
         if number is None:
             if quantity is None:
@@ -271,7 +271,7 @@ class _Names:
         name = find_column(column, self.names, self.source)
         if not unit:
             stated = (self.units.get(name, ""), unit_at_end(name))
-            unit = next((each for each in stated if quantity_of(each) is not None), "")
+            unit = next((column for column in stated if quantity_of(column) is not None), "")
         if not unit:
             raise UnitError(
                 f"{self.source}: column '{name}' does not say its unit; give it, as in "
@@ -285,9 +285,9 @@ class _Names:
             (name, unit) for name in self.free for unit in [self._unit(quantity, name)] if unit is not None
         ]
         fitting = [(name, unit) for name, unit in claims if quantity_of(unit) == quantity]
-        fitting = [each for each in fitting if not is_second_choice(quantity, each[0])] or fitting
+        fitting = [column for column in fitting if not is_second_choice(quantity, column[0])] or fitting
         # A column that is called just Force is the force, whatever Force of cell 2 is.
-        fitting = [each for each in fitting if is_plain(quantity, each[0])] or fitting
+        fitting = [column for column in fitting if is_plain(quantity, column[0])] or fitting
         if not fitting and quantity == "time":
             fitting = [(name, "s") for name in self.free if name in self.stamps]
         if len(fitting) > 1:

@@ -403,7 +403,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
                 ("force", f"{self.force.min():.4g} to {self.force.max():.4g} N"),
                 ("observation", self.observation.in_words),
             ),
-            notes=[f"{each.severity}: {each.message}" for each in self.findings],
+            notes=[f"{finding.severity}: {finding.message}" for finding in self.findings],
         )
 
 
@@ -488,7 +488,7 @@ def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | N
         frequency=_frequencies(test),
         command=None if command is None else (float(np.min(command)), float(np.max(command))),
         command_unit=None if command is None else unit,
-        levels=tuple(sorted({command_level(each, unit) for each in levels})) if unit else (),
+        levels=tuple(sorted({command_level(level, unit) for level in levels})) if unit else (),
         force=float(np.abs(load).max()),
         power=max(0.0, float(np.mean(load * test.velocity))),
         least_stroke=least_stroke(test.displacement),

@@ -215,12 +215,12 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
             places[finding.kind, finding.words].append((test, finding))
     # A check may find the same in two channels of a test.
     named = {key: {id(test): test.name for test, _ in pairs} for key, pairs in places.items()}
-    recurring = {key: [finding for _, finding in places[key]] for key, each in named.items() if len(each) > 1}
+    recurring = {key: [finding for _, finding in places[key]] for key, name in named.items() if len(name) > 1}
     shared = [_join_findings(each, tuple(named[key].values()), len(tests)) for key, each in recurring.items()]
     return GatheredFindings(
         shared=tuple(sorted(shared, key=lambda each: each.severity != "warning")),
         own=tuple(
-            tuple(each for each in test.findings if (each.kind, each.words) not in recurring)
+            tuple(finding for finding in test.findings if (finding.kind, finding.words) not in recurring)
             for test in tests
         ),
     )
@@ -246,17 +246,17 @@ def _join_findings(findings: Sequence[Finding], tests: tuple[str, ...], n_tests:
 def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding, ...]:
     """Findings of several tests that matter to a verb, each once, warnings first."""
     told = [
-        replace(test, findings=tuple(each for each in test.findings if verb in each.kind.verbs))
+        replace(test, findings=tuple(finding for finding in test.findings if verb in finding.kind.verbs))
         for test in tests
     ]
     gathered = gathered_findings(told)
     own = [
-        _join_findings([each], (test.name,), len(tests))
+        _join_findings([finding], (test.name,), len(tests))
         for test, findings in zip(told, gathered.own, strict=True)
-        for each in findings
+        for finding in findings
     ]
     # The message names the tests that it concerns.
-    of_set = (each for each in findings_of_set(tests) if verb in each.kind.verbs)
+    of_set = (finding for finding in findings_of_set(tests) if verb in finding.kind.verbs)
     together = [_join_findings([each], (), len(tests)) for each in of_set]
     return tuple(sorted((*together, *gathered.shared, *own), key=lambda each: each.severity != "warning"))
 

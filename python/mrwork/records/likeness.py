@@ -192,7 +192,7 @@ class Likeness:
 def likenesses_in_words(likenesses: Sequence[Likeness]) -> str:
     """The first few of several likenesses."""
     more = f", and {len(likenesses) - 3} more alike" if len(likenesses) > 3 else ""
-    return "; ".join(each.in_words for each in likenesses[:3]) + more
+    return "; ".join(likenesse.in_words for likenesse in likenesses[:3]) + more
 
 
 def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
@@ -253,8 +253,8 @@ def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
                 likeness(one, motions[other]) or likeness(motions[other], one)
             ):
                 kept, joined = sorted((group[other], group[index]))
-                group = [kept if each == joined else each for each in group]
-    return [[index for index, each in enumerate(group) if each == first] for first in sorted(set(group))]
+                group = [kept if member == joined else member for member in group]
+    return [[index for index, member in enumerate(group) if member == first] for first in sorted(set(group))]
 
 
 def _means(samples: Floats, n_each: float) -> Floats:

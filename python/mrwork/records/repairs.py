@@ -74,7 +74,9 @@ def repair(
         if kind in wanted:
             changed, entry = _REPAIRS[kind](repaired, given.get(kind))
             repairs = entry.severity == "repaired"
-            kept = (each for each in changed.findings if not (repairs and each.kind.cured_by == kind))
+            kept = (
+                finding for finding in changed.findings if not (repairs and finding.kind.cured_by == kind)
+            )
             repaired = replace(changed, findings=(*kept, entry))
             log.append(entry)
     if any(entry.severity == "repaired" for entry in log):

@@ -414,7 +414,7 @@ def varied_excerpt(test: DamperTest) -> DamperTest:
     while 2 * length <= whole.n_time:
         for first in range(0, whole.n_time - length + 1, max(length // _PLACES, 1)):
             part = slice(first, first + length)
-            if _shows_motion(whole, part) and all(_shows_levels(each, part) for each in levels):
+            if _shows_motion(whole, part) and all(_shows_levels(level, part) for level in levels):
                 shortest = whole.part(part.start, part.stop)
                 return replace(shortest, n_settle=settling_samples(shortest.displacement))
         length *= 2
@@ -435,7 +435,7 @@ def stretches_of(test: DamperTest) -> tuple[DamperTest, ...]:
     for count in _STRETCHES if levels else ():
         ends = np.linspace(test.n_settle, test.n_time, count + 1).astype(int).tolist()
         spans = list(pairwise(ends))
-        if not all(_shows_levels(each, slice(*span), _STRETCH_SHARE) for each in levels for span in spans):
+        if not all(_shows_levels(level, slice(*span), _STRETCH_SHARE) for level in levels for span in spans):
             continue
         parts = []
         for start, end in spans:

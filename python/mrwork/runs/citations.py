@@ -93,8 +93,8 @@ def _sources() -> dict[str, list[tuple[str, str]]]:
         ("control law", control_laws()),
         ("building", buildings()),
     ):
-        for each in entries:
-            sources.setdefault(each.name, []).append((f"{noun}: {each.name}", each.source))
+        for entry in entries:
+            sources.setdefault(entry.name, []).append((f"{noun}: {entry.name}", entry.source))
     return sources
 
 

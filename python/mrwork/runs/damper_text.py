@@ -73,7 +73,7 @@ def _commands(
         theta, value = parameters_at(fit, stated)
         return [value], theta[None]
     levels = np.linspace(*tested.command, _COMMANDS).tolist()
-    return levels, np.stack([plain_parameters(fit.spec, fit.theta, each) for each in levels])
+    return levels, np.stack([plain_parameters(fit.spec, fit.theta, level) for level in levels])
 
 
 def _forces(fit: Fit, theta: Floats, amplitude: float, speed: float) -> Floats:
@@ -189,9 +189,10 @@ def opensees_text(
     if fit.tested.velocity > 0.0:
         facts.append(_substeps_in_words(fit.tested.velocity, step, time_step or USUAL_TIME_STEP, sigma))
     facts += [
-        f"{each.name} is on the {each.remark.removeprefix('at ')} of the model, {of_unit(each.value, each.unit)}"
-        for each in fit.estimates
-        if each.at_bound
+        f"{estimate.name} is on the {estimate.remark.removeprefix('at ')} of the model, "
+        f"{of_unit(estimate.value, estimate.unit)}"
+        for estimate in fit.estimates
+        if estimate.at_bound
     ]
     facts += _left_out(fit, command)
     if k and x0:

@@ -116,7 +116,7 @@ def exported(
     given = {"command": command, "error": error, "time_step": time_step}
     for name, value in given.items():
         if value is not None and name not in _OPTIONS[to]:
-            takes = [each for each, names in _OPTIONS.items() if name in names]
+            takes = [key_name for key_name, names in _OPTIONS.items() if name in names]
             raise SettingError(
                 f"the {name.replace('_', ' ')} is only for an export to {' or '.join(takes)}; leave it out"
             )
@@ -141,7 +141,7 @@ def exported(
         named = {name: f"{name} [{unit}]" for name, unit in table.attrs["units"].items()}
         text: str = table.rename(columns=named).reset_index().to_csv(index=False, lineterminator="\n")
         return text.encode()
-    groups = {name: _group(each) for name, each in opened._named_groups().items()}
+    groups = {name: _group(group) for name, group in opened._named_groups().items()}
     return _file({"title": opened.title, **_rename_keys(groups)})
 
 
@@ -177,12 +177,15 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
     """Parameters, laws and, of a run folder, the tests with their measured and simulated forces."""
     spec = fit.spec
     parameters = {
-        each.name: {
-            **{key: getattr(each, key) for key in ("name", "value", "unit")},
-            "standard_error": np.nan if each.standard_error is None else each.standard_error,
-            **{key: getattr(each, key) for key in ("lower", "upper", "verdict", "reason", "tie", "remark")},
+        estimate.name: {
+            **{key: getattr(estimate, key) for key in ("name", "value", "unit")},
+            "standard_error": np.nan if estimate.standard_error is None else estimate.standard_error,
+            **{
+                key: getattr(estimate, key)
+                for key in ("lower", "upper", "verdict", "reason", "tie", "remark")
+            },
         }
-        for each in fit.estimates
+        for estimate in fit.estimates
     }
     content: dict[str, Any] = {
         "title": f"Fit of {fit.model}",
@@ -196,7 +199,7 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
         "warnings": _cells(fit.warnings),
         "theta": np.array(fit.theta),
         "theta_names": _cells(spec.names),
-        "theta_units": _cells([each.unit for each in spec.parameters]),
+        "theta_units": _cells([parameter_name.unit for parameter_name in spec.parameters]),
         "parameters": _rename_keys(parameters),
     }
     if spec.command_unit is not None:
@@ -204,7 +207,11 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
             plain.name: {
                 "law": str(law),
                 "parameters": _cells(
-                    [each.name for each in spec.parameters if each.plain_name == plain.name]
+                    [
+                        parameter_name.name
+                        for parameter_name in spec.parameters
+                        if parameter_name.plain_name == plain.name
+                    ]
                 ),
             }
             for plain, law in spec.law_pairs
@@ -238,15 +245,15 @@ def _tests(place: Path) -> Any:
     predictions = predict(opened.fit, opened.tests).predictions
     return _cells(
         [
-            {**_as_recorded(quality), "name": each.test.label, **_group(each._named_arrays())}
-            for each, quality in zip(predictions, opened.fit.quality, strict=True)
+            {**_as_recorded(quality), "name": prediction.test.label, **_group(prediction._named_arrays())}
+            for prediction, quality in zip(predictions, opened.fit.quality, strict=True)
         ]
     )
 
 
 def _group(arrays: NamedArrays) -> dict[str, Any]:
     """A struct with the labels along each axis, and with every array."""
-    labels = {name: _array(name, each, ()) for name, each in arrays.labels.items()}
+    labels = {name: _array(name, label, ()) for name, label in arrays.labels.items()}
     own = {name: _array(name, each, each.axes) for name, each in {**arrays.along, **arrays.arrays}.items()}
     return {"title": arrays.title, "labels": _rename_keys(labels), **_rename_keys(own)}
 

@@ -68,7 +68,7 @@ class StoredRun(Plotted, Summarised):
         return None if self.bands is None else self.bands.calibration
 
     def _summary(self) -> Summary:
-        present = [each.name for each in fields(self) if getattr(self, each.name) is not None]
+        present = [entry.name for entry in fields(self) if getattr(self, entry.name) is not None]
         fit = self.fit._summary()
         return Summary(
             title=f"Run {self.place.name}: {fit.title}",
@@ -205,8 +205,8 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
         fit = fit.with_intervals(draws.intervals)
     # Profiles of a model with redundant parameters are in other parameters.
     elif profiles is not None and profiles.model == fit.model and profiles.status == "finished":
-        profiled = {each.name for each in profiles.profiles}
-        if profiled.issuperset(each.name for each in fit.estimates if each.is_free):
+        profiled = {profiled.name for profiled in profiles.profiles}
+        if profiled.issuperset(estimate.name for estimate in fit.estimates if estimate.is_free):
             fit = fit.with_intervals(profiles.intervals)
     return StoredRun(
         place=run.path,

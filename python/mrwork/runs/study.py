@@ -52,8 +52,10 @@ def fitted_damper(run: Path) -> FittedDamper:
     )
     # Draws of the chosen set only are known.
     others = tuple(
-        replace(chosen, spec=each.spec, theta=each.theta, draws=partial(np.atleast_2d, np.array(each.theta)))
-        for each in read_others(folder) or ()
+        replace(
+            chosen, spec=other.spec, theta=other.theta, draws=partial(np.atleast_2d, np.array(other.theta))
+        )
+        for other in read_others(folder) or ()
     )
     return replace(chosen, others=others)
 
@@ -199,10 +201,10 @@ def study_of(
         "title": title,
         "folder": folder,
         "building": {"file": building} if isinstance(building, Building) else building,
-        "damper": [_damper_table(each) for each in dampers],
-        "controller": [_law_table(each) for each in laws],
+        "damper": [_damper_table(damper) for damper in dampers],
+        "controller": [_law_table(law) for law in laws],
         "baseline": baselines,
-        "motion": [each if isinstance(each, Mapping) else {"file": each} for each in motions],
+        "motion": [motion if isinstance(motion, Mapping) else {"file": motion} for motion in motions],
         "design_level": design_level,
         "references": references,
         "hardware": hardware,

@@ -59,7 +59,7 @@ def make_folders(folder: Path, name: str) -> Path:
         # A manifest that somebody else has written leads nowhere else.
         raise OutputError(f"the {MANIFEST} of {folder} lists {name}, which is outside that folder")
     path = folder / name
-    for above in reversed([each for each in path.parents if folder in each.parents]):
+    for above in reversed([parent for parent in path.parents if folder in parent.parents]):
         if above.is_symlink():
             raise OutputError(
                 f"{above} is a symbolic link, which mrwork does not follow; put a folder in its place"

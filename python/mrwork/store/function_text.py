@@ -80,7 +80,9 @@ def _add_function(function: Any, known: dict[str, tuple[Any, str]]) -> None:
 
 def _names(table: symtable.SymbolTable) -> Iterator[str]:
     """Names of variables outside of the text that its functions and their defaults use."""
-    yield from (each.get_name() for each in table.get_symbols() if each.is_global() and each.is_referenced())
+    yield from (
+        symbol.get_name() for symbol in table.get_symbols() if symbol.is_global() and symbol.is_referenced()
+    )
     for inner in table.get_children():
         yield from _names(inner)
 

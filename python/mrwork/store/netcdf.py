@@ -31,13 +31,13 @@ def netcdf_of(groups: Mapping[str, NamedArrays], *, checksums: bool = False) -> 
             for name, arrays in groups.items():
                 group = netcdf.create_group(name) if name else netcdf
                 group.attrs[_TITLE] = arrays.title
-                labels = {axis: each for axis, each in arrays.labels.items() if each.values.size}
-                group.dimensions = {axis: each.values.size for axis, each in labels.items()}
-                for axis, each in labels.items():
-                    _write(group, axis, replace(each, axes=(axis,)), checksums=checksums)
-                for own, each in arrays.arrays.items():
-                    if labels.keys() >= set(each.axes):
-                        _write(group, own, each, checksums=checksums)
+                labels = {axis: label for axis, label in arrays.labels.items() if label.values.size}
+                group.dimensions = {axis: label.values.size for axis, label in labels.items()}
+                for axis, label in labels.items():
+                    _write(group, axis, replace(label, axes=(axis,)), checksums=checksums)
+                for own, array in arrays.arrays.items():
+                    if labels.keys() >= set(array.axes):
+                        _write(group, own, array, checksums=checksums)
         file.flush()
         return bytes(file.id.get_file_image())
 
@@ -71,13 +71,13 @@ def _read(group: Any, allowance: Allowance) -> NamedArrays:
     import h5py
 
     labels, arrays = dict[str, NamedArray](), dict[str, NamedArray]()
-    for name, each in group.items():
-        if isinstance(each, h5py.Dataset):
-            allowance.take(math.prod(each.shape) * max(each.dtype.itemsize, 8), f"'{name}'")
-            is_text = h5py.check_string_dtype(each.dtype) is not None
-            values = each.asstr()[...].astype(str) if is_text else each[...]
-            axes = tuple(dimension[0].name.rpartition("/")[2] for dimension in each.dims if len(dimension))
-            unit, words = (str(each.attrs.get(key, "")) for key in (_UNITS, _WORDS))
+    for name, member in group.items():
+        if isinstance(member, h5py.Dataset):
+            allowance.take(math.prod(member.shape) * max(member.dtype.itemsize, 8), f"'{name}'")
+            is_text = h5py.check_string_dtype(member.dtype) is not None
+            values = member.asstr()[...].astype(str) if is_text else member[...]
+            axes = tuple(dimension[0].name.rpartition("/")[2] for dimension in member.dims if len(dimension))
+            unit, words = (str(member.attrs.get(key, "")) for key in (_UNITS, _WORDS))
             found = NamedArray(values=values, axes=axes, unit=unit, long_name=words)
-            (labels if each.attrs.get(_CLASS) == _SCALE else arrays)[name] = found
+            (labels if member.attrs.get(_CLASS) == _SCALE else arrays)[name] = found
     return NamedArrays(title=str(group.attrs.get(_TITLE, "")), rows=(), labels=labels, arrays=arrays)

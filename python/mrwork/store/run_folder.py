@@ -163,7 +163,7 @@ class RunFolder:
         """The run folder at `path`, which must be of the kind `wanted`, by default of any."""
         folder = Path(path)
         kinds = (wanted,) if wanted else RUN_KINDS
-        verbs = [f"`mrwork {each.verb}`" for each in kinds]
+        verbs = [f"`mrwork {kind.verb}`" for kind in kinds]
         give = f"give a folder that {' or '.join(verbs)} has written"
         if not (is_folder(folder) and exists(folder / MANIFEST)):
             raise RecordError(_no_run(folder, give))
@@ -239,7 +239,7 @@ class RunFolder:
 
     def owns(self, name: str) -> bool:
         """Whether a name in the folder is of the run, or one that later verbs use."""
-        return name.removesuffix(NEW) in OWN_NAMES | {each.partition("/")[0] for each in self.files}
+        return name.removesuffix(NEW) in OWN_NAMES | {file.partition("/")[0] for file in self.files}
 
     def file(self, name: str) -> Path:
         """Path of a file of the run, which does not have its name yet where a commit was cut off."""

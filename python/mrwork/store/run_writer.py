@@ -206,7 +206,9 @@ class RunAtWork:
         if isinstance(error, KeyboardInterrupt):
             error.add_note(_TO_RESUME)
         elif error is not None and not (
-            self.destination.resume or self._committing or any(n_steps(each.path) for each in self._journals)
+            self.destination.resume
+            or self._committing
+            or any(n_steps(journal.path) for journal in self._journals)
         ):
             _sweep(self._folder, self._listed)
         self._locked.close()

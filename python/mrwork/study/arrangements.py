@@ -46,7 +46,7 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     if isinstance(table.file, str):
         with keyed("file"):
             module, text = run_file(folder / table.file, what="a law")
-        functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
+        functions = [key_name for key_name, value in vars(module).items() if inspect.isfunction(value)]
         function = getattr(module, name, None)
         if not callable(function):
             near = suggestion(name, functions, otherwise="it has")
@@ -106,13 +106,13 @@ def arrangements(
     ]
     further = read_each(lambda read: read(), reads)
     # The row at i = 0 exists already; only its label may differ.
-    labels = [each.row.label for each in further if each.row.kind == "passive_off" and each.row.label]
-    further = [each for each in further if each.row.kind != "passive_off"]
+    labels = [row.row.label for row in further if row.row.kind == "passive_off" and row.row.label]
+    further = [row for row in further if row.row.kind != "passive_off"]
     first = [replace(at_zero, row=replace(off, label=[off.label, *labels][-1]))] if devices else []
     driven = [device for device in devices if device.is_commanded]
     if table.references != "none" and driven:
         names = ["best_passive", *(["best_passive_by_group"] if len(products_of(driven)) > 1 else [])]
-        known = [each.row for each in (*first, *further)]
+        known = [row.row for row in (*first, *further)]
         references = (_added(name, known) for name in names)
         first += [replace(at_zero, row=row, law=None, added=True) for row in references if row is not None]
     return (without, *first, *further)
@@ -121,9 +121,9 @@ def arrangements(
 def _added(name: str, known: Sequence[Row]) -> Row | None:
     """The row of a best constant command that a study has without listing it; none if it lists one."""
     law = CONSTANT_LAWS[name]
-    if any(each.kind == law.kind for each in known):
+    if any(entry.kind == law.kind for entry in known):
         return None
-    label = f"{law.title} (added)" if any(each.label == law.title for each in known) else law.title
+    label = f"{law.title} (added)" if any(entry.label == law.title for entry in known) else law.title
     return Row(label=label, kind=law.kind, description=f"{name}, added")
 
 

@@ -253,19 +253,23 @@ def verdict(comparison: StudyComparison, row: int) -> str:
 
 def peaks_in_words(changes: Mapping[str, Floats]) -> str:
     """Mean change of each peak, with the range over the motions, shape (n_motions,)."""
-    if not all(np.isfinite(each).all() for each in changes.values()):
+    if not all(np.isfinite(change).all() for change in changes.values()):
         return "a run did not finish"
     parts = []
-    for name, each in changes.items():
-        ends = f" ({signed_percent(each.min())} to {signed_percent(each.max())} %)" if each.size > 1 else ""
-        parts.append(f"{name.replace('_', ' ')} {signed_percent(float(each.mean()))} %{ends}")
+    for name, change in changes.items():
+        ends = (
+            f" ({signed_percent(change.min())} to {signed_percent(change.max())} %)"
+            if change.size > 1
+            else ""
+        )
+        parts.append(f"{name.replace('_', ' ')} {signed_percent(float(change.mean()))} %{ends}")
     return ", ".join(parts)
 
 
 def beaten_in_words(law: str, constant: str, changes: Mapping[str, Floats]) -> str:
     """Whether a law lowers both peaks against a constant command; if not, it is the law of the lowest score."""
     peaks = peaks_in_words(changes)
-    if not all(np.isfinite(each).all() for each in changes.values()):
+    if not all(np.isfinite(change).all() for change in changes.values()):
         return f"{law} has no mean change against {constant}: {peaks}"
     if lowers_all(changes):
         return f"{law} lowers both peaks against {constant}: {peaks}"
@@ -274,7 +278,7 @@ def beaten_in_words(law: str, constant: str, changes: Mapping[str, Floats]) -> s
 
 def lowers_all(changes: Mapping[str, Floats]) -> bool:
     """Whether the mean of every change is a decrease in whole per cent, as sentences show it."""
-    return all(rounds_to_increase(-float(each.mean())) for each in changes.values())
+    return all(rounds_to_increase(-float(change.mean())) for change in changes.values())
 
 
 def is_tied(results: StudyResults, row: int, reference: int) -> bool:

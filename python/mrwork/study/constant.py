@@ -54,7 +54,7 @@ class BestConstant:
         if math.isnan(self.score):
             return f"{label} is at i = 0: no constant command has a score ({runs})."
         if not self.rounds:
-            largest = np.array([each.largest_command for each in driven])
+            largest = np.array([device.largest_command for device in driven])
             off, on = (_share_in_words(driven, share * largest) for share in (0.0, 1.0))
             return (
                 f"{label} is the best of {len(self.scores)} constant commands, score {self.score:.3f}: from "
@@ -63,7 +63,7 @@ class BestConstant:
             )
         held = (
             f"{_command(driven[group[0]], self.commands[group[0]])} in "
-            f"{list_names([driven[each].name for each in group], _NAMED)}"
+            f"{list_names([driven[member].name for member in group], _NAMED)}"
             for group in products_of(driven)
         )
         return (
@@ -84,7 +84,7 @@ class BestConstant:
 
 def _share_in_words(driven: Sequence[Device], commands: Sequence[float] | Floats) -> str:
     """One share of the largest commands in words: the command where that is the same of all dampers."""
-    if len({(each.largest_command, each.spec.command_unit) for each in driven}) == 1:
+    if len({(device.largest_command, device.spec.command_unit) for device in driven}) == 1:
         return _command(driven[0], commands[0])
     return f"{100.0 * commands[0] / driven[0].largest_command:.0f} %"
 
@@ -95,7 +95,7 @@ def _command(device: Device, command: float) -> str:
 
 def levels_of(devices: Sequence[Device]) -> Floats:
     """The constant commands that are tried, shape (n_levels, n_devices): a level is one share of all largest ones."""
-    return np.linspace(0.0, [each.largest_command for each in commanded(devices)], LEVELS)
+    return np.linspace(0.0, [device.largest_command for device in commanded(devices)], LEVELS)
 
 
 def n_constant(arrangement: Arrangement) -> int:

@@ -58,7 +58,7 @@ def demands_of(
 
 def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]:
     """The worst exceedance of each quantity over the devices."""
-    every = [(each.device, exceedance) for each in demands for exceedance in each.outside.exceedances]
+    every = [(demand.device, exceedance) for demand in demands for exceedance in demand.outside.exceedances]
     return tuple(worst for worst, _, _ in worst_of(every))
 
 
@@ -70,9 +70,9 @@ def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -
     every, laws = [], []
     for (row, motion), devices in demands.items():
         for quantity in worst_by_quantity(devices):
-            names = [each.device for each in devices if quantity in each.outside.exceedances]
+            names = [device.device for device in devices if quantity in device.outside.exceedances]
             every.append((f"{names[0]} under {motion} with {row}", quantity))
-        laws += [limit for each in devices for limit in each.outside.laws]
+        laws += [limit for device in devices for limit in device.outside.laws]
     n_runs = sum(1 for devices in demands.values() if devices)
     return (
         *(
@@ -80,7 +80,7 @@ def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -
             f"{count} of {n_runs} runs with dampers."
             for worst, label, count in worst_of(every)
         ),
-        *(f"{each.in_words}." for each in worst_laws(laws)),
+        *(f"{law.in_words}." for law in worst_laws(laws)),
     )
 
 
@@ -137,7 +137,7 @@ def judged_by_demand(results: StudyResults, study: Study) -> StudyResults:
         ),
     )
     named = {
-        (results.rows[row].label, motions[motion].name): each for (row, motion), each in demanded.items()
+        (results.rows[row].label, motions[motion].name): demand for (row, motion), demand in demanded.items()
     }
     warnings = (*damper_warnings(named), *_weak(results), *_locked_storeys(results, study))
     return replace(results, damper_warnings=warnings)
@@ -221,11 +221,11 @@ def _reaches(results: StudyResults) -> list[_Reach]:
         if shear > 0.0 and storeys and rows.size:
             # Passive elements of the building are behind the devices.
             own = forces[rows, motion, : len(storeys)] * [damper.share for damper in results.dampers]
-            by_storey = {each: own[:, np.equal(storeys, each)].sum(axis=1) for each in storeys}
+            by_storey = {storey: own[:, np.equal(storeys, storey)].sum(axis=1) for storey in storeys}
             # Storeys stand on each other, so that forces of others do not add to that on the base.
             on_base = by_storey.get(0, np.max([*by_storey.values()], axis=0))
             most = int(np.argmax(on_base))
-            held = {each: float(force[most]) for each, force in by_storey.items()}
+            held = {key_name: float(force[most]) for key_name, force in by_storey.items()}
             reaches.append(_Reach(motion=motion, forces=held, force=float(on_base[most]), shear=shear))
     return reaches
 

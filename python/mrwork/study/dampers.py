@@ -223,7 +223,7 @@ class OtherSet:
 
 def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> tuple[OtherSet, ...]:
     """The sets that every run of the tables has, and that the tables do not refuse."""
-    own = (each.run for each in tables if isinstance(each.run, str) and each.like is None)
+    own = (table.run for table in tables if isinstance(table.run, str) and table.like is None)
     runs = {folder / run: identified(folder / run) for run in own}
     sets = []
     for wanted in next((run.others for run in runs.values() if run.others), ()):
@@ -234,7 +234,7 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
             if other.spec == wanted.spec
         }
         with suppress(SettingError, KeyError):
-            dampers = tuple(chosen_damper(each, folder, fitted.__getitem__) for each in tables)
+            dampers = tuple(chosen_damper(table, folder, fitted.__getitem__) for table in tables)
             sets.append(OtherSet(fitted=fitted, dampers=dampers))
     return tuple(sets)
 

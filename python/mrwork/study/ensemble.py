@@ -22,8 +22,8 @@ from mrwork.study.study import Study
 def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
     """The ensemble of the results with each set, all with the rows and motions of the first."""
     return Ensemble(
-        sets=tuple(each.dampers[0].model if each.dampers else "" for each in results),
-        verdicts=tuple(_verdicts([compared(each) for each in results])),
+        sets=tuple(result.dampers[0].model if result.dampers else "" for result in results),
+        verdicts=tuple(_verdicts([compared(result) for result in results])),
     )
 
 
@@ -33,23 +33,23 @@ def _verdicts(studies: Sequence[StudyComparison]) -> Iterator[Verdict]:
     labels = [row.label for row in first.results.rows]
     for place, (rank, rows) in enumerate(first.ranks):
         if len(rows) > 1:
-            leaders = [each.ranks[place][1][0] for each in studies]
+            leaders = [study.ranks[place][1][0] for study in studies]
             yield Verdict(
                 subject=f"lowest score of {rank.title}",
                 answers=tuple(labels[row] for row in leaders),
-                values=tuple(each.results.score(row) for each, row in zip(studies, leaders, strict=True)),
+                values=tuple(study.results.score(row) for study, row in zip(studies, leaders, strict=True)),
             )
     for title, own in (
-        ("the building without dampers", [each.uncontrolled for each in studies]),
-        ("the best passive damper", [each.passive for each in studies]),
+        ("the building without dampers", [study.uncontrolled for study in studies]),
+        ("the best passive damper", [study.passive for study in studies]),
     ):
         row, references = first.leading, [each for each in own if each is not None]
         if row is None or row in own or not references:
             continue
         pairs = [*zip(studies, references, strict=True)]
-        changes = {"score": [each.results.score(row) - each.results.score(other) for each, other in pairs]}
+        changes = {"score": [pair.results.score(row) - pair.results.score(other) for pair, other in pairs]}
         for entry in compared_quantities():
-            changes[entry.title] = [each.tables[row, other][entry.name].mean for each, other in pairs]
+            changes[entry.title] = [pair.tables[row, other][entry.name].mean for pair, other in pairs]
         for name, values in changes.items():
             subject = f"{name} of {labels[row]} against {title}"
             yield Verdict(subject=subject, answers=tuple(map(_answer, values)), values=tuple(values))
@@ -65,9 +65,9 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
     A sentence on the damper of which they are farthest apart; empty where none reaches the end of its tests.
     """
     tested = {
-        number: each.tested
-        for number, each in enumerate(study.devices)
-        if each.tested is not None and each.tested.velocity > 0.0
+        number: device.tested
+        for number, device in enumerate(study.devices)
+        if device.tested is not None and device.tested.velocity > 0.0
     }
     reach = {
         (row, motion): max(demands[number].demand.velocity / own.velocity for number, own in tested.items())
@@ -100,7 +100,9 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
             for name in ("deformation", "rate", "command")
         )
         device, forces = study.devices[number], []
-        others = [(each.dampers[number].spec, each.dampers[number].theta) for each in study.other_sets]
+        others = [
+            (law_set.dampers[number].spec, law_set.dampers[number].theta) for law_set in study.other_sets
+        ]
         # Without the sets from the first on that cannot be simulated there.
         with suppress(SimulationError):
             for spec, theta in ((device.spec, device.draws[0]), *others):

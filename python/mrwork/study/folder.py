@@ -53,7 +53,9 @@ def _describe_changes(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
             for key, reference in references.items():
                 changes = {} if reference in (None, row) else comparison.tables[row, reference]
                 described[f"against_{key}"] = {name: asdict(change) for name, change in changes.items()}
-                described[f"worse_than_{key}"] = tuple(name for name, each in changes.items() if each.worse)
+                described[f"worse_than_{key}"] = tuple(
+                    name for name, change in changes.items() if change.worse
+                )
             yield described
 
 
@@ -117,7 +119,8 @@ def results_of_folder(run: RunFolder) -> StudyResults:
         quantities=quantities,
         labelled=labelled,
         demanded={
-            (labels.index(each.controller), names.index(each.motion)): each.devices for each in demands
+            (labels.index(demand.controller), names.index(demand.motion)): demand.devices
+            for demand in demands
         },
         ensemble=run.read(Ensemble, ENSEMBLE, verb="respond --ensemble"),
         **stated,
@@ -191,7 +194,7 @@ def _summary(results: StudyResults) -> dict[str, Any]:
     """
     comparison, rows = compared(results), list(enumerate(results.rows))
     passive, labels = comparison.passive, [row.label for row in results.rows]
-    stated = {each.name: getattr(results, each.name) for each in fields(StudyResults)}
+    stated = {field.name: getattr(results, field.name) for field in fields(StudyResults)}
     return {name: value for name, value in stated.items() if name not in _IN_OTHER_FORMS} | {
         "demands": [
             _RunDemand(controller=labels[row], motion=results.motions[motion].name, devices=demands)
@@ -231,7 +234,7 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
     """
     quantities, demands = results.quantities, results.demands(row, motion)
     run = quantities.at(row, motion)
-    known = not demands or any(each.outside.known or each.outside.exceedances for each in demands)
+    known = not demands or any(demand.outside.known or demand.outside.exceedances for demand in demands)
     return {
         "controller": results.rows[row].label,
         "kind": results.rows[row].kind,
@@ -241,11 +244,13 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
         "energy_error": float(run["energy_error"]),
         "steps": None if np.isnan(run["steps"]) else int(run["steps"]),
         "step_check": _step_check(results, row, motion),
-        "outside_tested_range": tuple(dict.fromkeys(name for each in demands for name in each.outside.names))
+        "outside_tested_range": tuple(
+            dict.fromkeys(name for demand in demands for name in demand.outside.names)
+        )
         if known
         else None,
         "exceedances": tuple(map(asdict, worst_by_quantity(demands))),
-        "demand": asdict(covering([each.demand for each in demands])) if demands else None,
+        "demand": asdict(covering([demand.demand for demand in demands])) if demands else None,
         "bands": {
             entry.name: asdict(band)
             for entry in criteria()
@@ -296,7 +301,7 @@ def _every_criterion(numbers: Mapping[str, float] | None) -> dict[str, float]:
 def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
     known, quantities = criteria(), results.quantities
-    units = {each.name: each.unit for each in results.labelled.declared}
+    units = {quantity.name: quantity.unit for quantity in results.labelled.declared}
     heads = [f"{entry.name} [{units[entry.name]}]" for entry in known]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     outcomes = outcome_names(quantities.outcome[:, :, 0])
@@ -318,19 +323,21 @@ def _profiles_csv(results: StudyResults) -> str:
     """Peaks and root mean squares of every floor and storey as a table, a line for each."""
     declared, numbers = results.quantities.declared, results.quantities.numbers
     along = {"floor": results.floor_names, "storey": results.storey_names}
-    shown = [each for each in declared if each.axis in along and not each.name.startswith("rms_")]
+    shown = [
+        quantity for quantity in declared if quantity.axis in along and not quantity.name.startswith("rms_")
+    ]
     lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
     for row, motion in np.argwhere(results.quantities.finished[:, :, 0]).tolist():
         labels = [results.rows[row].label, results.motions[motion].name]
-        for each in shown:
-            name, unit = each.name.removeprefix("peak_"), each.unit.replace("^", "")
-            peaks = numbers[each.name][row, motion, 0]
+        for label in shown:
+            name, unit = label.name.removeprefix("peak_"), label.unit.replace("^", "")
+            peaks = numbers[label.name][row, motion, 0]
             rms = numbers.get(f"rms_{name}")
             squares = np.full_like(peaks, np.nan) if rms is None else rms[row, motion, 0]
             lines += [
                 [*labels, name.replace("_", " "), where, _cell(peak), _cell(square), unit]
                 for where, peak, square in zip(
-                    along[each.axis], peaks.tolist(), squares.tolist(), strict=True
+                    along[label.axis], peaks.tolist(), squares.tolist(), strict=True
                 )
                 if not math.isnan(peak)
             ]

@@ -122,7 +122,7 @@ class Fragility(Summarised):
     @property
     def reaching(self) -> str:
         """Text such as "7 of 20"."""
-        return f"{sum(each.below < math.inf for each in self.crossings)} of {len(self.crossings)}"
+        return f"{sum(crossing.below < math.inf for crossing in self.crossings)} of {len(self.crossings)}"
 
     @property
     def bound(self) -> Literal["above", "below", "not determined", ""]:
@@ -148,9 +148,9 @@ class Fragility(Summarised):
     @property
     def cautions(self) -> tuple[str, ...]:
         """Sentences on runs that were not resolved, on levels beyond tested ranges, and on what levels do not tell."""
-        unresolved = sum(each.unresolved for each in self.crossings)
+        unresolved = sum(crossing.unresolved for crossing in self.crossings)
         beyond, unknown = self.levels[self.outside > 0.0], 100.0 * float(np.isnan(self.medians).mean())
-        above, below = np.array([each.ends for each in self.crossings]).T
+        above, below = np.array([crossing.ends for crossing in self.crossings]).T
         said = []
         if unresolved:
             said.append(
@@ -212,9 +212,9 @@ class Fragilities(Plotted, WithAxes, Summarised):
     def _named_arrays(self) -> NamedArrays:
         first, every = next(iter(self.rows.values())), self.rows.values()
         shares = ("row", "intensity"), "1"
-        fitted = [[each.probability(float(level)) for level in each.levels] for each in every]
-        crossed, outside = [each.crossed for each in every], [each.outside for each in every]
-        responses = [each.responses for each in every]
+        fitted = [[entry.probability(float(level)) for level in entry.levels] for entry in every]
+        crossed, outside = [entry.crossed for entry in every], [entry.outside for entry in every]
+        responses = [entry.responses for entry in every]
         arrays: dict[str, tuple[Any, tuple[str, ...], str, str]] = {
             "probability": (fitted, *shares, f"probability that {self.limit_in_words}"),
             "reached": (crossed, *shares, "share of the runs that reach the limit"),
@@ -226,7 +226,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
             rows=("row", "intensity"),
             labels={
                 "row": labels_of([*self.rows]),
-                "record": labels_of([each.record for each in first.crossings]),
+                "record": labels_of([crossing.record for crossing in first.crossings]),
                 "intensity": labels_of(first.levels, unit="m/s^2", long_name=first.measure),
             },
             arrays={
@@ -288,8 +288,8 @@ class Fragilities(Plotted, WithAxes, Summarised):
             f"cases at most, not in {100.0 * self.level:.0f} %; give {needed} or more"
         )
         said: dict[str, list[str]] = {}
-        for label, each in self.rows.items():
-            for caution in each.cautions:
+        for label, row in self.rows.items():
+            for caution in row.cautions:
                 said.setdefault(caution, []).append(label)
         asked = criterion_named(self.criterion).question(self.limit)
         of_rows = (f"{'; '.join(labels)}: {caution}" for caution, labels in said.items())
@@ -299,8 +299,8 @@ class Fragilities(Plotted, WithAxes, Summarised):
     def in_words(self, against: str | None = None) -> tuple[str, ...]:
         """A sentence on the median of each other arrangement against one, by default the `reference`."""
         base = self[self.reference if against is None else against]
-        kept = [each for each in self.rows.values() if each is not base and each.kind not in _BARE]
-        return tuple(self._against(each, base) for each in kept)
+        kept = [row for row in self.rows.values() if row is not base and row.kind not in _BARE]
+        return tuple(self._against(entry, base) for entry in kept)
 
     def _against(self, one: Fragility, base: Fragility) -> str:
         ratio, (low, high) = self.ratio(one.label, base.label)
@@ -325,9 +325,9 @@ class Fragilities(Plotted, WithAxes, Summarised):
         return {
             **named(self, "criterion", "limit", "unit", "level", "cautions", "study_warnings"),
             "arrangements": [
-                named(each, *names, "levels", "crossed", "outside")
-                | {"crossings": [asdict(crossing) for crossing in each.crossings]}
-                for each in self.rows.values()
+                named(row, *names, "levels", "crossed", "outside")
+                | {"crossings": [asdict(crossing) for crossing in row.crossings]}
+                for row in self.rows.values()
             ],
             "sentences": self.in_words(against),
         }
@@ -340,12 +340,12 @@ class Fragilities(Plotted, WithAxes, Summarised):
             rows=[
                 (
                     label,
-                    each.median_in_words.removesuffix(" g"),
-                    " to ".join(map(_in_g, each.band)),
-                    significant(each.dispersion or None, 2),
-                    each.reaching,
+                    row.median_in_words.removesuffix(" g"),
+                    " to ".join(map(_in_g, row.band)),
+                    significant(row.dispersion or None, 2),
+                    row.reaching,
                 )
-                for label, each in self.rows.items()
+                for label, row in self.rows.items()
             ],
             notes=[*self.in_words(against), *self.cautions, *self.study_warnings],
         )
@@ -410,7 +410,7 @@ def fragility(
     responses = results.labelled.up_to_collapse(name)[:, :, 0]
     outside = np.zeros(responses.shape)
     for place, demands in results.demanded.items():
-        outside[place] = any(each.outside.exceedances for each in demands)
+        outside[place] = any(demand.outside.exceedances for demand in demands)
     responses, outside = (np.where(there, each[:, at.places], np.nan) for each in (responses, outside))
     return _fragilities(
         {
@@ -478,8 +478,8 @@ def fragilities_of(
     '1.92 m/s^2'
     """
     at = np.asarray(levels, dtype=float)
-    by_label = {label: np.asarray(each, dtype=float) for label, each in responses.items()}
-    shapes = {each.shape for each in by_label.values()}
+    by_label = {label: np.asarray(response, dtype=float) for label, response in responses.items()}
+    shapes = {label.shape for label in by_label.values()}
     if at.ndim != 1 or len(shapes) != 1 or len(shape := shapes.pop()) != 2 or shape[1] != at.size:
         told = ", ".join(f"{label} {each.shape}" for label, each in by_label.items())
         raise SettingError(
@@ -538,7 +538,7 @@ def _fragilities(
             _crossing(record, levels[own], line[own], limit)
             for record, own, line in zip(records, there, responses, strict=True)
         )
-        above, below = np.array([each.ends for each in crossings]).T
+        above, below = np.array([crossing.ends for crossing in crossings]).T
         (median, *medians), (dispersion, *_) = lognormal_of(above, below, weights)
         drawn = np.array(medians)
         ends = _known_ends(drawn, levels)

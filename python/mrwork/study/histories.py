@@ -37,8 +37,8 @@ class RunHistory(Labelled):
 
 def _kept_signals() -> list[Quantity]:
     """Signals of a history that a study stores."""
-    named = (each for each in history_signals() if each.name not in _LEFT_OUT)
-    return [each for each in named if each.axis not in ("state", "element")]
+    named = (signal for signal in history_signals() if signal.name not in _LEFT_OUT)
+    return [name for name in named if name.axis not in ("state", "element")]
 
 
 def history_of(history: History, arrangement: Arrangement) -> RunHistory:
@@ -54,10 +54,10 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         + history.element_energy[:, arrangement.passive_devices].sum(axis=1),
     )
     kept = {
-        each.name: history.numbers[each.name][:, places[each.axis]]
-        if each.own_axes
-        else history.numbers[each.name]
-        for each in _kept_signals()
+        signal.name: history.numbers[signal.name][:, places[signal.axis]]
+        if signal.own_axes
+        else history.numbers[signal.name]
+        for signal in _kept_signals()
     }
     return RunHistory(time=history.time, numbers={**kept, "energy": np.stack(energies, axis=1)})
 
@@ -94,14 +94,14 @@ class Histories:
         }
         energy = Quantity(name="energy", axis="run", unit="J", description="energy since the start")
         arrays = {
-            each.name: NamedArray.of(
-                history.numbers[each.name].astype(np.float32),
+            signal.name: NamedArray.of(
+                history.numbers[signal.name].astype(np.float32),
                 "time",
-                *(("energy_part",) if each is energy else each.own_axes),
-                unit=in_command_unit(each.unit, study.command_unit),
-                long_name=each.description,
+                *(("energy_part",) if signal is energy else signal.own_axes),
+                unit=in_command_unit(signal.unit, study.command_unit),
+                long_name=signal.description,
             )
-            for each in (*_kept_signals(), energy)
+            for signal in (*_kept_signals(), energy)
         }
         title = f"{study.rows[row].label} under {study.motions[motion].name}"
         content = NamedArrays(title=title, rows=("time",), labels=labels, arrays=arrays)
@@ -120,9 +120,9 @@ def _read_history(path: Path) -> RunHistory:
     """The history in a file; one without devices has them with an empty axis."""
     stored = read_netcdf(path, path)[""]
     time = stored.labels["time"].values
-    numbers = {name: each.values.astype(np.float64) for name, each in stored.arrays.items()}
+    numbers = {name: array.values.astype(np.float64) for name, array in stored.arrays.items()}
     empty = np.empty((time.size, 0))
-    return RunHistory(time=time, numbers={each.name: empty for each in _kept_signals()} | numbers)
+    return RunHistory(time=time, numbers={signal.name: empty for signal in _kept_signals()} | numbers)
 
 
 def _name_of(row: int, motion: int) -> str:

@@ -15,7 +15,7 @@ from mrwork.study.schema import CONSTANT_LAWS
 def laws_text() -> str:
     """Every control law with its equation, source and settings; what several laws have stands once, below."""
     keys = {spec.name: keys_in_words(SETTINGS[spec.name]) for spec in control_laws()}
-    laws_with = Counter(key for each in keys.values() for key in each)
+    laws_with = Counter(key for key_name in keys.values() for key in key_name)
     shared = [key for key, count in laws_with.items() if count > 1]
     blocks = []
     for spec in control_laws():

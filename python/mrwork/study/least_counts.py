@@ -89,10 +89,10 @@ class DamperCounts(Plotted, Summarised):
     def _summary(self) -> Summary:
         name = criterion(self.criterion).title
         missed = (
-            f"{each.label} does not keep the limit with up to {self.most} dampers in each place: the lowest value is "
-            f"{self.in_words(each.value)}, with {_counts_in_words(each.counts)}."
-            for each in self.rows
-            if not each.keeps
+            f"{row.label} does not keep the limit with up to {self.most} dampers in each place: the lowest value is "
+            f"{self.in_words(row.value)}, with {_counts_in_words(row.counts)}."
+            for row in self.rows
+            if not row.keeps
         )
         own = self.places if self.by == "storey" and len(self.places) > 1 else ("in each place",)
         return Summary(
@@ -105,12 +105,12 @@ class DamperCounts(Plotted, Summarised):
             columns=("arrangement", *own, "dampers", criterion(self.criterion).short),
             rows=[
                 (
-                    each.label,
-                    *(str(count) if each.keeps else "-" for count in each.counts[: len(own)]),
-                    str(each.dampers) if each.keeps else "not kept",
-                    self.in_words(each.value),
+                    row.label,
+                    *(str(count) if row.keeps else "-" for count in row.counts[: len(own)]),
+                    str(row.dampers) if row.keeps else "not kept",
+                    self.in_words(row.value),
                 )
-                for each in self.rows
+                for row in self.rows
             ],
             notes=[
                 *missed,
@@ -149,12 +149,14 @@ class _Trials:
                 self.on_progress(replace(progress, label=f"{_counts_in_words(counts)}, {progress.label}"))
 
         study = counted_study(self.study, counts)
-        kept = tuple(each for each in study.arrangements if each.row.kind in _KINDS)
+        kept = tuple(arrangement for arrangement in study.arrangements if arrangement.row.kind in _KINDS)
         study = designed(replace(study, arrangements=kept), on_progress=report)
         results = run_study(study, on_progress=report, threads=self.threads)
-        taken = [each.taken.runs for each in study.arrangements if each.taken is not None]
+        taken = [
+            arrangement.taken.runs for arrangement in study.arrangements if arrangement.taken is not None
+        ]
         # Settings are taken from the runs at i = 0 and at the largest command, and scans.
-        chosen = sum(n_constant(each) for each in study.arrangements if each.law is None)
+        chosen = sum(n_constant(arrangement) for arrangement in study.arrangements if arrangement.law is None)
         self.runs += results.done + (chosen + (2 if taken else 0)) * len(study.chosen_on) + sum(taken)
         values = results.labelled.up_to_collapse(self.criterion)[:, list(results.judged_motions), 0]
         return list(map(float, searched(values.max(axis=1))))
@@ -177,7 +179,7 @@ class _Trials:
         below, count = 0, 1
         while not keeps((count,) * len(every)):
             if count == most:
-                alike = [each for each in self.tried.values() if each.uniform is not None]
+                alike = [value for value in self.tried.values() if value.uniform is not None]
                 return min(alike, key=lambda each: each.values[row]).counts
             below, count = count, min(2 * count, most)
         counts = (_bisect(lambda count: keeps((count,) * len(every)), below, count),) * len(every)
@@ -248,9 +250,9 @@ def damper_counts(
     if not devices or not devices[0].is_commanded:
         raise SettingError("the study has no damper that follows a command; give a [[damper]]")
     trials = _Trials(study=study, criterion=name, limit=value, threads=threads, on_progress=on_progress)
-    kept = [each.row for each in study.arrangements if each.row.kind in _KINDS]
+    kept = [arrangement.row for arrangement in study.arrangements if arrangement.row.kind in _KINDS]
     storeys = [study.building.storey_name(each.storey) for each in study.table.damper[: len(devices)]]
-    places = [study.building.storey_names.index(each) for each in storeys] if by == "storey" else []
+    places = [study.building.storey_names.index(storey) for storey in storeys] if by == "storey" else []
     rows = []
     try:
         for number, row in enumerate(kept[1:], start=1):

@@ -65,7 +65,7 @@ def simulate_criteria(
     law. Storeys that yield have one strength in a call, so that realisations of their stiffness are calls of their own.
     """
     realisations = nominal(arrangement.devices) if realisations is None else realisations
-    yields = any(each.in_stiffness for each in arrangement.building.elements)
+    yields = any(element.in_stiffness for element in arrangement.building.elements)
     if yields and len(realisations) > 1 and (realisations.stiffness != 1.0).any():
         count = len(realisations)
 
@@ -98,7 +98,7 @@ def simulate_criteria(
     if arrangement.devices:
         draws = zip(devices, realisations.theta, strict=True)
         devices = [replace(device, theta=theta) for device, theta in draws]
-    varied = tuple(buildings[each] for each in factors)
+    varied = tuple(buildings[factor] for factor in factors)
     responses = simulate_loop(
         varied[0] if yields else building,
         devices,

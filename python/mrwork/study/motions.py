@@ -94,7 +94,7 @@ def bare_motions(table: MotionTable, number: int, folder: Path, seed: int) -> li
 def motions_of_study(read: Sequence[BareMotion], aims: Aims) -> tuple[MotionOfStudy, ...]:
     """The motions of a study, one for each factor or intensity of each record."""
     _refuse_both_uses(read)
-    copies = copies_among([each.ground for each in read])
+    copies = copies_among([entry.ground for entry in read])
     names = {copy: read[first].ground.name for copy, first in copies.items()}
     of_each = read_each(
         lambda number: _scaled_motions(read[number], aims, names.get(number, "")),

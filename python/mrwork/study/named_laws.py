@@ -134,7 +134,7 @@ def designed(
     >>> study = mr.study.designed(mr.read_study("study.toml"))  # doctest: +SKIP
     >>> study.taken_settings  # doctest: +SKIP
     """
-    lacking = [each.named for each in study.arrangements if each.named is not None]
+    lacking = [arrangement.named for arrangement in study.arrangements if arrangement.named is not None]
     if not lacking or study.problem is None:
         return study
     trials = _Trials(
@@ -233,7 +233,7 @@ class _Trials:
                 lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
                 linear = span.scale == "linear"
                 steps = np.linspace(lower, upper, _LEVELS) if linear else np.geomspace(lower, upper, _STEPS)
-                scanned[entry.name] = np.array([round_to(each) for each in steps])
+                scanned[entry.name] = np.array([round_to(step) for step in steps])
         if scanned:
             chosen, sentence = self._scan(named, {**given, **taken}, scanned, problem)
             taken |= chosen
@@ -254,8 +254,8 @@ class _Trials:
     ) -> tuple[dict[str, float], str]:
         """The values of the lowest score, all scanned settings from the one end to the other together."""
         law, count = named.table.law, len(next(iter(scanned.values())))
-        many = [{name: float(each[step]) for name, each in scanned.items()} for step in range(count)]
-        designed = design_candidates(law, problem, [settings_of(law, {**held, **each}) for each in many])
+        many = [{name: float(law[step]) for name, law in scanned.items()} for step in range(count)]
+        designed = design_candidates(law, problem, [settings_of(law, {**held, **item}) for item in many])
         (off, on, _), scores = self._response, np.full(count, math.inf)
         self.course.begin(f"settings of {law}")
         # What no candidate can be designed for, the design of the chosen one refuses.
@@ -269,10 +269,8 @@ class _Trials:
         best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
         unit = command_unit_of(problem.devices)
         units = {entry.name: in_command_unit(entry.says.unit, unit) for entry in keys_of(SETTINGS[law])}
-        spans = (
-            f"{name} from {each[0]:.3g} to {each[-1]:.3g} {units[name]}" for name, each in scanned.items()
-        )
-        ranges = list_names([each.rstrip() for each in spans])
+        spans = (f"{name} from {law[0]:.3g} to {law[-1]:.3g} {units[name]}" for name, law in scanned.items())
+        ranges = list_names([span.rstrip() for span in spans])
         if not np.isfinite(scores).any():
             return many[best], f"{ranges}, the middle, since none of {count} values has a score"
         number, active = len(problem.motions), control_law(law).commands_force

@@ -24,20 +24,20 @@ def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Place
     """The placement that the [[damper]] of a study give, and all that its [places] allow."""
     places, dampers = table.places, table.damper
     assert places is not None
-    for number, each in enumerate(dampers):
-        if replace(each, storey=dampers[0].storey, name=dampers[0].name) != dampers[0]:
+    for number, damper in enumerate(dampers):
+        if replace(damper, storey=dampers[0].storey, name=dampers[0].name) != dampers[0]:
             raise InvalidSettingError(
                 ("damper", number),
                 "[places] compares places of equal dampers, and this one differs from the first; keep one",
             )
-        if each.row is not None:
+        if damper.row is not None:
             raise InvalidSettingError(
                 ("damper", number, "row"),
                 "row is of one place, and [places] compares several; give an angle",
             )
-    own = Counter(bare.storey_name(each.storey) for each in dampers)
+    own = Counter(bare.storey_name(damper.storey) for damper in dampers)
     with keyed("places", "storeys"):
-        names = list(dict.fromkeys(bare.storey_name(each) for each in places.storeys or ()))
+        names = list(dict.fromkeys(bare.storey_name(storey) for storey in places.storeys or ()))
     names = names or list(bare.drift_names)
     number = places.dampers or len(dampers)
     if len(dampers) not in (1, number):

@@ -158,7 +158,7 @@ def counted_study(study: Study, counts: Sequence[int]) -> Study:
     A [[damper]] of 0 is left out.
     """
     driven, rest = study.table.damper[: len(counts)], study.table.damper[len(counts) :]
-    own = [replace(each, count=count) for each, count in zip(driven, counts, strict=True) if count]
+    own = [replace(device, count=count) for device, count in zip(driven, counts, strict=True) if count]
     return replace(
         _with_dampers(study, [*own, *rest]),
         motions=study.motions,
@@ -181,7 +181,7 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
     """The study of a table and of what it names: how that goes together, then its laws."""
     bare, hardware = found.bare, replace(table.hardware, seed=found.seed)
     assert bare is not None
-    free = (one for each, one in zip(table.damper, found.dampers, strict=True) if each.command is None)
+    free = (one for damper, one in zip(table.damper, found.dampers, strict=True) if damper.command is None)
     command_unit = joined_units(one.spec.command_unit for one in free if one.spec.follows_command) or "A"
     period = None if table.target is None else table.target.given.get("period")
     aims = Aims(building=bare, target=found.target, target_period=period)
@@ -228,7 +228,7 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
 
     driven = commanded(devices)
     expected = {
-        name: next(filter(None, (getattr(each, name) for each in table.damper)), None)
+        name: next(filter(None, (getattr(damper, name) for damper in table.damper)), None)
         for name in ("amplitude", "velocity")
     }
     problem = DesignProblem(
@@ -243,7 +243,7 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
         **expected,
     )
     compared = arrangements(table, bare, problem, found.folder, hardware, found.settings)
-    labels = [each.row.label for each in compared]
+    labels = [test.row.label for test in compared]
     refuse_same(labels, "controller", "arrangements", "label")
     with keyed("report", "controllers"):
         for label in table.report.controllers:
@@ -256,7 +256,7 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
         arrangements=compared,
         motions=motions,
         chosen_on=chosen_on,
-        design_levels=levels if any(each.row.kind in _DESIGNED for each in compared) else (),
+        design_levels=levels if any(test.row.kind in _DESIGNED for test in compared) else (),
         limit=limit,
         hardware=hardware,
         devices=devices,
@@ -271,7 +271,7 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
         other_sets=other_sets(table.damper, found.folder, found.identified),
         suite=checked_suite,
     )
-    if all(each.named is None for each in compared):
+    if all(test.named is None for test in compared):
         study.check_readings()
     return study
 
@@ -293,13 +293,13 @@ def _design_motions(
 
     They are the training motions, or all where there are none; with a `design_level` the motions of it.
     """
-    chosen = tuple(each for each in motions if each.use == "training") or tuple(motions)
-    levels = tuple(each.level_in_words for each in sorted(chosen, key=lambda each: each.level))
-    levels, several = tuple(dict.fromkeys(levels)), max(Counter(each.record for each in chosen).values()) > 1
+    chosen = tuple(motion for motion in motions if motion.use == "training") or tuple(motions)
+    levels = tuple(law.level_in_words for law in sorted(chosen, key=lambda each: each.level))
+    levels, several = tuple(dict.fromkeys(levels)), max(Counter(law.record for law in chosen).values()) > 1
     wanted = table.design_level
     if wanted is None:
         return chosen, levels if several else ()
-    of_level = tuple(each for each in chosen if math.isclose(each.level, wanted, rel_tol=1e-6))
+    of_level = tuple(law for law in chosen if math.isclose(law.level, wanted, rel_tol=1e-6))
     if not of_level:
         what = f"{chosen[0].use} motion" if chosen[0].use == "training" else "motion"
         raise InvalidSettingError(

@@ -176,10 +176,10 @@ class BuildingFacts:
     @staticmethod
     def of(building: Building) -> BuildingFacts:
         """The facts of a building without dampers."""
-        devices = [each for each in building.elements if not each.in_stiffness]
-        across = (np.flatnonzero((building.drifts == each.row).all(axis=1)).tolist() for each in devices)
+        devices = [element for element in building.elements if not element.in_stiffness]
+        across = (np.flatnonzero((building.drifts == device.row).all(axis=1)).tolist() for device in devices)
         return BuildingFacts(
-            passive=tuple(each.name for each in devices),
+            passive=tuple(device.name for device in devices),
             passive_storeys=tuple(storey for storeys in across for storey in storeys[:1]),
             name=building.name,
             masses=tuple(np.diag(building.mass).tolist()),
@@ -286,7 +286,7 @@ class Ensemble(Summarised):
     @property
     def in_words(self) -> tuple[str, ...]:
         """The sets, and each verdict that changes, a sentence each."""
-        changing = [f"verdict changes: {each.in_words}" for each in self.verdicts if each.changes]
+        changing = [f"verdict changes: {verdict.in_words}" for verdict in self.verdicts if verdict.changes]
         return (
             *(f"set {number}: {words}" for number, words in enumerate(self.sets, start=1)),
             *(changing or [f"none of {len(self.verdicts)} verdicts changes"]),
@@ -370,7 +370,7 @@ class StudyResults(Plotted, Summarised):
     @property
     def device_names(self) -> tuple[str, ...]:
         """Names of the dampers."""
-        return tuple(each.name for each in self.dampers)
+        return tuple(damper.name for damper in self.dampers)
 
     @property
     def step_checked(self) -> bool:
@@ -430,7 +430,8 @@ class StudyResults(Plotted, Summarised):
         """The test motions, or all where there are none, by record and intensity; copies are of the first record."""
         motions = {number: self.motions[number] for number in self._test_motions}
         levels = {
-            number: (each.copy_of or each.at_level[0], each.at_level[1]) for number, each in motions.items()
+            number: (motion.copy_of or motion.at_level[0], motion.at_level[1])
+            for number, motion in motions.items()
         }
         return RecordLevels.of(levels)
 
@@ -473,7 +474,7 @@ class StudyResults(Plotted, Summarised):
                 "record": labels_of(at.records),
                 "intensity": labels_of(at.levels, unit="m/s^2", long_name=at.measure),
             }
-            groups = {name: each.taken("motion", at.places, axes) for name, each in groups.items()}
+            groups = {name: group.taken("motion", at.places, axes) for name, group in groups.items()}
         return tree_of(self.title, groups)
 
     def to_pandas(self) -> DataFrame:
@@ -511,7 +512,7 @@ class StudyResults(Plotted, Summarised):
         Of records at several levels they are of the level for which laws are designed, where the study names it.
         """
         at_level = tuple(
-            each for each in self._test_motions if [self.motions[each].level] == [*self.design_levels]
+            motion for motion in self._test_motions if [self.motions[motion].level] == [*self.design_levels]
         )
         return at_level or self._test_motions
 
@@ -679,7 +680,7 @@ def bands_over(results: StudyResults, row: int, reference: int | None) -> dict[s
         return {}
     own, other = both.of_row(0), both.of_row(1)
     ratios = {**own.over(other), "score": own.scores(other)}
-    bands = {name: _band(each[0].mean(axis=0), both.finished) for name, each in ratios.items()}
+    bands = {name: _band(ratio[0].mean(axis=0), both.finished) for name, ratio in ratios.items()}
     return {name: band for name, band in bands.items() if band is not None}
 
 

@@ -94,7 +94,7 @@ def run_study(
     if journal is not None:
         journal.agree("study", fingerprint_of(study))
     axes = {
-        "row": tuple(each.row.label for each in study.arrangements),
+        "row": tuple(arrangement.row.label for arrangement in study.arrangements),
         "motion": tuple(motion.name for motion in study.motions),
         "realisation": (NOMINAL, HALF_STEP) if check_step else (NOMINAL,),
         **own_axes(study.arrangements),
@@ -155,9 +155,9 @@ class _StudyRuns:
         def cost(row: int, n_each: int = 1, motions: Sequence[GroundMotion] = study.grounds) -> float:
             return cost_of(self.rows[row], motions, study.hardware, n_each, self.threads)
 
-        for row, each in enumerate(study.arrangements):
-            if each.law is None:
-                tried = cost(row, n_constant(each), study.chosen_on)
+        for row, arrangement in enumerate(study.arrangements):
+            if arrangement.law is None:
+                tried = cost(row, n_constant(arrangement), study.chosen_on)
                 yield row, "constant commands", tried, self._choose_constants
             yield row, "", cost(row), self._simulate_nominal
         for row in range(len(self.rows)) if n_realisations else ():
@@ -170,9 +170,9 @@ class _StudyRuns:
     def results(self) -> StudyResults:
         """Results of the runs that are done."""
         study, scales = self.study, Scales.of_rows([*map(scales_of, self.rows)], 2)
-        runs = self.runs.with_labels("row", [each.row.label for each in self.rows])
+        runs = self.runs.with_labels("row", [row.row.label for row in self.rows])
         criteria = runs.criteria(scales, study.command_unit).beside(self.realised)
-        results = StudyResults.of(study, [each.row for each in self.rows], runs, criteria, self.choices)
+        results = StudyResults.of(study, [row.row for row in self.rows], runs, criteria, self.choices)
         return judged_by_demand(results, study)
 
     def _choose_constants(self, row: int) -> None:

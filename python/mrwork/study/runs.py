@@ -66,13 +66,13 @@ _FURTHER = (
 
 def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
     """Quantities of the runs of a study."""
-    kept = (*(each for each in run_quantities() if each.name not in _LEFT_OUT), *_FURTHER)
-    return tuple(replace(each, unit=in_command_unit(each.unit, command_unit)) for each in kept)
+    kept = (*(quantity for quantity in run_quantities() if quantity.name not in _LEFT_OUT), *_FURTHER)
+    return tuple(replace(entry, unit=in_command_unit(entry.unit, command_unit)) for entry in kept)
 
 
 def study_criteria(command_unit: str) -> tuple[Quantity, ...]:
     """Every criterion as a quantity of a run, and the error of its energies."""
-    named = [(each.name, each.unit, each.title) for each in criteria()]
+    named = [(criterion.name, criterion.unit, criterion.title) for criterion in criteria()]
     error = quantity_named("energy_error")
     named.append((error.name, error.unit, error.description))
     return tuple(
@@ -106,8 +106,8 @@ class Runs(Labelled, WithAxes, Summarised):
             axes=axes,
             declared=tuple(declared),
             numbers={
-                each.name: np.full((*first, *(len(axes[name]) for name in each.own_axes)), np.nan)
-                for each in declared
+                quantity.name: np.full((*first, *(len(axes[name]) for name in quantity.own_axes)), np.nan)
+                for quantity in declared
             },
             outcome=np.full(first, NOT_RUN, dtype=np.uint8),
         )
@@ -194,7 +194,7 @@ class Runs(Labelled, WithAxes, Summarised):
     def criteria(self, scales: Scales, command_unit: str) -> Runs:
         """Every criterion of each run; each row has its `scales`."""
         numbers = {**values(self, scales), "energy_error": self.numbers["energy_error"]}
-        unknown = [each.name for each in criteria() if each.unknown_in(command_unit)]
+        unknown = [criterion.name for criterion in criteria() if criterion.unknown_in(command_unit)]
         numbers |= {name: np.full_like(numbers[name], np.nan) for name in unknown}
         ended = self.finished
         return replace(
@@ -209,7 +209,10 @@ class Runs(Labelled, WithAxes, Summarised):
 
         `bare` says that the reference is the building without dampers, over which some criteria have another one.
         """
-        named = {each.name: each.reference_criterion if bare else each.name for each in criteria()}
+        named = {
+            criterion.name: criterion.reference_criterion if bare else criterion.name
+            for criterion in criteria()
+        }
         unknown = np.full(self.outcome.shape, np.nan)
         return {
             name: ratio(self.numbers[name], reference.numbers[other]) if other else unknown
@@ -234,10 +237,10 @@ class Runs(Labelled, WithAxes, Summarised):
     @staticmethod
     def from_arrays(named: NamedArrays, declared: Sequence[Quantity], realisation: str = "") -> Runs:
         """The runs of a file; runs of one `realisation` have no axis for it."""
-        labels = {axis: tuple(map(str, each.values)) for axis, each in named.labels.items()}
-        own = dict.fromkeys(axis for each in declared for axis in each.own_axes)
+        labels = {axis: tuple(map(str, label.values)) for axis, label in named.labels.items()}
+        own = dict.fromkeys(axis for quantity in declared for axis in quantity.own_axes)
         axes = {axis: labels.get(axis, ()) for axis in ("row", "motion", "realisation", *own)}
-        numbers = {name: each.values for name, each in named.arrays.items()}
+        numbers = {name: array.values for name, array in named.arrays.items()}
         codes = {"": NOT_RUN} | {each.name.lower(): int(each) for each in Outcome}
         outcome = np.array([codes[name] for name in numbers["outcome"].ravel()], dtype=np.uint8)
         axes["realisation"] = axes["realisation"] or (realisation,)
@@ -250,8 +253,8 @@ class Runs(Labelled, WithAxes, Summarised):
         """Runs with these numbers; a quantity that was not declared when they were written is unknown."""
         empty = Runs.empty(axes, declared)
         known = {
-            name: each.reshape(empty.numbers[name].shape)
-            for name, each in numbers.items()
+            name: number.reshape(empty.numbers[name].shape)
+            for name, number in numbers.items()
             if name in empty.numbers
         }
         return replace(empty, numbers={**empty.numbers, **known}, outcome=outcome.reshape(empty.shape))
@@ -262,7 +265,10 @@ class Runs(Labelled, WithAxes, Summarised):
             title=f"Runs by {list_names(first)}",
             rows=first,
             labels={axis: labels_of(list(labels)) for axis, labels in self.axes.items()},
-            arrays={each.name: each.array(self.numbers[each.name], *first) for each in self.declared}
+            arrays={
+                quantity.name: quantity.array(self.numbers[quantity.name], *first)
+                for quantity in self.declared
+            }
             | {"outcome": NamedArray.of(outcome_names(self.outcome), *first, long_name="how the run ended")},
         )
 
@@ -300,7 +306,7 @@ def runs_of(responses: Responses, arrangement: Arrangement, law: StudyLaw, axes:
     fill("steps", responses.steps.astype(np.float64))
     # Least strokes of others would depend on which histories are kept.
     if responses.histories is not None and knows_least_strokes(arrangement):
-        deformations = (each.deformation[:, : len(dampers)] for each in responses.histories)
+        deformations = (history.deformation[:, : len(dampers)] for history in responses.histories)
         least = [[least_stroke(each) for each in columns.T] for columns in deformations]
         fill("least_stroke", np.array(least), dampers)
     fill("peak_stroke", responses.peak_drift[:, arrangement.strokes], strokes)
@@ -344,7 +350,7 @@ def _device_labels(arrangement: Arrangement) -> tuple[list[str], list[str], list
 
 def own_axes(arrangements: Sequence[Arrangement]) -> dict[str, tuple[str, ...]]:
     """Labels of floors and storeys of the bare building, and of the devices of all arrangements, dampers first."""
-    groups = [_device_labels(each) for each in arrangements]
+    groups = [_device_labels(arrangement) for arrangement in arrangements]
     devices = dict.fromkeys(name for kind in zip(*groups, strict=True) for labels in kind for name in labels)
     bare = arrangements[0].bare
     return {"floor": bare.floor_names, "storey": bare.drift_names, "device": tuple(devices)}

@@ -562,7 +562,7 @@ class MotionTable(Stated):
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         ways = (self.file, self.acceleration, self.synthetic, self.suite)
-        if sum(each is not None for each in ways) != 1:
+        if sum(way is not None for way in ways) != 1:
             yield (), "[[motion]] needs either a file, samples, a synthetic motion or a suite"
         given = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
         if len(given) > 1 and given != ["factor", "scale_to"]:
@@ -582,7 +582,7 @@ class MotionTable(Stated):
             ),
         ):
             # A seed of 0 is as if none were given.
-            for name in (each for each in names if unread and getattr(self, each) not in (None, 0)):
+            for name in (name for name in names if unread and getattr(self, name) not in (None, 0)):
                 yield name, f"{name} {reason}; leave it out"
         if self.acceleration is not None and self.dt is None:
             yield (), "[[motion]] has no dt of its samples; give it [s]"

@@ -76,12 +76,12 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
     facts = results.building
     if facts is None or len(results.storey_names) > _MOST_STOREYS:
         return None
-    of_row = {row: [each.of_runs(results, row) for each in STOREY_QUANTITIES] for row in rows}
+    of_row = {row: [quantity.of_runs(results, row) for quantity in STOREY_QUANTITIES] for row in rows}
     known = [
         number
-        for number, each in enumerate(STOREY_QUANTITIES)
+        for number, quantity in enumerate(STOREY_QUANTITIES)
         if any(values[number] is not None for values in of_row.values())
-        and (each.name not in _OF_YIELD or facts.yield_drifts)
+        and (quantity.name not in _OF_YIELD or facts.yield_drifts)
     ]
     if not known:
         return None
@@ -91,8 +91,8 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
         headings[len(lines)] = results.rows[row].label
         for storey, name in enumerate(results.storey_names):
             cells = (values[number] for number in known)
-            means = (None if each is None else float(each[:, storey].mean()) for each in cells)
-            lines.append((name, *(significant(each, 3) for each in means)))
+            means = (None if cell is None else float(cell[:, storey].mean()) for cell in cells)
+            lines.append((name, *(significant(mean, 3) for mean in means)))
     return Table(
         label="Storeys",
         columns=("", *(STOREY_QUANTITIES[number].heading for number in known)),

@@ -205,7 +205,7 @@ class Arrangement:
     @property
     def passive_devices(self) -> list[int]:
         """Places of the passive elements that are devices: storeys that yield are parts of the frame."""
-        return [place for place, each in enumerate(self.building.elements) if not each.in_stiffness]
+        return [place for place, element in enumerate(self.building.elements) if not element.in_stiffness]
 
 
 def commands_force(law: StudyLaw | None) -> bool:
@@ -290,7 +290,7 @@ class Study(Summarised):
     @property
     def rows(self) -> tuple[Row, ...]:
         """The rows of tables: every arrangement."""
-        return tuple(each.row for each in self.arrangements)
+        return tuple(arrangement.row for arrangement in self.arrangements)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -299,12 +299,12 @@ class Study(Summarised):
         Damping of a baseline is told of only where there is nothing to be said of the building.
         """
         bare = digest_of_run(self.arrangements[0])
-        baselines = [each for each in self.arrangements if each.row.kind == "baseline"]
-        of_each = (self.building.warnings, *(each.building.damping_warnings for each in baselines))
+        baselines = [arrangement for arrangement in self.arrangements if arrangement.row.kind == "baseline"]
+        of_each = (self.building.warnings, *(baseline.building.damping_warnings for baseline in baselines))
         same = (
-            f"{each.row.label} is the building itself: what the baseline gives changes nothing."
-            for each in baselines
-            if digest_of_run(each) == bare
+            f"{baseline.row.label} is the building itself: what the baseline gives changes nothing."
+            for baseline in baselines
+            if digest_of_run(baseline) == bare
         )
         copies: dict[str, list[str]] = {}
         for copy in self.motions:
@@ -313,14 +313,14 @@ class Study(Summarised):
                 is_level = first.ground.source == copy.ground.source and first.level != copy.level
                 if first.record == copy.copy_of != copy.record and not is_level:
                     copies.setdefault(copy.copy_of, []).append(copy.record)
-        of_records = dict.fromkeys(sentence for each in self.motions for sentence in each.warnings)
+        of_records = dict.fromkeys(sentence for motion in self.motions for sentence in motion.warnings)
         of_motions = (*of_records, *copies_in_words(copies))
         return (*of_motions, *next(filter(None, of_each), ()), *same, *self.questions)
 
     @property
     def at_zero(self) -> Arrangement:
         """The dampers at i = 0."""
-        return next(each for each in self.arrangements if each.row.kind == "passive_off")
+        return next(arrangement for arrangement in self.arrangements if arrangement.row.kind == "passive_off")
 
     @property
     def device_names(self) -> tuple[str, ...]:
@@ -334,9 +334,9 @@ class Study(Summarised):
 
     def check_readings(self) -> None:
         """Refuse settings of the hardware that no law reads."""
-        own = any(isinstance(each.law, UserLaw) for each in self.arrangements)
+        own = any(isinstance(arrangement.law, UserLaw) for arrangement in self.arrangements)
         laws = [law for _, law in self.laws]
-        tuned = [control_law(name) for each in self.tunes for name in each.laws]
+        tuned = [control_law(name) for tune in self.tunes for name in tune.laws]
         models = any(spec.needs_model for spec in tuned)
         reading = any(law.reads_acceleration for law in laws) or any(
             spec.reads_acceleration for spec in tuned
@@ -443,13 +443,19 @@ class Study(Summarised):
     @property
     def taken_settings(self) -> tuple[tuple[str, TakenSettings], ...]:
         """Settings that the study file leaves out, by the label of their row."""
-        return tuple((each.row.label, each.taken) for each in self.arrangements if each.taken is not None)
+        return tuple(
+            (arrangement.row.label, arrangement.taken)
+            for arrangement in self.arrangements
+            if arrangement.taken is not None
+        )
 
     @property
     def laws(self) -> tuple[tuple[str, ControlLaw], ...]:
         """Laws of the registry, each with the label of its row."""
         return tuple(
-            (each.row.label, each.law) for each in self.arrangements if isinstance(each.law, ControlLaw)
+            (arrangement.row.label, arrangement.law)
+            for arrangement in self.arrangements
+            if isinstance(arrangement.law, ControlLaw)
         )
 
     def _summary(self) -> Summary:
@@ -464,7 +470,7 @@ class Study(Summarised):
             ),
             columns=("arrangement", "description"),
             rows=[(row.label, row.description) for row in self.rows],
-            notes=[f"warning: {each}" for each in self.warnings],
+            notes=[f"warning: {warning}" for warning in self.warnings],
         )
 
 
@@ -489,9 +495,13 @@ def fingerprint_of(study: Study) -> dict[str, object]:
     """Fingerprint of the inputs of a study, which must be equal for a journal to resume."""
     return {
         "arrangement": [
-            {"label": each.row.label, "kind": each.row.kind, "content": digest_of_run(each)}
-            for each in study.arrangements
-            if not each.added
+            {
+                "label": arrangement.row.label,
+                "kind": arrangement.row.kind,
+                "content": digest_of_run(arrangement),
+            }
+            for arrangement in study.arrangements
+            if not arrangement.added
         ],
         "motion": [
             {"name": motion.name, "use": motion.use, "content": _digest_of_motion(motion.ground)}
@@ -523,12 +533,12 @@ def _digest_of_loop(building: Building, devices: Sequence[Device]) -> str:
     names += ["loads", "heights"] if building.loads.any() else []
     return digest_of(
         *(_digest(getattr(building, name)) for name in names),
-        *((_digest(each.row), each.numbers) for each in building.elements),
+        *((_digest(element.row), element.numbers) for element in building.elements),
         *(
-            (each.spec, _digest(each.draws), _digest(each.row), each.count, each.differential)
-            for each in devices
+            (device.spec, _digest(device.draws), _digest(device.row), device.count, device.differential)
+            for device in devices
         ),
-        *((each.largest_command, each.command) for each in devices),
+        *((device.largest_command, device.command) for device in devices),
     )
 
 

@@ -62,7 +62,7 @@ def _names_files(table: Any) -> bool:
     """Whether a key of the table, or of a table in it, names a file."""
     for entry in keys_of(type(table)):
         value = getattr(table, entry.name)
-        inner = [each for each in (value if isinstance(value, tuple) else (value,)) if is_dataclass(each)]
+        inner = [entry for entry in (value if isinstance(value, tuple) else (value,)) if is_dataclass(entry)]
         if (entry.says.file and _has_text(value)) or any(map(_names_files, inner)):
             return True
     return False
@@ -103,13 +103,13 @@ def _put_building(table: dict[str, Any], name: str, put: _Put) -> None:
     if not isinstance(value, Building):
         return
     arrays = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
-    for each in arrays:
-        rows = np.atleast_2d(getattr(value, each)).tolist()
+    for array in arrays:
+        rows = np.atleast_2d(getattr(value, array)).tolist()
         text = "\n".join(",".join(map(repr, row)) for row in rows)
-        table["file"] = str(Path(put(f"{name}/{each}.csv", f"{text}\n".encode())).parent)
+        table["file"] = str(Path(put(f"{name}/{array}.csv", f"{text}\n".encode())).parent)
     elements = [
-        {entry.name: getattr(each, entry.name) for entry in keys_of(PassiveElement)}
-        for each in value.elements
+        {entry.name: getattr(element, entry.name) for entry in keys_of(PassiveElement)}
+        for element in value.elements
     ]
     stated = {
         "name": value.name,
@@ -120,7 +120,7 @@ def _put_building(table: dict[str, Any], name: str, put: _Put) -> None:
         "heights": value.drift_heights.tolist(),
         "drift_limit": value.drift_limit,
         "loads": value.loads[: len(value.drifts)].tolist(),
-        "element": [each | {"row": each["row"].tolist()} for each in elements],
+        "element": [element | {"row": element["row"].tolist()} for element in elements],
     }
     table |= {key: entry for key, entry in stated.items() if entry and key not in table}
 
@@ -135,4 +135,4 @@ def _put_motion(table: dict[str, Any], name: str, put: _Put) -> None:
         samples = value.acceleration.tolist()
     if samples is not None:
         table |= {"unit": table.get("unit", "m/s2"), "name": table.get("name", "motion")}
-        table["file"] = put(name, "".join(f"{each!r}\n" for each in samples).encode())
+        table["file"] = put(name, "".join(f"{sample!r}\n" for sample in samples).encode())

@@ -182,12 +182,12 @@ def step_table(results: StudyResults, rows: Collection[int]) -> Table:
         columns=("", "Largest change", "Criterion, motion"),
         rows=tuple(
             (
-                results.rows[each.row].label,
-                significant(each.change if each.criterion else None, 2),
-                each.in_words(results),
+                results.rows[change.row].label,
+                significant(change.change if change.criterion else None, 2),
+                change.in_words(results),
             )
-            for each in largest_step_changes(results)
-            if each.row in rows
+            for change in largest_step_changes(results)
+            if change.row in rows
         ),
         words=(2,),
         note=f"Every run was repeated with half its integration step; changes are relative to the value. {ON_OFF}",
@@ -269,7 +269,7 @@ def study_summary(results: StudyResults) -> Summary:
     return replace(
         results._summary(),
         title=f"{results.title}{begun}",
-        tables=[replace(each, title=each.label, note="") for each in _tables(comparison)],
+        tables=[replace(table, title=table.label, note="") for table in _tables(comparison)],
         notes=[
             *filter(None, [chosen_in_words(results)]),
             *([ADD_BEST_PASSIVE] if comparison.lacks_best_passive else []),

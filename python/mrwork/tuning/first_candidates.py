@@ -70,12 +70,12 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
     drift = {"rms_drift": round_to(magnitudes.drift / PEAK_FACTOR)}
     limits = (drift, {**drift, "rms_acceleration": round_to(magnitudes.acceleration / PEAK_FACTOR)})
     # A building with an undamped mode has no such weights, motions that are too short no ground.
-    for each in limits:
+    for limit in limits:
         with suppress(SettingError):
             designed = design_weights(
                 bench.problem.building,
                 bench.problem.devices,
-                limits=each,
+                limits=limit,
                 budget=magnitudes.force / PEAK_FACTOR,
                 spectrum=ground_of(bench.problem).spectrum,
             )
@@ -91,7 +91,7 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
 
 def _round_all(value: Any) -> Any:
     """The digits that a study file states, which do not depend on the last bits of a solver."""
-    return tuple(_round_all(each) for each in value) if isinstance(value, tuple) else round_to(float(value))
+    return tuple(_round_all(entry) for entry in value) if isinstance(value, tuple) else round_to(float(value))
 
 
 def first_candidates(space: SettingSpace, basis: Basis) -> tuple[LawCandidate, ...]:
@@ -109,7 +109,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> tuple[LawCandidate, .
     at_most = {LARGEST: space.largest_command}
     if not kind.weight_names():
         return (LawCandidate({**middle, **at_most}, "middle of the ranges"),)
-    scanned = next((each for each in space.free if each.name == _WEIGHT), None)
+    scanned = next((name for name in space.free if name.name == _WEIGHT), None)
     return distinct(
         LawCandidate({**shape, **middle, **R, **at_most}, origin)
         for shape, origin in _shapes(space, basis)
@@ -236,7 +236,7 @@ def _reference(
 def distinct(candidates: Iterable[LawCandidate]) -> tuple[LawCandidate, ...]:
     """Candidates without repetition, in order."""
     kept: list[LawCandidate] = []
-    for each in candidates:
-        if each not in kept:
-            kept.append(each)
+    for candidate in candidates:
+        if candidate not in kept:
+            kept.append(candidate)
     return tuple(kept)

@@ -63,7 +63,7 @@ class TunedStudy(StudyResults):
     def motions_of(self, use: Use) -> tuple[int, ...]:
         """Indices of the motions on which laws were tuned, or of the judged ones; the same where none was held out."""
         training = tuple(
-            number for number, each in enumerate(self.motions) if each.name in self.tuned.training
+            number for number, motion in enumerate(self.motions) if motion.name in self.tuned.training
         )
         return training if use == "training" else tuple(self.judged_motions)
 
@@ -130,7 +130,7 @@ class TunedStudy(StudyResults):
         return sentences
 
     def _reference_ahead_of(self, law: TunedLaw) -> list[str]:
-        rows = {each.label: self.row_of_law(each) for each in (law, *self.tuned.references)}
+        rows = {reference.label: self.row_of_law(reference) for reference in (law, *self.tuned.references)}
         scores = {label: self.score(row) for label, row in rows.items() if row is not None}
         known = {label: score for label, score in scores.items() if np.isfinite(score)}
         best = min(known, key=lambda label: known[label], default=law.label)
@@ -204,7 +204,7 @@ def judge(
 def with_tuning(results: StudyResults, tuned: TuningResults) -> TunedStudy:
     """The results of a study with the tuning that its rows are from."""
     return TunedStudy(
-        **{each.name: getattr(results, each.name) for each in fields(StudyResults)}, tuned=tuned
+        **{field.name: getattr(results, field.name) for field in fields(StudyResults)}, tuned=tuned
     )
 
 
@@ -229,8 +229,8 @@ def _judge_front(
     threads: int,
 ) -> Front:
     """A front whose points have their objectives on the test motions, from a study with the points as rows."""
-    law = next(each for each in tuned.laws if each.label == front.label)
-    constant = next(each for each in tuned.references if each.kind == "best_passive")
+    law = next(law for law in tuned.laws if law.label == front.label)
+    constant = next(reference for reference in tuned.references if reference.kind == "best_passive")
     rows = [
         study.at_zero,
         _arrange_found(study, constant),
@@ -268,12 +268,14 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
         study = placed_study(study, tuned.places[0].storeys)
     kinds, labels = {row.kind for row in study.rows}, {row.label for row in study.rows}
     rows: list[Arrangement] = []
-    for each in (*tuned.references, *tuned.laws):
-        if each.label in labels or (each.kind in ("passive_off", "best_passive") and each.kind in kinds):
+    for reference in (*tuned.references, *tuned.laws):
+        if reference.label in labels or (
+            reference.kind in ("passive_off", "best_passive") and reference.kind in kinds
+        ):
             continue
         # Settings that make no law have no row, which the tuning warns of.
         with suppress(SettingError):
-            rows.append(_arrange_found(study, each))
+            rows.append(_arrange_found(study, reference))
     return replace(study, is_whole=False, arrangements=(*study.arrangements, *rows))
 
 

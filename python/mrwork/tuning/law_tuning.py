@@ -110,7 +110,7 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
     table, space, bench = plan.table, plan.space, plan.bench
     firsts = first_candidates(space, basis)
     if not space.continuous:
-        firsts = tuple(replace(each, origin="all levels") for each in space.every())
+        firsts = tuple(replace(entry, origin="all levels") for entry in space.every())
     scores = bench.recalled_scores("first candidates", plan.objective, plan.law, firsts)
     best, count = firsts[scores.best], len(firsts)
     least = float(scores.penalised_scores[scores.best])
@@ -185,8 +185,8 @@ def _search(
 
     def misfit(units: Floats) -> Floats:
         asked = [space.candidate(unit) for unit in units]
-        keys = [repr(each) for each in asked]
-        fresh = {key: each for key, each in zip(keys, asked, strict=True) if key not in known}
+        keys = [repr(name) for name in asked]
+        fresh = {key: name for key, name in zip(keys, asked, strict=True) if key not in known}
         if fresh:
             fresh_scores = plan.bench.scores(plan.objective, plan.law, list(fresh.values()))
             known.update(zip(fresh, fresh_scores.penalised_scores.tolist(), strict=True))
@@ -239,7 +239,9 @@ def front_of(plan: LawPlan, basis: Basis, *, rng: int, report: Callable[[int, in
         runs = bench.run(plan.law, [space.candidate(unit) for unit in units])
         return ratios(runs) + PENALTY * parts[0].violation(runs)[:, None]
 
-    starts = [unit for each in first_candidates(space, basis) if (unit := space.unit(each)) is not None]
+    starts = [
+        unit for candidate in first_candidates(space, basis) if (unit := space.unit(candidate)) is not None
+    ]
     result = run_front(
         objectives,
         n_params=len(space.free),

@@ -55,7 +55,7 @@ def compare_places(
     hardware = replace(
         study.hardware, feedback="state", measured_floors=None, known_ground=False, kinematic=False
     )
-    testing = tuple(each.ground for each in study.motions if each.use == "test")
+    testing = tuple(motion.ground for motion in study.motions if motion.use == "test")
 
     def at(arrangement: Arrangement, command: float, motions: Sequence[GroundMotion]) -> Runs:
         law = constant_commands([command] * len(arrangement.devices))

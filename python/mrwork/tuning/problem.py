@@ -192,13 +192,13 @@ class Bench(Summarised):
         """
         hardware = self.study.hardware
         sound = not any(fault.channel == "command" for fault in hardware.faults)
-        slopes = (hardware.command_rate, *(each.shape[1] for each in candidates))
+        slopes = (hardware.command_rate, *(candidate.shape[1] for candidate in candidates))
         alike = control_law(law).sends_share and sound and all(map(math.isinf, slopes))
         if alike and len(candidates) > 1:
             return [(list(range(len(candidates))), True)]
-        levels = dict.fromkeys(each.largest_command for each in candidates)
+        levels = dict.fromkeys(candidate.largest_command for candidate in candidates)
         return [
-            ([n for n, each in enumerate(candidates) if each.largest_command == level], False)
+            ([n for n, candidate in enumerate(candidates) if candidate.largest_command == level], False)
             for level in levels
         ]
 

@@ -256,7 +256,7 @@ class TuningResults(Plotted, WithAxes, Summarised):
             facts=(
                 ("training motions", list_names(self.training)),
                 ("searches", self.effort_in_words),
-                *(("best placement", each.in_words) for each in self.places[:1]),
+                *(("best placement", location.in_words) for location in self.places[:1]),
             ),
             tables=(*([] if places is None else [places]), Table(columns=columns, rows=rows, words=(2,))),
             notes=[f"{law.label}: {law.certificate}" for law in self.laws if law.certificate],

@@ -106,7 +106,7 @@ def tune(
         objectives = read_each(objective_of_table, range(len(tables)))
     if journal is not None:
         places_of_study = study.table.places
-        stated = [{each.name: getattr(table, each.name) for each in fields(table)} for table in tables]
+        stated = [{field.name: getattr(table, field.name) for field in fields(table)} for table in tables]
         among = {} if places_of_study is None else {"places": given_in(places_of_study)}
         journal.agree("tuning", {**fingerprint_of(study), "tune": stated, **among, "rng": rng})
     tuned: list[TunedLaw] = []
@@ -197,10 +197,10 @@ def _plan(
     benches = [bench]
     if any(table.robust for table in tables):
         benches.append(Bench.of(study, study.realisations, call, threads))
-    if any(each.relative_to == "best_passive" for each in objectives):
-        best = [each.candidate for each in constants if each.kind == "best_passive"]
-        benches = [replace(each, constant=each.recalled("baseline", "passive", best)) for each in benches]
-    plans, labels = list[LawPlan](), {each.row.label for each in study.arrangements}
+    if any(objective.relative_to == "best_passive" for objective in objectives):
+        best = [constant.candidate for constant in constants if constant.kind == "best_passive"]
+        benches = [replace(bench, constant=bench.recalled("baseline", "passive", best)) for bench in benches]
+    plans, labels = list[LawPlan](), {arrangement.row.label for arrangement in study.arrangements}
     for number, (table, objective) in enumerate(zip(tables, objectives, strict=True)):
         with place.prefix_errors(), keyed("tune", number):
             for law in table.laws:

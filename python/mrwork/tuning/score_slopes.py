@@ -37,7 +37,7 @@ def without_gradient(study: Study, table: TuneTable) -> str:
     jumping = next((law for law in table.laws if control_law(law).switches), "")
     shaped = next((name for name in SHAPING_SPANS if name in (table.free or {})), "")
     counted = next((name for name in table.constraints or {} if criterion(name).counted), "")
-    smooth = ", ".join(each.name for each in control_laws() if not each.switches)
+    smooth = ", ".join(law.name for law in control_laws() if not law.switches)
     for excluded, sentence in (
         (jumping, f"{jumping} switches, so its score jumps and has no gradient; {smooth} have one"),
         (shaped, f"a command with a free {shaped} has no gradient; leave it out of free"),
@@ -92,7 +92,7 @@ def check_slopes(plan: LawPlan) -> None:
 
 def _places(plan: LawPlan) -> list[int]:
     """Places of the settings with derivatives: all but the largest command."""
-    return [place for place, each in enumerate(plan.space.free) if each.name != LARGEST]
+    return [place for place, name in enumerate(plan.space.free) if name.name != LARGEST]
 
 
 def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats, dict[str, str]]:
@@ -120,7 +120,7 @@ def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Float
         designed.law, gains={gain: np.asarray(each)[:1] for gain, each in designed.law.gains.items()}
     )
     changes = np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around)
-    refusals = {labels[(number - 1) // len(_NODES)]: each for number, each in designed.refusals.items()}
+    refusals = {labels[(number - 1) // len(_NODES)]: refusal for number, refusal in designed.refusals.items()}
     return problem, law, changes, refusals
 
 

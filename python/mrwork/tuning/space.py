@@ -250,19 +250,19 @@ class SettingSpace(Summarised):
     @property
     def continuous(self) -> bool:
         """Whether a free setting takes all numbers of its range."""
-        return any(not each.levels for each in self.free)
+        return any(not setting.levels for setting in self.free)
 
     @property
     def start(self) -> Floats:
         """The point of the unit cube where a search begins, shape (n_free,)."""
-        return np.array([each.start for each in self.free])
+        return np.array([setting.start for setting in self.free])
 
     def candidate(self, unit: Floats, *, exact: bool = False) -> LawCandidate:
         """The candidate at a point of the unit cube, shape (n_free,); `exact` without rounding of its settings."""
         values: dict[str, Any] = {}
-        for each, place in zip(self.free, unit, strict=True):
-            value = each.value(float(place), exact=exact)
-            values[each.name] = value if each.entry is None else (*values.get(each.name, ()), value)
+        for setting, place in zip(self.free, unit, strict=True):
+            value = setting.value(float(place), exact=exact)
+            values[setting.name] = value if setting.entry is None else (*values.get(setting.name, ()), value)
         of_command = {LARGEST: values.pop(LARGEST, self.largest_command)}
         of_command |= {name: values.pop(name) for name in SHAPING_SPANS if name in values}
         return LawCandidate({**self.held, **values, **of_command})
@@ -277,11 +277,11 @@ class SettingSpace(Summarised):
         if held != {name: value for name, value in self.held.items() if name not in self._names}:
             return None
         given, places = candidate.settings, []
-        for each in self.free:
-            value = given.get(each.name, each.upper if each.name == COMMAND_SLOPE else each.lower)
-            if each.entry is not None and isinstance(value, tuple) and each.entry < len(value):
-                value = value[each.entry]
-            place = each.unit(value) if isinstance(value, int | float) else None
+        for setting in self.free:
+            value = given.get(setting.name, setting.upper if setting.name == COMMAND_SLOPE else setting.lower)
+            if setting.entry is not None and isinstance(value, tuple) and setting.entry < len(value):
+                value = value[setting.entry]
+            place = setting.unit(value) if isinstance(value, int | float) else None
             if place is None:
                 return None
             places.append(place)
@@ -290,14 +290,14 @@ class SettingSpace(Summarised):
     def every(self) -> list[LawCandidate]:
         """All candidates of a space without continuous settings."""
         grid = [np.empty(0)]
-        for each in self.free:
-            levels = (np.arange(each.levels) + 0.5) / each.levels
+        for setting in self.free:
+            levels = (np.arange(setting.levels) + 0.5) / setting.levels
             grid = [np.append(start, level) for start in grid for level in levels]
         return [self.candidate(unit) for unit in grid]
 
     @property
     def _names(self) -> frozenset[str]:
-        return frozenset(each.name for each in self.free)
+        return frozenset(setting.name for setting in self.free)
 
 
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
@@ -319,7 +319,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         given = (table.free or {}).get(name, ())
         free += _free(name, given, spans.get(name), magnitudes)
         held.pop(name, None)
-    chosen = {each.name for each in free}
+    chosen = {name.name for name in free}
     if is_semi_active(held) and "control_weight" in spans and "control_weight" not in chosen:
         held.setdefault("control_weight", 1.0)
     for name, span in spans.items():

@@ -183,24 +183,24 @@ def study_score(
     if isinstance(law, TuneTable):
         given = law
     else:
-        known = next((each for each in study.tunes if law in each.laws), TuneTable(laws=(law,)))
+        known = next((tune for tune in study.tunes if law in tune.laws), TuneTable(laws=(law,)))
         given = replace(known, laws=(law,))
     if len(given.laws) != 1:
         raise SettingError(f"the table has {len(given.laws)} laws; give one")
     if lacking := without_gradient(study, given):
         raise SettingError(lacking)
     plan = plan_of(study, replace(given, gradient_steps=0), threads)
-    free = tuple(each for each in plan.space.free if each.name != LARGEST)
+    free = tuple(name for name in plan.space.free if name.name != LARGEST)
     if not free:
         raise SettingError(f"{plan.law} has no free setting but the largest command; free one that it has")
     space = replace(plan.space, free=free)
     plan = replace(plan, space=space)
     check_slopes(plan)
     box = Box(
-        names=tuple(each.label for each in free),
-        lower=tuple(each.lower for each in free),
-        upper=tuple(each.upper for each in free),
-        log=tuple(each.scale == "log" for each in free),
+        names=tuple(name.label for name in free),
+        lower=tuple(name.lower for name in free),
+        upper=tuple(name.upper for name in free),
+        log=tuple(name.scale == "log" for name in free),
     )
     return StudyScore.of(
         f"Score of {plan.law} in {study.title}",
@@ -208,7 +208,7 @@ def study_score(
         box=box,
         units=("",) * len(free),
         coordinates=coordinates,
-        start=np.array([each.value(each.start, exact=True) for each in free]),
+        start=np.array([name.value(name.start, exact=True) for name in free]),
         data=None,
         held=settings_in_words({**space.held, LARGEST: space.largest_command}, study.command_unit),
     )

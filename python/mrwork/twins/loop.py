@@ -51,7 +51,7 @@ class LoopPlant(NamedTuple):
     @classmethod
     def of(cls, matrices: Mapping[str, ArrayLike]) -> LoopPlant:
         """The plant of a building's M [kg], C [N s/m], K [N/m], (n, n), influence, rows of floors and storeys."""
-        given = {name: jnp.asarray(each, dtype=jnp.float64) for name, each in matrices.items()}
+        given = {name: jnp.asarray(matrix, dtype=jnp.float64) for name, matrix in matrices.items()}
         if not given["heights"].size:
             given["heights"] = jnp.zeros(len(given["storeys"]))
         products = (jnp.linalg.solve(given["mass"], given[name]) for name in ("stiffness", "damping"))
@@ -133,7 +133,7 @@ def believed_devices(devices: Devices, curve: tuple[DamperSpec, ArrayLike] | Non
     if curve is None:
         return None
     spec, theta = curve[0], jnp.asarray(curve[1], dtype=jnp.float64)
-    return tuple(replace(each, spec=spec, theta=theta) for each in devices)
+    return tuple(replace(device, spec=spec, theta=theta) for device in devices)
 
 
 class Extent(NamedTuple):

@@ -115,8 +115,8 @@ def own_damper(
     if relaxation is not None and rate is None:
         raise SettingError(f"{name} has no states, and a relaxation; leave it out")
     functions = {"force": force, "rate": rate, "relaxation": relaxation}
-    stated = {role: each for role, each in functions.items() if each is not None}
-    names = [getattr(each, "__name__", "") for each in stated.values()]
+    stated = {role: function for role, function in functions.items() if function is not None}
+    names = [getattr(column, "__name__", "") for column in stated.values()]
     if len(set(names)) < len(names):
         raise SettingError(
             f"the functions of {name} are called {list_names(names)}; give each a name of its own"
@@ -146,8 +146,8 @@ def own_damper(
                 f"{parameter.name} of {spec.name} is in {parameter.unit}, and numbers are in SI, not converted; give "
                 "them in N, m, s and products of these"
             )
-    for role, each in stated.items():
-        _refuse_arguments(role, each, name)
+    for role, column in stated.items():
+        _refuse_arguments(role, column, name)
     given_check = _Check(spec, twin_with(spec, force, rate, relaxation))
     computed(lambda: given_check.run(stated))
     text = function_text(
@@ -158,7 +158,7 @@ def own_damper(
     )
     if _SHORT_ARRAY.search(text):
         raise SettingError(f"{name} uses constants of less precision than float64; convert them")
-    equations = OwnEquations(source=text, **{role: each.__name__ for role, each in stated.items()})
+    equations = OwnEquations(source=text, **{role: column.__name__ for role, column in stated.items()})
     equations.trust()
     spec = replace(spec, own=equations)
     check = _Check(spec, twin_of(spec))
@@ -283,7 +283,7 @@ class _Check:
 
     def _index(self, where: str, role: str) -> None:
         """Refuse a state that does not exist, in whose place JAX takes the last one."""
-        theta, state, x, v = (np.asarray(each) for each in self._rest)
+        theta, state, x, v = (np.asarray(other) for other in self._rest)
         try:
             self._of(role)(theta, state, x, v)
         except IndexError as error:
@@ -296,7 +296,7 @@ class _Check:
         slopes = jax.jacfwd(equation, argnums=(0, 1))(*self._rest)
         if role == "relaxation":
             found = [float(equation(theta, state, x, v)) for theta, state, x, v in self._points()]
-            if not all(0.0 <= each < np.inf for each in found):
+            if not all(0.0 <= finding < np.inf for finding in found):
                 raise SettingError(f"{where} is negative or no number at some motion; give a bound in 1/s")
         if not bool(jnp.all(jnp.isfinite(equation(*self._rest)))):
             raise SettingError(
@@ -357,7 +357,7 @@ class _Check:
         roles = [self._of(role) for role in ("force", "rate")]
         there_and_back = jax.jit(
             lambda theta, state, x, v: [
-                (each(theta, state, x, v), each(theta, -state, -x, -v)) for each in roles
+                (role(theta, state, x, v), role(theta, -state, -x, -v)) for role in roles
             ]
         )
         return all(
@@ -375,7 +375,9 @@ def _dtypes(jaxpr: Any) -> Iterator[Any]:
     """Types of all values of a traced function and of the functions in it."""
     for equation in jaxpr.eqns:
         yield from (
-            each.aval.dtype for each in (*equation.invars, *equation.outvars) if hasattr(each.aval, "dtype")
+            invar.aval.dtype
+            for invar in (*equation.invars, *equation.outvars)
+            if hasattr(invar.aval, "dtype")
         )
         for inner in jaxprs_in_params(equation.params):
             yield from _dtypes(inner)

@@ -82,7 +82,7 @@ class OwnLoop:
     def n_samples(self) -> list[int]:
         """Control samples of each motion."""
         seconds = [dt * (len(acceleration) - 1) for dt, acceleration in self.motions]
-        return [max(math.floor(each / self.sample_time * (1.0 + 1e-12)), 1) for each in seconds]
+        return [max(math.floor(second / self.sample_time * (1.0 + 1e-12)), 1) for second in seconds]
 
 
 class OwnRuns(NamedTuple):
@@ -165,13 +165,13 @@ def _steps_after(loop: OwnLoop, count: int, bound: float, tries: int) -> int:
 
     `bound` bounds the rates of its states [1/s], `tries` counts runs that were not finite.
     """
-    finer, twins = FINER * count, [twin_of(each.spec) for each in loop.devices if each.spec.n_states]
+    finer, twins = FINER * count, [twin_of(device.spec) for device in loop.devices if device.spec.n_states]
     possible = finer <= MOST_SUBSTEPS * loop.steps * loop.step_factor
     if tries:
         return finer if possible and tries <= _TRIES else count
     wanted = _steps_for(loop, bound) * loop.step_factor
     # Far from resolved, a run has no bound of its own to be trusted.
-    if any(each.relaxation is None for each in twins) and not 0 < wanted <= finer:
+    if any(twin.relaxation is None for twin in twins) and not 0 < wanted <= finer:
         return finer if possible else 0
     return wanted
 
@@ -267,8 +267,8 @@ def _run_group(
         plant=plants[0]
         if len(plants) == 1
         else jax.tree.map(lambda *each: jnp.stack(each)[building], *plants),
-        gains={name: jnp.asarray(each[candidate]) for name, each in given.gains.items()},
-        theta=tuple(jnp.asarray(each[draw]) for each in given.theta),
+        gains={name: jnp.asarray(gain[candidate]) for name, gain in given.gains.items()},
+        theta=tuple(jnp.asarray(theta[draw]) for theta in given.theta),
         dead_zone=jnp.asarray(shaping[:, 0]),
         furthest=jnp.asarray(np.minimum(shaping[:, 1], loop.command_rate) * loop.sample_time),
         delay=jnp.asarray(delay),

@@ -123,7 +123,7 @@ class TracedFunction(Summarised):
             facts=(("coordinates", self.coordinates), *([("held", self.held)] if self.held else [])),
             columns=("parameter", "start", "lower", "upper", "unit"),
             rows=[
-                (name, *(format_rounded(each) for each in numbers), unit)
+                (name, *(format_rounded(number) for number in numbers), unit)
                 for name, *numbers, unit in zip(
                     self.names, self.start, self.lower.tolist(), self.upper.tolist(), self.units, strict=True
                 )

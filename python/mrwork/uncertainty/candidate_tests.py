@@ -122,10 +122,10 @@ def candidate_grid(
     _refuse_far_commands(commands, spec, tests)
     tested = [excitation_of(test) for test in tests]
     if limits.peak_velocity is None and not (amplitudes and frequencies):
-        fastest = _FASTER * max(each.peak_velocity for each in tested)
+        fastest = _FASTER * max(test.peak_velocity for test in tested)
         limits = Limits(stroke=limits.stroke, peak_velocity=fastest)
-    amplitudes = amplitudes or _about([each.amplitude for each in tested])
-    frequencies = frequencies or _about([each.frequency for each in tested])
+    amplitudes = amplitudes or _about([test.amplitude for test in tested])
+    frequencies = frequencies or _about([test.frequency for test in tested])
     levels: Sequence[float | None] = [None]
     if spec.command_unit is not None:
         unit = spec.command_unit
@@ -192,7 +192,7 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
             )
         command = values[2] if len(values) > 2 else None
         candidates.append(Candidate(amplitude=values[0], frequency=values[1], command=command))
-    allowed = tuple(each for each in candidates if (limits or Limits()).allow(each))
+    allowed = tuple(candidate for candidate in candidates if (limits or Limits()).allow(candidate))
     if not allowed:
         raise RecordError(
             f"{path} has no candidate within the limits of the rig; add some, or raise the limits"

@@ -70,7 +70,7 @@ class Plan(Summarised):
         if self.gap is None or not _is_within(self.gap, best):
             return f"Of {len(self.gains)} tests {most}"
         low, high = self.gap
-        count = sum(_is_within(self.gap, each.candidate) for each in self.gains)
+        count = sum(_is_within(self.gap, gain.candidate) for gain in self.gains)
         return (
             f"No test shows the laws between {low:g} and {high:g} {unit}, and no band has the error of their form: "
             f"test there first. Of {count} tests there {most}"
@@ -245,7 +245,7 @@ def plan(
         ),
         gap=fit.tested.gap,
         command_unit=posterior.spec.command_unit,
-        left_out=tuple(each for each in candidates if each not in simulated),
+        left_out=tuple(candidate for candidate in candidates if candidate not in simulated),
     )
 
 
@@ -294,11 +294,13 @@ def information(posterior: LinearisedPosterior, response: Response) -> Floats:
 def band_matrix(posterior: LinearisedPosterior, targets: Sequence[Response], band: str) -> tuple[Floats, str]:
     """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
-        parts = [each.derivative / (np.std(each.force) * np.sqrt(each.force.size)) for each in targets]
+        parts = [
+            target.derivative / (np.std(target.force) * np.sqrt(target.force.size)) for target in targets
+        ]
         return np.mean([part.T @ part for part in parts], axis=0), "deviations of the force"
     if band == "energy":
-        shares = [each.energy_derivative / each.energy for each in targets]
-        return np.mean([np.outer(each, each) for each in shares], axis=0), "of the energy of a cycle"
+        shares = [target.energy_derivative / target.energy for target in targets]
+        return np.mean([np.outer(share, share) for share in shares], axis=0), "of the energy of a cycle"
     index = _column_of(posterior, band)
     unit = np.zeros(posterior.position.size)
     unit[index] = 1.0 if posterior.scaled.log[index] else posterior.scaled.size[index]

@@ -35,19 +35,21 @@ class LogLikelihood:
     @classmethod
     def of(cls, objective: Objective, noise: Noise, residuals: Residuals) -> LogLikelihood:
         """The likelihood of an objective whose residuals have this form."""
-        if not all(each.is_plain for each in objective.compared):
+        if not all(test.is_plain for test in objective.compared):
             raise SettingError(
                 "this objective has weights or a loss, and a likelihood has its noise in their place; leave one out"
             )
         return cls(
-            residuals=residuals, noise=noise, deviations=tuple(each.deviation for each in objective.compared)
+            residuals=residuals, noise=noise, deviations=tuple(test.deviation for test in objective.compared)
         )
 
     def __call__(self, values: Array, tests: Sequence[ComparedArrays]) -> Array:
         """Sum over all samples that are compared; -inf where a simulation failed, or the noise leaves its range."""
         n_params = len(self.residuals.kernel.spec.parameters)
         theta, given = values[:n_params], values[n_params:]
-        lower, upper = jnp.array([(each.lower, each.upper) for each in self.noise.parameters]).T
+        lower, upper = jnp.array(
+            [(parameter_name.lower, parameter_name.upper) for parameter_name in self.noise.parameters]
+        ).T
         inside = jnp.isclose(given, jnp.clip(given, lower, upper), rtol=_ROUNDING, atol=0.0)
         noise = jnp.where(inside, given, upper)
         total, failures = jnp.zeros(()), [~jnp.all(inside)]

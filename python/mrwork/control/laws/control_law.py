@@ -98,7 +98,7 @@ class ControlLawSpec:
 def refuse_units(spec: ControlLawSpec, devices: Sequence[Device]) -> None:
     """Refuse devices of both units where the law sends a command of one unit."""
     if sends_shares(devices) and not spec.takes_both_units:
-        by_unit = {each.spec.command_unit: each.name for each in devices if each.is_commanded}
+        by_unit = {device.spec.command_unit: device.name for device in devices if device.is_commanded}
         words = (f"{name} follows one in {unit}" for unit, name in by_unit.items())
         raise SettingError(
             f"{spec.name} sends one command to all dampers, and {' and '.join(words)}; choose a law whose command "

@@ -95,11 +95,11 @@ def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperFo
         elongations = problem.plant.attachment @ system.state[: problem.plant.n_coordinates]
         variances = (np.einsum("ij,jk,ik->i", rows, X, rows) for rows in (elongations, system.rates))
         # With next to no stiffness rounding may make one negative.
-        rms = [np.sqrt(np.maximum(each, 0.0)) for each in variances]
+        rms = [np.sqrt(np.maximum(variance, 0.0)) for variance in variances]
     else:
         rms = [np.ones(len(devices)), np.ones(len(devices))]
     strokes = [
-        _stroke(problem, *each) for each in zip(devices, *(each.tolist() for each in rms), strict=True)
+        _stroke(problem, *each) for each in zip(devices, *(value.tolist() for value in rms), strict=True)
     ]
     forces = [
         [sine_force(device, amplitude, velocity, command) for command in (device.largest_command, 0.0)]
@@ -186,9 +186,9 @@ def asked_forces(problem: DesignProblem, gains: Sequence[Floats]) -> list[AskedF
     wanted = attempt_each(lambda gain: rms_forces(system, gain), gains)
     return [
         None
-        if isinstance(each, SettingError)
+        if isinstance(quantity, SettingError)
         else AskedForce(
-            devices=problem.plant.device_names, wanted=each, idle=forces.idle, budgets=forces.budgets
+            devices=problem.plant.device_names, wanted=quantity, idle=forces.idle, budgets=forces.budgets
         )
-        for each in wanted
+        for quantity in wanted
     ]

@@ -234,8 +234,8 @@ def design_candidates(
     designs: list[Design] = []
     designed: list[int] = []
     refusals: dict[int, str] = {}
-    for each in settings:
-        _check_settings(spec, each)
+    for setting in settings:
+        _check_settings(spec, setting)
     for index, design in enumerate(SETTINGS[name].designs(problem, settings)):
         if isinstance(design, SettingError):
             refusals[index] = str(design)
@@ -252,7 +252,9 @@ def design_candidates(
             designed.append(index)
     if not designs:
         return DesignedCandidates(law=None, designed=(), refusals=refusals)
-    gains = {gain: np.stack([np.asarray(each.gains[gain]) for each in designs]) for gain in designs[0].gains}
+    gains = {
+        gain: np.stack([np.asarray(design.gains[gain]) for design in designs]) for gain in designs[0].gains
+    }
     law = ControlLaw(
         name=name,
         gains=gains,

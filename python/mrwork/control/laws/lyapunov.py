@@ -141,7 +141,9 @@ class LyapunovSettings(CostWeights, LawSettings):
             lambda weights: _lyapunov_functions(problem.plant, weights),
             attempt_each(lambda each: each.weigh_outputs(problem).Q, many),
         )
-        return [each if isinstance(each, SettingError) else each.vectors for each in functions]
+        return [
+            function if isinstance(function, SettingError) else function.vectors for function in functions
+        ]
 
     def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
         """The design that follows from this weight of the state."""
@@ -178,13 +180,15 @@ class ProportionalSettings(LyapunovSettings):
     @classmethod
     def weight_vectors(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Floats | SettingError]:
         """Weight of the state of each: of the regulator with a control weight, of the Lyapunov function without."""
-        weighed = [(each, each.control_weight) for each in many if each.control_weight is not None]
+        weighed = [(item, item.control_weight) for item in many if item.control_weight is not None]
         costs = attempt_each(lambda pair: (pair[0].weigh_outputs(problem), pair[1]), weighed)
         regulators = regulators_of_costs(problem.plant, costs)
-        regulated = iter([each.vectors if isinstance(each, Regulator) else each for each in regulators])
-        unweighed = [each for each in many if each.control_weight is None]
+        regulated = iter(
+            [regulator.vectors if isinstance(regulator, Regulator) else regulator for regulator in regulators]
+        )
+        unweighed = [item for item in many if item.control_weight is None]
         free = iter(LyapunovSettings.weight_vectors(problem, unweighed))
-        return [next(free if each.control_weight is None else regulated) for each in many]
+        return [next(free if item.control_weight is None else regulated) for item in many]
 
     def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
         """Weight of the state, and the slope of each device."""

@@ -105,11 +105,11 @@ class RegulatorSettings(CostWeights, LawSettings):
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The designs of many settings, all their regulators by one call of the compiled solver."""
         given = iter(
-            attempt_each(lambda each: each.design(problem), [each for each in many if each.gain is not None])
+            attempt_each(lambda each: each.design(problem), [item for item in many if item.gain is not None])
         )
         costs = attempt_each(
             lambda each: (each.weigh_outputs(problem), each.control_weight_of(problem)),
-            [each for each in many if each.gain is None],
+            [item for item in many if item.gain is None],
         )
         regulators = iter(regulators_of_costs(problem.plant, costs))
         outcomes: list[Design | SettingError] = []
@@ -165,13 +165,13 @@ class RegulatorSettings(CostWeights, LawSettings):
             problem, [replace(self, control_weight=plain_weight(R / float(factor))) for factor in factors]
         )
         sound = [
-            (float(factor), each.gains["gain"])
-            for factor, each in zip(factors, designs, strict=True)
-            if isinstance(each, Design)
+            (float(factor), design.gains["gain"])
+            for factor, design in zip(factors, designs, strict=True)
+            if isinstance(design, Design)
         ]
         asked = asked_forces(problem, [gain for _, gain in sound])
         shares = {
-            factor: each.share for (factor, _), each in zip(sound, asked, strict=True) if each is not None
+            factor: name.share for (factor, _), name in zip(sound, asked, strict=True) if name is not None
         }
         enough = min(1.0, 0.5 * max(shares.values(), default=1.0))
         return next((factor for factor, share in shares.items() if share >= enough), float(factors[-1]))

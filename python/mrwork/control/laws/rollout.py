@@ -155,7 +155,7 @@ class RolloutSettings(LawSettings):
                 f"decision is {self.decision:g} s, which is not a whole number of samples of "
                 f"{problem.sample_time:g} s; give a multiple of them",
             )
-        if self.residual_weight and not any(each.in_stiffness for each in building.elements):
+        if self.residual_weight and not any(element.in_stiffness for element in building.elements):
             raise InvalidSettingError(
                 "residual_weight",
                 "residual_weight has no effect where no storey of the law's model yields; leave it out, or set "
@@ -221,7 +221,9 @@ class RolloutSettings(LawSettings):
         if self.model == "elastic":
             return replace(believed, elements=(), loads=np.empty(0))
         # The matrices have all of the others.
-        return replace(believed, elements=tuple(each for each in believed.elements if not each.is_linear))
+        return replace(
+            believed, elements=tuple(element for element in believed.elements if not element.is_linear)
+        )
 
     def _references(self, problem: DesignProblem) -> tuple[Floats, float, float]:
         """Base command of each device, reference drift and acceleration: given, or else from the problem."""
@@ -240,7 +242,7 @@ class RolloutSettings(LawSettings):
             return base, float(self.drift or 1.0), float(self.acceleration or 1.0)
         if self.base is None:
             # A limited problem has smaller largest commands than that under which the reference was found.
-            base = np.minimum(known.commands, [each.largest_command for each in problem.devices])
+            base = np.minimum(known.commands, [device.largest_command for device in problem.devices])
         return (
             base,
             known.drift if self.drift is None else self.drift,

@@ -177,7 +177,7 @@ class WeightWishes(RmsLimits):
 
 def _newtons(forces: Floats) -> str:
     """Forces with their unit, one where all are equal."""
-    return ", ".join(dict.fromkeys(of_unit(float(each), "N") for each in forces))
+    return ", ".join(dict.fromkeys(of_unit(float(force), "N") for force in forces))
 
 
 def _declare_weight(says: str, unit: str = "", of: Magnitude | None = None, *, free: bool = False) -> Any:
@@ -285,7 +285,7 @@ class CostWeights:
     @classmethod
     def weight_names(cls) -> frozenset[str]:
         """Names of the settings that are weights of outputs or states."""
-        return frozenset(each.name for each in fields(CostWeights)) - {"budget_scale"}
+        return frozenset(field.name for field in fields(CostWeights)) - {"budget_scale"}
 
     @classmethod
     def cost(cls, held: Mapping[str, Any], magnitudes: Magnitudes) -> float:

@@ -496,7 +496,7 @@ def kinematic_observer_of(
         D=np.zeros((len(unseen) + len(rows), n_devices)),
         names=(
             *building.floor_names,
-            *(f"device {each + 1}" for each in range(n_devices)),
+            *(f"device {index + 1}" for index in range(n_devices)),
             *(f"drift {building.storey_names[storey]}" for storey in storeys),
         ),
         sample_time=sample_time,

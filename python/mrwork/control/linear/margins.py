@@ -100,7 +100,7 @@ class LoopMargins(Summarised):
                 "margins: a larger R asks for less."
             )
         others = ", the loops of the others closed" if len(self.devices) > 1 else ""
-        margins = "; ".join(each.in_words for each in self.devices)
+        margins = "; ".join(device.in_words for device in self.devices)
         return (
             f"Margins of the linear loop, broken at the force of a device{others} ({loop}): {margins}. Ideal forces of "
             "either sign; clipping, saturation and the force of the damper at i = 0 are not covered."

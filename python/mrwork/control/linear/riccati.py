@@ -447,9 +447,9 @@ def _scaling(given: ArrayLike, n: int) -> Floats:
 def attempt_each(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
     """Result of a function for each item, or the error that it raised."""
     outcomes: list[U | SettingError] = []
-    for each in many:
+    for item in many:
         try:
-            outcomes.append(make(each))
+            outcomes.append(make(item))
         except SettingError as reason:
             outcomes.append(reason)
     return outcomes
@@ -467,6 +467,6 @@ def solve_together(
     solve: Callable[[list[T]], Iterable[U | SettingError]], many: Sequence[T | SettingError]
 ) -> list[U | SettingError]:
     """Results of one call for all items that are not errors; errors keep their places."""
-    sound = [each for each in many if not isinstance(each, SettingError)]
+    sound = [item for item in many if not isinstance(item, SettingError)]
     solved = iter(solve(sound) if sound else ())
-    return [each if isinstance(each, SettingError) else next(solved) for each in many]
+    return [item if isinstance(item, SettingError) else next(solved) for item in many]

@@ -92,7 +92,7 @@ class LimitedOutputs:
     def of(cls, limits: RmsLimits, plant: Plant) -> LimitedOutputs:
         """The outputs of a plant that have a limit."""
         limited: list[tuple[str, str, str, float]] = []
-        for setting, (unit, each, outputs_of) in _QUANTITIES.items():
+        for setting, (unit, quantity, outputs_of) in _QUANTITIES.items():
             given = getattr(limits, setting)
             if given is None:
                 continue
@@ -101,7 +101,7 @@ class LimitedOutputs:
             if values.shape not in ((), (len(outputs.names),)):
                 raise InvalidSettingError(
                     setting,
-                    f"{setting} has {values.size} limits, and there are {len(outputs.names)} {each}; give one for "
+                    f"{setting} has {values.size} limits, and there are {len(outputs.names)} {quantity}; give one for "
                     "each, or one for all",
                 )
             each_limit = np.broadcast_to(values, len(outputs.names)).tolist()

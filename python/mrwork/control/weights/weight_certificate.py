@@ -102,7 +102,7 @@ def rms_under_gain(system: DesignSystem, gain: Floats) -> tuple[Floats, Floats]:
         return np.full(len(system.C), np.inf), np.full(len(gain), np.inf)
     squares = (np.einsum("ij,jk,ik->i", rows, X, rows) for rows in (system.C - system.D @ gain, gain))
     # Of tiny forces rounding may leave a negative square.
-    rms, forces = (np.sqrt(np.maximum(each, 0.0)) for each in squares)
+    rms, forces = (np.sqrt(np.maximum(square, 0.0)) for square in squares)
     return rms, forces
 
 
@@ -181,7 +181,7 @@ class DesignedWeights(Summarised):
         """The design as plain values: ground, budget, and each limited output with its rms under the ground."""
         outputs, spectrum = self.outputs, self.spectrum
         soil = spectrum.soil if isinstance(spectrum, CloughPenzien) else spectrum
-        bare, ruled = (self.rms_under_ground(controlled=each).tolist() for each in (False, True))
+        bare, ruled = (self.rms_under_ground(controlled=flag).tolist() for flag in (False, True))
         return {
             "ground": [
                 {
@@ -249,7 +249,7 @@ class DesignedWeights(Summarised):
         """Ground and budget, and the response under this ground that is worst over its limit without control."""
         if not self.origin:
             return ()
-        bare, ruled = (self.rms_under_ground(controlled=each) for each in (False, True))
+        bare, ruled = (self.rms_under_ground(controlled=flag) for flag in (False, True))
         worst = int(np.argmax(bare / self.outputs.limits))
         unit = self.outputs.units[worst]
         return (
@@ -291,7 +291,10 @@ class DesignedWeights(Summarised):
                 ("engine", self.engine),
                 ("certificate", f"gap to the bound {check.gap:.1e}"),
                 ("law's gain", check.law_in_words),
-                ("control weight", f"{', '.join(format_rounded(each) for each in self.control_weight)} 1/N2"),
+                (
+                    "control weight",
+                    f"{', '.join(format_rounded(weight) for weight in self.control_weight)} 1/N2",
+                ),
             ),
             columns=("output", "weight", "rms / limit"),
             rows=[

@@ -116,9 +116,9 @@ def design_weights(
 
 def _rows(building: Building, devices: Sequence[Device] | ArrayLike) -> tuple[Floats, tuple[str, ...]]:
     """Rows of elongation and names of devices."""
-    if isinstance(devices, Sequence) and devices and all(isinstance(each, Device) for each in devices):
-        named = [each for each in devices if isinstance(each, Device)]
-        return elongation_rows(building, named), tuple(each.name for each in named)
+    if isinstance(devices, Sequence) and devices and all(isinstance(device, Device) for device in devices):
+        named = [device for device in devices if isinstance(device, Device)]
+        return elongation_rows(building, named), tuple(name.name for name in named)
     return np.atleast_2d(np.asarray(devices, dtype=np.float64)), ()
 
 
@@ -130,7 +130,7 @@ def _blame_budget(plant: Plant, spectrum: SpectralDensity, budgets: Floats) -> I
             yield
     except SettingError as error:
         useful = useful_force(plant, spectrum)
-        shown = ", ".join(f"{each:.3g}" for each in dict.fromkeys(budgets.tolist()))
+        shown = ", ".join(f"{fromkey:.3g}" for fromkey in dict.fromkeys(budgets.tolist()))
         if budgets.max() > useful:
             raise SettingError(
                 f"the budget is {shown} N, and the limits have no use for more than about {useful:.2g} N rms, a fifth "

@@ -373,14 +373,14 @@ class SizeFront(Plotted, Summarised):
             columns=("volume [l]", "dynamic range", "power [W]", "bore [mm]", "length [mm]", "coils"),
             rows=[
                 (
-                    f"{1e3 * each.envelope_volume:.3g}",
-                    f"{each.dynamic_range:.3g}",
-                    f"{each.power:.3g}",
-                    f"{1e3 * each.bore:.3g}",
-                    f"{1e3 * each.chamber_length:.3g}",
-                    str(each.stages),
+                    f"{1e3 * design.envelope_volume:.3g}",
+                    f"{design.dynamic_range:.3g}",
+                    f"{design.power:.3g}",
+                    f"{1e3 * design.bore:.3g}",
+                    f"{1e3 * design.chamber_length:.3g}",
+                    str(design.stages),
                 )
-                for each in self.designs
+                for design in self.designs
             ],
         )
 

@@ -388,7 +388,7 @@ def worse_together(
     spec, tests = problem.form.spec, objective.tests
     joint, alone = objective.nrmse_of_tests(theta[None])[:, 0], np.full(len(tests), np.inf)
     levels = tests_by_level(spec, [test for test in tests if command_is_constant(test, spec)])
-    fits = [LevelFit(command=each, minima=plain_parameters(spec, theta, each)[None]) for each in levels]
+    fits = [LevelFit(command=level, minima=plain_parameters(spec, theta, level)[None]) for level in levels]
     doubtful = far_worse(joint, np.zeros(len(tests)))
     alone[doubtful] = [each.nrmse for each in _fit_each(problem, [tests[index] for index in doubtful], fits)]
     worse = far_worse(joint, alone)

@@ -47,7 +47,7 @@ class StartingPoints:
         ]
         inside = [box.inside(np.clip(self.form.from_model(theta), box.lower, box.upper)) for theta in whole]
         objective = self.objective
-        if inside and any(np.any(each.stiffness(np.array(inside)) > 1.0) for each in objective.compared):
+        if inside and any(np.any(test.stiffness(np.array(inside)) > 1.0) for test in objective.compared):
             objective = up_to(objective, np.inf)
         return replace(self, objective=objective, theta=np.array([*self.theta, *inside]))
 

@@ -79,7 +79,7 @@ def is_at_stiffness_limit(tests: Sequence[ObservedTest], theta: Floats) -> NDArr
 
     The steps of the tests are no such limit.
     """
-    limited = [each for each in tests if each.stiffest * each.test.dt < MOST_SUBSTEPS]
+    limited = [test for test in tests if test.stiffest * test.test.dt < MOST_SUBSTEPS]
     if not limited:
         return np.zeros(len(theta), dtype=np.bool_)
     return np.asarray(log_stiffness(limited, theta).max(axis=1) > -_AT_LIMIT)
@@ -95,7 +95,7 @@ def stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats)
 def log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
     """Logarithm of the stiffness as a share of the limit, shape (n_batch, n_tests); infinite where it has none."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        stiffness = np.log(np.stack([each.stiffness(theta) for each in tests], axis=1))
+        stiffness = np.log(np.stack([test.stiffness(theta) for test in tests], axis=1))
     return np.where(np.isnan(stiffness), np.inf, stiffness)
 
 

@@ -66,7 +66,9 @@ def tests_section(
     said, records = (
         (one, "the record") if len(predictions) == 1 else (spread.in_words, f"{len(predictions)} records")
     )
-    counts = Counter[str](finding.severity for each in predictions for finding in each.test.findings)
+    counts = Counter[str](
+        finding.severity for prediction in predictions for finding in prediction.test.findings
+    )
     kinds = {"warning": "warning", "note": "note", "repaired": "repair"}
     parts = [numbers.counted(counts[kind], noun) for kind, noun in kinds.items() if counts[kind]]
     return Section(
@@ -81,14 +83,14 @@ def _agreement_table(fit: Fit, predictions: Sequence[Prediction]) -> Table:
     every: list[FitQuality | Fit] = [*fit.quality, fit]
     norms = [entry.error_norms for entry in every]
     columns = {
-        "Test": [*(figures.name_of(each.test) for each in predictions), "All tests"],
+        "Test": [*(figures.name_of(prediction.test) for prediction in predictions), "All tests"],
         "Fit (%)": [numbers.format_fixed(entry.fit_percent, 2) for entry in every],
         "RMSE (N)": numbers.column([entry.rmse_n for entry in every], 3),
         _norm("t"): numbers.column([norm.time for norm in norms], 3),
         _norm("x"): numbers.column([norm.displacement for norm in norms], 3),
         _norm("v"): numbers.column([norm.velocity for norm in norms], 3),
         "Samples": [numbers.format_fixed(entry.n_time, 0) for entry in every],
-        "Sub-steps": [*(numbers.format_fixed(each.substeps, 0) for each in fit.quality), ""],
+        "Sub-steps": [*(numbers.format_fixed(test_quality.substeps, 0) for test_quality in fit.quality), ""],
     }
     *rows, together = zip(*columns.values(), strict=True)
     return Table(
@@ -165,7 +167,7 @@ def drawn_in_full(predictions: Sequence[Prediction], *, every_test: bool = False
     """Indices of the tests with figures of their own, and what each stands for: the best, median and worst of many."""
     if every_test or not has_small_loops(predictions):
         return dict.fromkeys(range(len(predictions)), "")
-    order = np.argsort([-each.fit_percent for each in predictions], kind="stable").tolist()
+    order = np.argsort([-prediction.fit_percent for prediction in predictions], kind="stable").tolist()
     return {order[0]: "Best fit", order[len(order) // 2]: "Median fit", order[-1]: "Worst fit"}
 
 
@@ -191,9 +193,9 @@ def _overview(predictions: Sequence[Prediction], unit: str, before: Callable[[st
             panels=tuple(panels),
             layout="small",
         )
-    shared = gathered_findings([each.test for each in predictions]).shared
+    shared = gathered_findings([prediction.test for prediction in predictions]).shared
     if len(predictions) > 1 and shared:
-        yield Group(title="Findings in several tests", points=tuple(each.in_words for each in shared))
+        yield Group(title="Findings in several tests", points=tuple(finding.in_words for finding in shared))
 
 
 def loop_panel(identifier: str, drawn: Prediction, figure: Figure, title: str = "") -> Panel:
@@ -250,7 +252,9 @@ def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
     ]
     if not classes:
         return None
-    shares = [f"{numbers.percent(each.relative)} % in those of {each.in_words}" for each in classes]
+    shares = [
+        f"{numbers.percent(law_class.relative)} % in those of {law_class.in_words}" for law_class in classes
+    ]
     largest, worst = classes[-1], max(classes, key=lambda each: each.relative)
     times = numbers.shortest(worst.relative / largest.relative, 2)
     prose = (
@@ -274,7 +278,7 @@ def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
 
 def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
     rows = [*classes, *([every] if len(classes) > 1 else [])]
-    decimals = numbers.decimals_of([each.rmse for each in rows], 3)
+    decimals = numbers.decimals_of([row.rmse for row in rows], 3)
 
     def column(heading: str, cell: Callable[[_HalfCycles], str], unit: str = "") -> TableColumn:
         return TableColumn(heading=heading, unit=unit, cell=cell)

@@ -35,7 +35,9 @@ def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | Non
     bands = run.bands
     if bands is None:
         return None
-    conditions = [(each.test.name, ", ".join(excitation(each.test))) for each in bands.predictions]
+    conditions = [
+        (prediction.test.name, ", ".join(excitation(prediction.test))) for prediction in bands.predictions
+    ]
     names = [f"{name} ({known})" if known else name for name, known in conditions]
     prose = (
         "The prediction band (light blue) should contain the stated share of a measurement. It is "
@@ -87,7 +89,11 @@ def _verdict(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
 def _left_out_panels(bands: StoredBands, unit: str) -> tuple[Panel, ...]:
     """Loops of the tests that their bands cover least, with these bands."""
     shares = {test: row[_LEVEL].samples.coverage for test, row in bands.by_test.items()}
-    known = [each for each in bands.predictions if each.test.label in shares and bands.others(each)]
+    known = [
+        prediction
+        for prediction in bands.predictions
+        if prediction.test.label in shares and bands.others(prediction)
+    ]
     panels = []
     for number, prediction in enumerate(
         sorted(known, key=lambda each: shares[each.test.label])[:_LEFT_OUT], 1

@@ -36,7 +36,7 @@ def _ranking_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     provisionally = " provisionally" if chosen.verdict == "provisional" else ""
     panels = []
     if not of_laws:
-        predicted = sum(each.left_out_percent is not None for each in ranking.standings)
+        predicted = sum(standing.left_out_percent is not None for standing in ranking.standings)
         what = f"Left-out fit of {predicted} models with its standard error; {chosen.title} is chosen{provisionally}"
         note = f"Mean and standard error over {ranking.held_out}."
         panels.append(panel("ranking", "Left-out fit of the models", ranking_figure(ranking), what, note))
@@ -51,16 +51,19 @@ def _ranking_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
 @style.drawn_in_style()
 def ranking_figure(ranking: Ranking) -> Figure:
     """Left-out fit of every family that has one, best on top, with the number of its parameters."""
-    predicted = [each for each in ranking.standings if each.left_out_percent is not None]
-    names = [f"{each.title}, {each.n_params}" for each in predicted]
+    predicted = [standing for standing in ranking.standings if standing.left_out_percent is not None]
+    names = [f"{prediction.title}, {prediction.n_params}" for prediction in predicted]
     figure, (axes,) = grid_of_axes(1, 1, (_WIDTH + room_for(names), _AROUND + _ROW * len(predicted)))
     best = predicted[0].left_out_percent or 0.0
-    least = min(max(each.left_out_percent or 0.0, best - _RANGE) for each in predicted)
+    least = min(max(prediction.left_out_percent or 0.0, best - _RANGE) for prediction in predicted)
     margin = 0.06 * max(best - least, 1.0)
     edge = least - margin
     note = partial(axes.annotate, textcoords="offset points", fontsize=style.SMALL_TEXT_SIZE)
-    for row, each in enumerate(predicted):
-        percent, is_good = each.left_out_percent or 0.0, each.is_chosen or each.verdict == "as good"
+    for row, prediction in enumerate(predicted):
+        percent, is_good = (
+            prediction.left_out_percent or 0.0,
+            prediction.is_chosen or prediction.verdict == "as good",
+        )
         colour = style.MODEL if is_good else style.DATA
         if percent < edge:
             axes.plot([edge], [row], marker="<", color=colour, markersize=6, linestyle="none")
@@ -69,20 +72,22 @@ def ranking_figure(ranking: Ranking) -> Figure:
         axes.errorbar(
             [percent],
             [row],
-            xerr=None if each.left_out_error is None else [each.left_out_error],
+            xerr=None if prediction.left_out_error is None else [prediction.left_out_error],
             fmt="o",
             color=colour,
-            markerfacecolor=colour if each.verdict != "as good" else "white",
-            markersize=8.0 if each.is_chosen else 6.0,
+            markerfacecolor=colour if prediction.verdict != "as good" else "white",
+            markersize=8.0 if prediction.is_chosen else 6.0,
             elinewidth=1.2,
         )
         if is_good:
-            note(each.verdict, (percent, row), xytext=(0, 6), ha="center")
+            note(prediction.verdict, (percent, row), xytext=(0, 6), ha="center")
     axes.set_yticks(np.arange(len(predicted)), names)
-    for label, each in zip(axes.get_yticklabels(), predicted, strict=True):
-        label.set_fontweight("bold" if each.is_chosen else "normal")
+    for label, prediction in zip(axes.get_yticklabels(), predicted, strict=True):
+        label.set_fontweight("bold" if prediction.is_chosen else "normal")
     axes.set_ylim(len(predicted) - 0.4, -0.6)
-    farthest = max((each.left_out_percent or 0.0) + (each.left_out_error or 0.0) for each in predicted)
+    farthest = max(
+        (prediction.left_out_percent or 0.0) + (prediction.left_out_error or 0.0) for prediction in predicted
+    )
     axes.set_xlim(edge - margin, min(farthest + margin, 100.5))
     axes.grid(visible=True, axis="x")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10]))
@@ -135,28 +140,28 @@ def _test_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
 @style.drawn_in_style()
 def plan_figure(plan: Plan) -> Figure:
     """Variance reduction [%] at each amplitude and frequency; the best is framed, other places are blank."""
-    commands = sorted({each.candidate.command for each in plan.gains}, key=lambda value: value or 0.0)
-    most = max(each.gain for each in plan.gains)
+    commands = sorted({gain.candidate.command for gain in plan.gains}, key=lambda value: value or 0.0)
+    most = max(gain.gain for gain in plan.gains)
     width = max(_MAP_WIDTH, style.PANEL_WIDTH / len(commands))
     figure, maps = grid_of_axes(len(commands), _MAP_COLUMNS, (width, _MAP_HEIGHT))
     for axes, command in zip(maps, commands, strict=True):
-        gains = [each for each in plan.gains if each.candidate.command == command]
-        amplitudes = sorted({each.candidate.amplitude for each in gains})
-        frequencies = sorted({each.candidate.frequency for each in gains})
+        gains = [gain for gain in plan.gains if gain.candidate.command == command]
+        amplitudes = sorted({gain.candidate.amplitude for gain in gains})
+        frequencies = sorted({gain.candidate.frequency for gain in gains})
         table = np.full((len(amplitudes), len(frequencies)), np.nan)
-        for each in gains:
-            row = amplitudes.index(each.candidate.amplitude)
-            column, is_best = frequencies.index(each.candidate.frequency), each is plan.gains[0]
-            table[row, column] = each.gain
+        for gain in gains:
+            row = amplitudes.index(gain.candidate.amplitude)
+            column, is_best = frequencies.index(gain.candidate.frequency), gain is plan.gains[0]
+            table[row, column] = gain.gain
             axes.text(
                 column,
                 row,
-                f"{100.0 * each.gain:.0f}",
+                f"{100.0 * gain.gain:.0f}",
                 ha="center",
                 va="center",
                 fontsize=style.SMALL_TEXT_SIZE,
                 fontweight="bold" if is_best else "normal",
-                color=style.PAGE if each.gain > _DARK * most else style.INK,
+                color=style.PAGE if gain.gain > _DARK * most else style.INK,
             )
             if is_best:
                 across, up = 0.5 * np.array([[-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1]])

@@ -26,7 +26,7 @@ def name_of(test: DamperTest) -> str:
 
 def common_unit(predictions: Sequence[Prediction]) -> str:
     """One unit of force for all tests of a report, so that their figures are comparable."""
-    peaks = [float(np.nanmax(np.abs(each.test.force))) for each in predictions]
+    peaks = [float(np.nanmax(np.abs(prediction.test.force))) for prediction in predictions]
     return style.force_unit(max(peaks, default=0.0)).symbol
 
 

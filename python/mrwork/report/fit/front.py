@@ -72,7 +72,7 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
     )
     bands, ranking = run.bands, run.ranking
     if run.held_out is not None:
-        outside = sum(bool(each.outside.names) for each in run.held_out.predictions)
+        outside = sum(bool(prediction.outside.names) for prediction in run.held_out.predictions)
         lying = "It lies" if len(run.held_out.predictions) == 1 else f"{outside} of them"
         return _Evidence(
             title="Kept for test",
@@ -115,7 +115,7 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
     """The front of the page of a run, whose fit is `predictions`."""
     fit = run.fit
     evidence = _evidence(run, predictions)
-    names = [each.test.name for each in predictions]
+    names = [prediction.test.name for prediction in predictions]
     banner = _BANNER.get(fit.status, "").format(reason=f": {fit.status_reason}" if fit.status_reason else "")
     if not banner and fit.warnings:
         (banner,) = first_sentences(fit.warnings[:1], 1)
@@ -129,7 +129,7 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
         eyebrow="Damper identification",
         title=fit.spec.title,
         subject=f"{specimen}{'. ' if specimen else ''}Fitted to {list_names(names, _NAMED)}",
-        synthetic=any(each.test.synthetic for each in predictions),
+        synthetic=any(prediction.test.synthetic for prediction in predictions),
         banner=banner,
         verdict=evidence.in_words,
         numbers=_numbers(run, predictions, evidence),
@@ -176,7 +176,7 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
 def _loops(evidence: _Evidence, unit: str, *, height: float) -> Iterator[Panel]:
     """Small loops of the worst and the median test; of a single test over both motions."""
     count = evidence.spread.n_tests
-    order = np.argsort([each.fit_percent for each in evidence.drawn], kind="stable").tolist()
+    order = np.argsort([curve.fit_percent for curve in evidence.drawn], kind="stable").tolist()
     chosen: list[tuple[int, str, Motion]] = [
         (order[0], "Worst", "velocity" if count > 1 else "displacement"),
         (order[median_place(len(order))], "Median", "velocity"),
@@ -209,7 +209,7 @@ def _law_panels(fit: Fit, height: float) -> Iterator[Panel]:
 def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Prediction]) -> tuple[str, ...]:
     """Where the fit does not hold, what misleads most first; what does not fit is counted."""
     fit = run.fit
-    doubtful = [each.name for each in fit.estimates if each.verdict not in (*FINE, "negligible")]
+    doubtful = [estimate.name for estimate in fit.estimates if estimate.verdict not in (*FINE, "negligible")]
     said = [*fit.warnings[0 if fit.status in _BANNER else 1 :]]
     if evidence.drawn is predictions and len(predictions) == 1:
         said.append("One test cannot show how the damper behaves under another motion or command.")
@@ -217,7 +217,7 @@ def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Predict
         said.append(
             f"Do not use the values of {list_names(doubtful, 6)} by themselves: the tests do not determine them."
         )
-    if any(each.test.synthetic for each in predictions):
+    if any(prediction.test.synthetic for prediction in predictions):
         said.append("Synthetic tests are simulated by a model: they show that the chain works, no more.")
     return (f"Not beyond the tested ranges: {fit.tested.in_words}.", *first_sentences(said, _CAUTIONS))
 

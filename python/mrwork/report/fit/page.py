@@ -85,10 +85,10 @@ def _absent_section(absent: Sequence[SectionKind]) -> Section | None:
     if not absent:
         return None
     prose = "RUN is the folder of this page. A command that takes RUN adds its section to the page."
-    facts = tuple((each.title, f"`{each.command}` {each.description}") for each in absent)
+    facts = tuple((name.title, f"`{name.command}` {name.description}") for name in absent)
     return Section(
         title="Not in this report yet",
-        summary=f"{list_names([each.title[:1].lower() + each.title[1:] for each in absent], len(absent))}.",
+        summary=f"{list_names([name.title[:1].lower() + name.title[1:] for name in absent], len(absent))}.",
         groups=(Group(prose=(prose,), facts=facts),),
     )
 

@@ -25,7 +25,7 @@ from mrwork.uncertainty.identifiability.profile import Profiles
 def parameters_section(run: StoredRun) -> Section:
     """The model, its parameters with their uncertainty, and what the data determine."""
     fit, spec = run.fit, run.fit.spec
-    words = {each.verdict for each in fit.estimates}
+    words = {estimate.verdict for estimate in fit.estimates}
     advice = " ".join(_ADVICE[word] for word in get_args(Verdict) if word in _ADVICE and word in words)
     model = Markup('<div class="equation">{}</div>').format(Markup(equation_html(spec.equations)))
     groups = [Group(markup=model + Markup('<p class="note">{}</p>').format(spec.source))]
@@ -40,14 +40,14 @@ def parameters_section(run: StoredRun) -> Section:
         groups.append(Group(prose=(digest,), markup=source))
     # Only "the residuals do not depend on it" does not start with a parameter's name.
     sentences = [
-        each.sentence if each.seen or len(each.changes) > 1 else f"T{each.sentence.removeprefix('t')}"
-        for each in fit.informative
+        test.sentence if test.seen or len(test.changes) > 1 else f"T{test.sentence.removeprefix('t')}"
+        for test in fit.informative
     ]
     groups.append(
         Group(
             table=_parameter_table(fit),
             prose=tuple(filter(None, (advice,))),
-            points=tuple(f"{each}." for each in sentences),
+            points=tuple(f"{sentence}." for sentence in sentences),
         )
     )
     return Section(title="Parameters", summary=_summary(fit), groups=tuple(groups))
@@ -57,13 +57,13 @@ def _parameter_table(fit: Fit) -> Table:
     """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict."""
     estimates = fit.estimates
     if fit.intervals is None:
-        pairs = [numbers.value_and_error(each.value, each.standard_error) for each in estimates]
+        pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]
     else:
-        pairs = [_value_and_interval(each) for each in estimates]
+        pairs = [_value_and_interval(estimate) for estimate in estimates]
     values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
-    verdicts = [each.verdict for each in estimates]
-    reasons = [_reason(each) for each in estimates]
-    shares = ((each.standard_error, each.value) for each in estimates)
+    verdicts = [estimate.verdict for estimate in estimates]
+    reasons = [_reason(estimate) for estimate in estimates]
+    shares = ((estimate.standard_error, estimate.value) for estimate in estimates)
     relative = [
         numbers.NOTHING if error is None or value == 0 else numbers.significant(100 * error / abs(value), 2)
         for error, value in shares
@@ -71,13 +71,17 @@ def _parameter_table(fit: Fit) -> Table:
     # The symbol of the equations, and the name in files.
     name = Markup('<span class="symbol">{}</span> <code>{}</code>')
     columns: list[tuple[str, Sequence[str], bool]] = [
-        ("Parameter", [name.format(Markup(symbol(each.name)), each.name) for each in estimates], True),
+        (
+            "Parameter",
+            [name.format(Markup(symbol(estimate.name)), estimate.name) for estimate in estimates],
+            True,
+        ),
         ("Value", _align_texts(values), False),
         (fit.uncertainty_heading.capitalize(), errors if fit.intervals else _align_texts(errors), False),
         ("Relative (%)", [] if fit.intervals else _align_texts(relative), False),
-        ("Unit", [shown_unit(each.unit) for each in estimates], True),
-        ("Lower bound", _align_texts([numbers.shortest(each.lower) for each in estimates]), False),
-        ("Upper bound", _align_texts([numbers.shortest(each.upper) for each in estimates]), False),
+        ("Unit", [shown_unit(estimate.unit) for estimate in estimates], True),
+        ("Lower bound", _align_texts([numbers.shortest(estimate.lower) for estimate in estimates]), False),
+        ("Upper bound", _align_texts([numbers.shortest(estimate.upper) for estimate in estimates]), False),
         ("Verdict", verdicts if any(verdicts) else [], True),
         ("Reason", reasons if any(reasons) else [], True),
     ]
@@ -155,7 +159,7 @@ _ADVICE: dict[Verdict, str] = {
 
 
 def _summary(fit: Fit) -> str:
-    judged = [each for each in fit.estimates if each.verdict not in ("", "fixed", "tied")]
+    judged = [estimate for estimate in fit.estimates if estimate.verdict not in ("", "fixed", "tied")]
     if not judged:
         return f"{len(fit.estimates)} parameters."
     names = {
@@ -175,7 +179,9 @@ def _profiles_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None
     profiles = run.profiles
     if profiles is None:
         return None
-    open_ended = [each.name for each in profiles.profiles if each.lower is None or each.upper is None]
+    open_ended = [
+        profiled.name for profiled in profiles.profiles if profiled.lower is None or profiled.upper is None
+    ]
     count = len(profiles.profiles)
     ends_in_words = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
     what = f"Likelihood ratio over each of {count} parameters"

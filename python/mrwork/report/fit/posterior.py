@@ -42,14 +42,18 @@ def _section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
         posterior(run, np.ravel(figure.subplots(count, count, squeeze=False, gridspec_kw=within | gaps)))
     corner = panel("corner", "", figure, what)
     traces, ranks = [], []
-    for each in draws.varied:
-        anchor, chain = each.name.replace(".", "-").replace("_", "-"), draws.chain(each.name)
-        made = f"Draws of {each.name} in the order in which they were made"
-        traces.append(panel(f"trace-{anchor}", "", _trace_figure(each.name, chain), made))
-        ranked = f"Ranks of the draws of {each.name} in four groups of walkers"
-        note = f"ESS {format_fixed(each.ess_bulk, 0)}, of the tails {format_fixed(each.ess_tail, 0)}"
-        note += f", R-hat {format_fixed(each.rhat, 3)}" if math.isfinite(each.rhat) else ""
-        ranks.append(panel(f"rank-{anchor}", "", _rank_figure(each.name, chain, each.ess_bulk), ranked, note))
+    for parameter in draws.varied:
+        anchor, chain = parameter.name.replace(".", "-").replace("_", "-"), draws.chain(parameter.name)
+        made = f"Draws of {parameter.name} in the order in which they were made"
+        traces.append(panel(f"trace-{anchor}", "", _trace_figure(parameter.name, chain), made))
+        ranked = f"Ranks of the draws of {parameter.name} in four groups of walkers"
+        note = (
+            f"ESS {format_fixed(parameter.ess_bulk, 0)}, of the tails {format_fixed(parameter.ess_tail, 0)}"
+        )
+        note += f", R-hat {format_fixed(parameter.rhat, 3)}" if math.isfinite(parameter.rhat) else ""
+        ranks.append(
+            panel(f"rank-{anchor}", "", _rank_figure(parameter.name, chain, parameter.ess_bulk), ranked, note)
+        )
     return Section(
         title="Posterior",
         summary=f"{draws.status.replace('_', ' ')} after {draws.n_steps} steps, "

@@ -36,9 +36,9 @@ _LINE_POINTS = 300
 
 def residual_section(predictions: Sequence[Prediction]) -> Section:
     """Tests of the residuals of all tests; the figures of the worst test stand beside it."""
-    tests = [residual_tests(each.test, each.residual) for each in predictions]
-    correlated = sum(not each.is_white for each in tests)
-    repeating = [each.repeating for each in tests if not each.is_white and np.isfinite(each.repeating)]
+    tests = [residual_tests(prediction.test, prediction.residual) for prediction in predictions]
+    correlated = sum(not test.is_white for test in tests)
+    repeating = [test.repeating for test in tests if not test.is_white and np.isfinite(test.repeating)]
     places = _places(tests)
     said = list(places)
     if correlated:
@@ -59,7 +59,7 @@ def residual_section(predictions: Sequence[Prediction]) -> Section:
             "a better model could remove a part of them."
         )
     else:
-        constant = all(each.has_constant_variance for each in tests)
+        constant = all(test.has_constant_variance for test in tests)
         first = (
             "These tests do not distinguish the residuals from white noise: they show no error that a better model "
             f"could remove{', and the standard errors in the table of parameters hold' if constant else ''}."
@@ -76,19 +76,19 @@ def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
     kinds = (
         (
             "after steps of the command",
-            [each.after_steps for each in tests],
+            [test.after_steps for test in tests],
             "After steps of the command the model does not follow it as the damper does: look at its lag, its laws and "
             "at the times of the recorded command.",
         ),
         (
             "at reversals of the motion",
-            [each.at_reversals for each in tests],
+            [test.at_reversals for test in tests],
             "At reversals of the motion the force of the model does not change sides as the damper's does.",
         ),
     )
     found = {}
     for where, excesses, meaning in kinds:
-        if ratios := [each.ratio for each in excesses if each.is_found]:
+        if ratios := [excesse.ratio for excesse in excesses if excesse.is_found]:
             times = f"{shortest(max(ratios), 2)} times as large as elsewhere"
             several = f"up to {times} on {tests_of(len(ratios), len(tests))}"
             found[f"{where} are {several if len(tests) > 1 else times}"] = meaning
@@ -96,7 +96,7 @@ def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
 
 
 def _variance(tests: Sequence[ResidualTests]) -> str:
-    varying = sum(not each.has_constant_variance for each in tests)
+    varying = sum(not test.has_constant_variance for test in tests)
     if varying == 0:
         return "The tests show no dependence of their variance on speed or stroke."
     return (

@@ -216,8 +216,10 @@ def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequen
     drawn = [row for row in scored if row in shown.drawn]
     if len(results.judged_motions) < 2 or not rows:
         return None
-    others = [each for number, each in enumerate(results.motions) if number not in results.judged_motions]
-    kinds = dict.fromkeys("training motions" if each.use == "training" else "other levels" for each in others)
+    others = [motion for number, motion in enumerate(results.motions) if number not in results.judged_motions]
+    kinds = dict.fromkeys(
+        "training motions" if other.use == "training" else "other levels" for other in others
+    )
     circles = f", circles for {' and '.join(kinds)}" if kinds else ""
     figure = panel(
         "score-spread",
@@ -280,7 +282,7 @@ def _of_first(column: TableColumn) -> TableColumn:
 
 
 def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
-    intensities = sorted((each.at_level[1] for each in motions), key=attrgetter("value"))
+    intensities = sorted((motion.at_level[1] for motion in motions), key=attrgetter("value"))
     ends = " to ".join(significant(intensities[end].value / STANDARD_GRAVITY, 3) for end in (0, -1))
     return f"{len(intensities)}, {intensities[0].name} {ends} g"
 

@@ -73,7 +73,7 @@ def fragility_section(results: StudyResults, found: Fragilities) -> Section:
         groups=(
             Group(
                 points=found.in_words(),
-                table=replace(table, note=" ".join(f"{each}." for each in found.cautions)),
+                table=replace(table, note=" ".join(f"{caution}." for caution in found.cautions)),
             ),
             Group(panels=(curves,)),
             Group(panels=(lines,), layout="whole"),

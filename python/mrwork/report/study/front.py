@@ -92,15 +92,15 @@ def _subject(results: StudyResults) -> str:
     facts = results.building
     if facts is None:
         return f"Under {names}"
-    periods = [significant(each, 3) for each in facts.periods[:_MODES] if np.isfinite(each)]
-    ratios = [100.0 * each for each in facts.damping_ratios[:_MODES] if np.isfinite(each)]
+    periods = [significant(period, 3) for period in facts.periods[:_MODES] if np.isfinite(period)]
+    ratios = [100.0 * ratio for ratio in facts.damping_ratios[:_MODES] if np.isfinite(ratio)]
     storeys = (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
     damping = f", damping {_least_to_most(ratios, lambda each: format_fixed(each, 1))} %" if ratios else ""
     mass = significant(1e-3 * sum(facts.masses), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
-    drifts = [1e3 * each for each in facts.yield_drifts if each]
+    drifts = [1e3 * drift for drift in facts.yield_drifts if drift]
     yields = f", yields at {_least_to_most(drifts)} mm of drift" if drifts else ""
     weights = ", P-delta" if facts.loads else ""
     return f"{storeys}{height}, {mass} t, periods {', '.join(periods)} s{damping}{yields}{weights}; under {names}"
@@ -190,7 +190,7 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
 
     more = len(set(laws) - set(drawn))
     own = ("Drift ratio (%)",) if known else ()
-    heads = [f"Against {results.rows[each].label.partition(',')[0]} (%)" for each in references]
+    heads = [f"Against {results.rows[reference].label.partition(',')[0]} (%)" for reference in references]
     return Table(
         label="What each law is worth",
         columns=("", "Score", *own, *(("Drift", "Acc.") * len(references)), "Verdict"),
@@ -255,7 +255,7 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     # With additions there are more masses than storeys.
     if facts is None or len(facts.stiffnesses) != len(facts.masses) or len(facts.masses) > _MOST_FLOORS:
         return
-    dampers = [f"{format_fixed(each.count, 0)} in storey {each.storey + 1}" for each in results.dampers]
+    dampers = [f"{format_fixed(damper.count, 0)} in storey {damper.storey + 1}" for damper in results.dampers]
     dampers += facts.passive
     with style.drawn_in_style():
         figure, axes = small_axes()

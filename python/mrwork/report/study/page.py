@@ -90,10 +90,10 @@ def demand_section(results: StudyResults) -> Section | None:
         return None
     ranges: list[tuple[str, OperatingRange | None]] = []
     for device in results.dampers:
-        own = [each.demand for each in demands if each.device == device.name]
+        own = [demand.demand for demand in demands if demand.device == device.name]
         ranges += [(device.name, covering(own)), ("tested", device.tested)]
-    outside = sorted({name for each in demands for name in each.outside.names})
-    known = any(each.outside.known for each in demands)
+    outside = sorted({name for demand in demands for name in demand.outside.names})
+    known = any(demand.outside.known for demand in demands)
     summary = f"outside the tested range in {', '.join(outside)}." if outside else "within the tested range."
     table = Table(
         label="Largest demand on one damper, and the range it was tested in",
@@ -119,7 +119,9 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
     changes = largest_step_changes(results)
     if not changes:
         return None
-    worst = max((each for each in changes if each.criterion), key=lambda each: each.change, default=None)
+    worst = max(
+        (change for change in changes if change.criterion), key=lambda each: each.change, default=None
+    )
     return Section(
         title="Half the step",
         summary="no runs can be compared."

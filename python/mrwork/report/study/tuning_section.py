@@ -31,7 +31,9 @@ def tuning_sections(results: TunedStudy) -> Iterator[Section | None]:
     yield _places_section(results.tuned)
     yield _settings_section(results)
     tuned = results.tuned
-    yield from (_front_section(number, each, tuned.command_unit) for number, each in enumerate(tuned.fronts))
+    yield from (
+        _front_section(number, front, tuned.command_unit) for number, front in enumerate(tuned.fronts)
+    )
     yield _search_section(results.tuned) if results.tuned.laws else None
 
 
@@ -47,7 +49,7 @@ def _objective_table(results: TunedStudy) -> Table:
     return Table(
         label="Objective and score",
         columns=("", "Objective", "Score", "Objective", "Score"),
-        rows=tuple((each.label, *cells(each)) for each in (*results.tuned.laws, *results.tuned.references)),
+        rows=tuple((law.label, *cells(law)) for law in (*results.tuned.laws, *results.tuned.references)),
         over=(("", 1), ("Training motions", 2), ("Test motions", 2)),
         note="The objective is what a law was tuned for; the score is the study's. A gap between training and "
         "test motions is the price of tuning on few motions.",
@@ -70,30 +72,30 @@ def _settings_section(results: TunedStudy) -> Section | None:
     if not tuned.laws:
         return None
     groups = [Group(table=_objective_table(results))]
-    for each in tuned.laws:
-        ranges = {free.name: f"{shortest(free.lower)} to {shortest(free.upper)}" for free in each.free}
-        refused = f", of which {each.refused} of the first could not be simulated" if each.refused else ""
+    for law in tuned.laws:
+        ranges = {free.name: f"{shortest(free.lower)} to {shortest(free.upper)}" for free in law.free}
+        refused = f", of which {law.refused} of the first could not be simulated" if law.refused else ""
         prose = (
-            f"Minimised: {each.objective.in_words(robust=each.robust)}.",
-            f"Settings from: {each.origin}; {each.candidates} candidates in {each.seconds:.3g} s{refused}.",
-            f"Certificate: {each.certificate or 'none'}.",
+            f"Minimised: {law.objective.in_words(robust=law.robust)}.",
+            f"Settings from: {law.origin}; {law.candidates} candidates in {law.seconds:.3g} s{refused}.",
+            f"Certificate: {law.certificate or 'none'}.",
         )
         table = Table(
-            label=f"Settings of {each.label}",
+            label=f"Settings of {law.label}",
             columns=("Setting", "Value", "Searched"),
             rows=tuple(
                 (name, setting_in_words(own, shortest), ranges.get(name, "held"))
-                for name, own in each.settings.items()
+                for name, own in law.settings.items()
             ),
             words=(2,),
         )
-        groups.append(Group(title=each.label, prose=prose, table=table))
+        groups.append(Group(title=law.label, prose=prose, table=table))
     return Section(title="How the settings were found", groups=tuple(groups))
 
 
 def _front_section(number: int, front: Front, command_unit: str) -> Section:
     title, names = f"Pareto front of {front.label}", front.objectives
-    uses = ("Training", "Test") if any(each.test is not None for each in front.points) else ("Training",)
+    uses = ("Training", "Test") if any(point.test is not None for point in front.points) else ("Training",)
     heads = [criterion(name).title for name in names] * len(uses)
 
     def numbers(point: FrontPoint) -> Iterator[str]:
@@ -106,11 +108,11 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
         rows=tuple(
             (
                 str(place),
-                *numbers(each),
-                settings_in_words(each.settings, command_unit, shortest),
-                each.certificate,
+                *numbers(point),
+                settings_in_words(point.settings, command_unit, shortest),
+                point.certificate,
             )
-            for place, each in enumerate(front.points, start=1)
+            for place, point in enumerate(front.points, start=1)
         ),
         over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
         words=(1 + len(heads), 2 + len(heads)),
@@ -130,17 +132,17 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
 
 def _search_section(results: TuningResults) -> Section:
     """The least penalised objective after each generation of every search."""
-    laws = [each for each in results.laws if len(each.trace) > 1]
+    laws = [law for law in results.laws if len(law.trace) > 1]
     with style.drawn_in_style():
         course, axes = column_axes(top=0.9)
-        for number, each in enumerate(laws):
+        for number, law in enumerate(laws):
             axes.step(
-                [point.candidates for point in each.trace],
-                [point.least for point in each.trace],
+                [point.candidates for point in law.trace],
+                [point.least for point in law.trace],
                 where="post",
                 color=style.hue(number),
                 linewidth=1.4 if number < len(style.HUES) else 0.6,
-                label=short(each.label, _LONGEST),
+                label=short(law.label, _LONGEST),
             )
         axes.set_xlabel("Candidates")
         axes.set_ylabel("Least objective on the training motions")

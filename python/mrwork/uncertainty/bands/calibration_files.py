@@ -74,7 +74,7 @@ class StoredBands(Summarised):
         return cls(
             calibration=calibration,
             coverage=measured_coverage(predictions) if len(calibration.tests) > 1 else (),
-            predictions=tuple(each for each in predictions if each.seen is None),
+            predictions=tuple(prediction for prediction in predictions if prediction.seen is None),
         )
 
     def document(self) -> dict[str, Any]:
@@ -88,7 +88,7 @@ class StoredBands(Summarised):
             "held_out": calibration.held_out,
             "seen": [asdict(each) for each in calibration.seen],
             "shape": asdict(calibration.shape),
-            "reach": [named(each, "quantity", "below", "severity") for each in calibration.reach],
+            "reach": [named(test_reach, "quantity", "below", "severity") for test_reach in calibration.reach],
             "coverage": [asdict(row) for row in self.coverage],
         }
 
@@ -112,7 +112,7 @@ class StoredBands(Summarised):
     def _coverage_table(self) -> Table:
         """The share of samples of each test in the bands of the others, its score, and their means."""
         rows = self.by_test.values()
-        names = {each.test.label: each.test.name for each in self.predictions}
+        names = {prediction.test.label: prediction.test.name for prediction in self.predictions}
         columns: list[tuple[list[float], Callable[[float], str]]] = [
             *(([row[level].samples.coverage for row in rows], percent) for level in LEVELS),
             ([row[_LEVEL].cycles_inside for row in rows], percent),
@@ -139,10 +139,10 @@ class StoredBands(Summarised):
 
     def others(self, prediction: Prediction) -> list[Prediction]:
         """The predictions of the tests that are not alike to one of them."""
-        groups = alike_groups([RecordedMotion.of(each.test) for each in self.predictions])
+        groups = alike_groups([RecordedMotion.of(prediction.test) for prediction in self.predictions])
         number = [each is prediction for each in self.predictions].index(True)
         alike = next(members for members in groups if number in members)
-        return [each for index, each in enumerate(self.predictions) if index not in alike]
+        return [prediction for index, prediction in enumerate(self.predictions) if index not in alike]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,7 +163,9 @@ def write_bands(place: Path, bands: StoredBands) -> None:
     calibration = bands.calibration
     document = asdict(calibration) | {
         "scores": _rounded(calibration.scores),
-        "reach": [asdict(each) | {"scores": _rounded(each.scores)} for each in calibration.reach],
+        "reach": [
+            asdict(test_reach) | {"scores": _rounded(test_reach.scores)} for test_reach in calibration.reach
+        ],
         "coverage": [asdict(row) for row in bands.coverage],
     }
     contents = {
@@ -199,9 +201,9 @@ _DROPPED = {"findings": (), "original": None}
 def predictions_content(predictions: Sequence[Prediction]) -> bytes:
     """The file `predictions.npz` of a run folder: facts of each test, and its arrays in single precision."""
     facts, arrays = [], dict[str, Any]()
-    for number, each in enumerate(predictions):
-        values = {own.name: getattr(each.test, own.name) for own in fields(each.test)} | _DROPPED
-        values |= {"model": each.model_force, "substeps": each.substeps}
+    for number, prediction in enumerate(predictions):
+        values = {own.name: getattr(prediction.test, own.name) for own in fields(prediction.test)} | _DROPPED
+        values |= {"model": prediction.model_force, "substeps": prediction.substeps}
         channels = {name for name, value in values.items() if isinstance(value, np.ndarray)}
         arrays |= {f"{name}_{number}": values[name].astype(np.float32) for name in channels}
         facts.append({name: value for name, value in values.items() if name not in channels})

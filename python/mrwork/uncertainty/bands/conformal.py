@@ -69,10 +69,10 @@ class Reach:
     def of(cls, predictions: Sequence[Prediction], shape: ErrorShape) -> tuple[Reach, ...]:
         """Reach in each quantity in which predictions are beyond the tests of their fits."""
         reached = defaultdict[tuple[OperatingQuantity, bool], list[tuple[float, Floats]]](list)
-        for each in predictions:
-            for one in driven(each.outside):
+        for prediction in predictions:
+            for one in driven(prediction.outside):
                 if not one.between and np.isfinite(one.severity):
-                    reached[side_of(one)].append((one.severity, _scores_of(each, shape)))
+                    reached[side_of(one)].append((one.severity, _scores_of(prediction, shape)))
         return tuple(
             cls(
                 quantity=quantity,
@@ -91,7 +91,7 @@ def side_of(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
 
 def driven(outside: Outside) -> tuple[Exceedance, ...]:
     """Exceedances of motion and command, without force and power, which follow from them."""
-    return tuple(each for each in outside.exceedances if each.quantity in _DRIVEN)
+    return tuple(exceedance for exceedance in outside.exceedances if exceedance.quantity in _DRIVEN)
 
 
 def _scores_of(prediction: Prediction, shape: ErrorShape) -> Floats:
@@ -139,7 +139,7 @@ class Calibration(Summarised):
     @checked
     def untested(self, prediction: Prediction) -> tuple[Exceedance, ...]:
         """What is farther beyond the tests than the model was tried, where no band is known."""
-        most = {each.side: (1.0 + _FARTHER) * each.severity for each in self.reach}
+        most = {reach_of_test.side: (1.0 + _FARTHER) * reach_of_test.severity for reach_of_test in self.reach}
         return tuple(
             each
             for each in self.beyond(prediction)
@@ -174,7 +174,7 @@ class Calibration(Summarised):
         centre, scale = self.shape.of(prediction)
         beyond = self.beyond(prediction)
         sides = {side_of(each) for each in beyond}
-        farther = [each.scores for each in self.reach if each.side in sides]
+        farther = [reach_of_test.scores for reach_of_test in self.reach if reach_of_test.side in sides]
         multiple = max(next_test_quantile(scores, level) for scores in (self.scores, *farther))
         band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
         force, test = prediction.force, prediction.test
@@ -208,7 +208,7 @@ class Calibration(Summarised):
     @property
     def reach_in_words(self) -> str:
         """How far beyond the tests bands are known, in words."""
-        return ", ".join(each.in_words for each in self.reach) or "nowhere"
+        return ", ".join(reach_of_test.in_words for reach_of_test in self.reach) or "nowhere"
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -289,11 +289,11 @@ def calibrate(
     return Calibration(
         shape=shape,
         scores=tuple(scores),
-        tests=tuple(" with ".join(each.test.label for each in members) for members in groups),
+        tests=tuple(" with ".join(member.test.label for member in members) for members in groups),
         held_out=held_out,
         motions=motions,
         seen=seen,
-        tested=range_of_tests([each.test for members in groups for each in members]),
+        tested=range_of_tests([member.test for members in groups for member in members]),
         reach=Reach.of(beyond, shape),
     )
 
@@ -302,10 +302,14 @@ def _select_held_out(
     predictions: Sequence[Prediction],
 ) -> tuple[list[list[Prediction]], tuple[RecordedMotion, ...], tuple[Likeness, ...]]:
     """Predictions of held-out tests in groups of alike tests, their motions, and the likeness of the seen tests."""
-    unseen = [each for each in predictions if each.seen is None]
+    unseen = [prediction for prediction in predictions if prediction.seen is None]
     motions = tuple(RecordedMotion.of(each.test) for each in unseen)
     groups = [[unseen[index] for index in members] for members in alike_groups(motions)]
-    return groups, motions, tuple(each.seen for each in predictions if each.seen is not None)
+    return (
+        groups,
+        motions,
+        tuple(prediction.seen for prediction in predictions if prediction.seen is not None),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -330,13 +334,13 @@ def measured_coverage(
         raise SettingError(
             f"coverage is measured on tests that the calibration does not know, {count}; give at least two"
         )
-    energy = [[energy_errors(each) for each in members] for members in groups]
+    energy = [[energy_errors(member) for member in members] for members in groups]
     table = ErrorTable.of(groups)
     rows = []
     for index, (members, variant) in enumerate(zip(groups, table.best_variants_without_each(), strict=True)):
         shape, scores = table.calibrate(variant, (index,))
         others = [np.concatenate(own) for number, own in enumerate(energy) if number != index]
-        others = [each for each in others if each.size]
+        others = [other for other in others if other.size]
         multiples = [next_test_quantile(scores, level) for level in levels]
         for prediction, own in zip(members, energy[index], strict=True):
             centre, scale = shape.of(prediction)

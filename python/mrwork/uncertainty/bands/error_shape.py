@@ -103,12 +103,12 @@ class ErrorTable:
         """Sample the errors of the predictions of each group."""
         columns: list[tuple[NDArray[Any], ...]] = []
         for number, members in enumerate(groups):
-            for each in members:
-                every = even_samples(each)
-                error = each.residual[every]
-                constant = (each.deviation, np.std(each.measured), number)
+            for member in members:
+                every = even_samples(member)
+                error = member.residual[every]
+                constant = (member.deviation, np.std(member.measured), number)
                 same = (np.full(error.size, value) for value in constant)
-                columns.append((error, each.steepness[every], each.phase[every], *same))
+                columns.append((error, member.steepness[every], member.phase[every], *same))
         error, steepness, phase, deviation, measured, group = map(np.concatenate, zip(*columns, strict=True))
         return cls(
             error=error,
@@ -117,7 +117,9 @@ class ErrorTable:
             deviation=deviation,
             measured=measured,
             group=group,
-            periodic=np.array([all(has_regular_cycles(each.test) for each in members) for members in groups]),
+            periodic=np.array(
+                [all(has_regular_cycles(member.test) for member in members) for members in groups]
+            ),
         )
 
     def __post_init__(self) -> None:

@@ -48,8 +48,8 @@ _SAME = 1e-3
 def write_held_out(run: RunFolder, fit: Fit, predictions: Sequence[Prediction]) -> None:
     """Write predicted tests into the run folder of a fit, beside those that it has; of the same the last counts."""
     merged: list[Prediction] = []
-    for each in (*read_predictions(run, HELD_OUT_FORCES, verb=_VERB), *predictions):
-        merged = [*(other for other in merged if not _is_same(other.test, each.test)), each]
+    for prediction in (*read_predictions(run, HELD_OUT_FORCES, verb=_VERB), *predictions):
+        merged = [*(other for other in merged if not _is_same(other.test, prediction.test)), prediction]
     contents = {
         HELD_OUT: json_document(_held_out(fit, merged, None).document()).encode(),
         HELD_OUT_FORCES: predictions_content(merged),
@@ -59,7 +59,10 @@ def write_held_out(run: RunFolder, fit: Fit, predictions: Sequence[Prediction]) 
 
 def _held_out(fit: Fit, predictions: Sequence[Prediction], calibration: Calibration | None) -> Predictions:
     """Predictions of held-out tests that were read from a file, which has nothing of the fit."""
-    judged = [replace(each, outside=fit.outside(each.test, each.model_force)) for each in predictions]
+    judged = [
+        replace(prediction, outside=fit.outside(prediction.test, prediction.model_force))
+        for prediction in predictions
+    ]
     return Predictions.about(fit, judged, nuisances=fit.nuisances, calibration=calibration, level=_LEVEL)
 
 
@@ -76,9 +79,9 @@ def read_held_out(run: RunFolder, fit: Fit) -> Predictions | None:
     """The predictions in the run folder of a fit of tests that its calibration has not seen; `None` without any."""
     calibration = stored_calibration(run)
     kept = [
-        each
-        for each in read_predictions(run, HELD_OUT_FORCES, verb=_VERB)
-        if calibration is None or not calibration.knows(each.test)
+        prediction
+        for prediction in read_predictions(run, HELD_OUT_FORCES, verb=_VERB)
+        if calibration is None or not calibration.knows(prediction.test)
     ]
     return _held_out(fit, kept, calibration) if kept else None
 
@@ -107,7 +110,7 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     extremes: set[int] = set()
     for values in (-stroke, stroke, speed, -speed, speed / stroke, -speed / stroke):
         most = int(np.argmax(values))
-        if not any(values[each] >= values[most] - _ALIKE * abs(values[most]) for each in extremes):
+        if not any(values[extreme] >= values[most] - _ALIKE * abs(values[most]) for extreme in extremes):
             extremes.add(most)
     between = sorted(set(range(len(folds))) - extremes, key=lambda fold: float(speed[fold]))
     # Of one or two motions the first is for test.

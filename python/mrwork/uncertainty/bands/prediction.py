@@ -153,7 +153,7 @@ class Prediction(Plotted, WithAxes, Summarised):
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
             ),
             notes=[
-                *(f"warning: {each}" for each in self.outside.sentences),
+                *(f"warning: {sentence}" for sentence in self.outside.sentences),
                 *([] if self.sets_apart is None else [self.sets_apart.in_words]),
             ],
         )
@@ -276,8 +276,10 @@ def extremes_of(tests: Sequence[DamperTest]) -> list[list[int]]:
     Without others there is no group.
     """
     ranges = [range_of_test(test, None) for test in tests]
-    stroke, velocity = (np.array([getattr(each, name) for each in ranges]) for name in ("stroke", "velocity"))
-    frequency = np.array([np.mean(each.frequency or 0.0) for each in ranges])
+    stroke, velocity = (
+        np.array([getattr(interval, name) for interval in ranges]) for name in ("stroke", "velocity")
+    )
+    frequency = np.array([np.mean(interval.frequency or 0.0) for interval in ranges])
     groups = list[list[int]]()
     for extent in (velocity, frequency, 1.0 / np.maximum(frequency, _LOWEST), stroke):
         for factor, remaining in _OF_EXTREME:

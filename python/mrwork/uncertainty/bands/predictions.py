@@ -86,17 +86,20 @@ class Predictions(Summarised):
         bands: tuple[tuple[Band, BandScore] | None, ...] = ()
         tests_to_run: tuple[str, ...] = ()
         if calibration is not None and level is not None:
-            made = [calibration.band(each, level) for each in predictions]
+            made = [calibration.band(prediction, level) for prediction in predictions]
             bands = tuple(
-                None if band is None else (band, score(band, each.measured))
-                for band, each in zip(made, predictions, strict=True)
+                None if band is None else (band, score(band, prediction.measured))
+                for band, prediction in zip(made, predictions, strict=True)
             )
-            tests_to_run = tuple(calibration.test_to_run(each) for each in predictions)
+            tests_to_run = tuple(calibration.test_to_run(prediction) for prediction in predictions)
         return cls(
             fit=fit,
             predictions=tuple(predictions),
             nuisances=nuisances,
-            used=tuple(None if calibration is None else calibration.knows(each.test) for each in predictions),
+            used=tuple(
+                None if calibration is None else calibration.knows(prediction.test)
+                for prediction in predictions
+            ),
             bands=bands,
             level=level,
             basis=calibration.basis if calibration is not None and bands else "",
@@ -107,7 +110,7 @@ class Predictions(Summarised):
     def held_out(self) -> tuple[Prediction, ...]:
         """Those of tests that neither the fit nor the calibration has seen."""
         pairs = zip(self.predictions, self.used, strict=True)
-        return tuple(each for each, used in pairs if each.seen is None and used is None)
+        return tuple(pair for pair, used in pairs if pair.seen is None and used is None)
 
     @property
     def spread(self) -> FitSpread:
@@ -117,35 +120,41 @@ class Predictions(Summarised):
     @property
     def spread_unseen(self) -> FitSpread | None:
         """Median and worst of the tests that the fit has not seen; `None` where these are none or all."""
-        unseen = [each for each in self.predictions if each.seen is None]
+        unseen = [prediction for prediction in self.predictions if prediction.seen is None]
         return spread_of(unseen) if 0 < len(unseen) < len(self.predictions) else None
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the command, the nuisance parameters and the tested ranges of the fit say against the predictions."""
-        exceeded = [(each.test.label, one) for each in self.predictions for one in each.outside.exceedances]
+        exceeded = [
+            (prediction.test.label, one)
+            for prediction in self.predictions
+            for one in prediction.outside.exceedances
+        ]
         worst = [
             f"{one.in_words}, {label}"
             + (f"; outside on {count} of {len(self.predictions)} files" if len(self.predictions) > 1 else "")
             for one, label, count in worst_of(exceeded)
         ]
-        laws = worst_laws(one for each in self.predictions for one in each.outside.laws)
-        conditions = [self.fit.other_condition(each.test) for each in self.predictions]
+        laws = worst_laws(one for prediction in self.predictions for one in prediction.outside.laws)
+        conditions = [self.fit.other_condition(prediction.test) for prediction in self.predictions]
         return (
             *missing_warnings(self.fit.nuisances, self.nuisances),
-            *prediction_warning(self.fit.spec, [each.test for each in self.predictions]),
+            *prediction_warning(self.fit.spec, [prediction.test for prediction in self.predictions]),
             *(
-                f"{each}; test there before you rely on it"
-                for each in (*worst, *(one.in_words for one in laws))
+                f"{in_words}; test there before you rely on it"
+                for in_words in (*worst, *(one.in_words for one in laws))
             ),
-            *(each.condition_in_words for each in conditions if each is not None),
+            *(condition.condition_in_words for condition in conditions if condition is not None),
         )
 
     @property
     def sets_apart(self) -> str:
         """The test on which sets of laws are farthest apart, and on how many they reach the end of the tests."""
         apart = [
-            (each.test.label, each.sets_apart) for each in self.predictions if each.sets_apart is not None
+            (prediction.test.label, prediction.sets_apart)
+            for prediction in self.predictions
+            if prediction.sets_apart is not None
         ]
         if not apart:
             return ""
@@ -162,7 +171,7 @@ class Predictions(Summarised):
             "files": [self._file(number) for number in range(len(self.predictions))],
             "nuisances": self.nuisances,
             "warnings": list(self.warnings),
-            **{name: asdict(each) for name, each in spreads.items() if each is not None},
+            **{name: asdict(spread) for name, spread in spreads.items() if spread is not None},
             **{name: text for name, text in named(self, "sets_apart", "basis").items() if text},
         }
 
@@ -205,8 +214,8 @@ class Predictions(Summarised):
     def _summary(self) -> Summary:
         heads = ("file", "fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps", "+- [N]", "inside %")
         rows = []
-        for number, each in enumerate(self.predictions):
-            quality = each.quality
+        for number, prediction in enumerate(self.predictions):
+            quality = prediction.quality
             band = ("", "")
             if self.bands:
                 known = self.bands[number]
@@ -215,7 +224,7 @@ class Predictions(Summarised):
                     band = (f"{0.5 * known[1].width:.4g}", f"{100.0 * known[1].coverage:.1f}")
             rows.append(
                 (
-                    *(each.test.label, f"{quality.fit_percent:.2f}", f"{quality.nrmse:.4f}"),
+                    *(prediction.test.label, f"{quality.fit_percent:.2f}", f"{quality.nrmse:.4f}"),
                     *(f"{quality.rmse_n:.2f}", str(quality.n_time), str(quality.substeps), *band),
                 )
             )
@@ -228,11 +237,11 @@ class Predictions(Summarised):
         if self.bands:
             notes.append(f"Bands of {100.0 * (self.level or 0.0):g} %, {self.basis}.")
             notes += [
-                f"{each.test.label}: {sentence}."
-                for each, sentence in zip(self.predictions, self.tests_to_run, strict=True)
+                f"{prediction.test.label}: {sentence}."
+                for prediction, sentence in zip(self.predictions, self.tests_to_run, strict=True)
                 if sentence
             ]
-        if seen := [each.seen for each in self.predictions if each.seen is not None]:
+        if seen := [prediction.seen for prediction in self.predictions if prediction.seen is not None]:
             notes.append(f"Seen by the fit: {likenesses_in_words(seen)}.")
         notes += [] if self.spread_unseen is None else [f"Not seen by the fit: {self.spread_unseen.in_words}"]
         if self.bands and (used := [each for each in self.used if each is not None]):
@@ -248,7 +257,10 @@ class Predictions(Summarised):
 
 def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
     """Median and worst of the fits of these tests."""
-    return FitSpread.of([each.test.name for each in predictions], [each.fit_percent for each in predictions])
+    return FitSpread.of(
+        [prediction.test.name for prediction in predictions],
+        [prediction.fit_percent for prediction in predictions],
+    )
 
 
 @overload

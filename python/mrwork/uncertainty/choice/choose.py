@@ -66,10 +66,12 @@ def families(
     specs, remarks = compared_models(models)
     lawful = []
     for spec in specs:
-        own = {name: law for name, law in laws.items() if name in {each.name for each in spec.plain}}
+        own = {
+            name: law for name, law in laws.items() if name in {parameter.name for parameter in spec.plain}
+        }
         followed = spec.with_current_laws(own, unit=unit, lagged=lagged) if own else spec
         lawful.append(spec_by_values(followed, tested_commands(followed, tests)) if own else spec)
-    refuse_unknown("law", laws, {each.name for spec in specs for each in spec.plain})
+    refuse_unknown("law", laws, {parameter.name for spec in specs for parameter in spec.plain})
     refuse_unknown("bound", bounds, {name for spec in lawful for name in spec.names})
     plain = [spec.name for spec in lawful if spec.command_unit is None]
     if laws and plain:
@@ -97,7 +99,7 @@ def compared_models(
             ),
         )
     named = [models] if isinstance(models, str | DamperSpec) else models
-    specs = tuple(damper(each) if isinstance(each, str) else each for each in named)
+    specs = tuple(damper(name) if isinstance(name, str) else name for name in named)
     names = [spec.name for spec in specs]
     if not names or len(set(names)) < len(names):
         raise SettingError(f"the models to compare are {', '.join(names) or 'none'}; name each once")
@@ -233,12 +235,12 @@ class Choosing(LongCall[ChoiceProgress, Choice]):
 
     def ranked(self, candidates: Sequence[Standing], **facts: object) -> Ranking:
         """The ranking of candidates; models that have none are missing."""
-        done = {each.model for each in candidates}
+        done = {candidate.model for candidate in candidates}
         missing = tuple(model.name for model in self.models if model.name not in done)
         return Ranking.of(
             candidates,
             held_out=self.splits.in_words,
-            n_folds=max(len(each.left_out) for each in candidates),
+            n_folds=max(len(candidate.left_out) for candidate in candidates),
             missing=missing,
             **facts,
         )
@@ -311,17 +313,21 @@ class _ChoosingModel(Choosing):
         n_params = {model: self.candidates[model].n_params for model in self.fits}
         same = find_collapses(self.fits, residuals, n_params, self.tests) if self.fits else {}
         rows = [
-            replace(each, same_as=same[model].model, reason=same[model].reason) if model in same else each
-            for model, each in self.candidates.items()
+            replace(candidate, same_as=same[model].model, reason=same[model].reason)
+            if model in same
+            else candidate
+            for model, candidate in self.candidates.items()
         ]
         ranking = self.ranked(rows, remarks=self.remarks)
-        order = [each.model for each in ranking.standings if each.model in self.fits]
+        order = [standing.model for standing in ranking.standings if standing.model in self.fits]
         fits = tuple(self.fits[model] for model in order)
         return Choice(ranking=ranking, fits=fits, seconds=self.seconds)
 
     def best_so_far(self) -> Choice | None:
         """The choice so far; `None` before any family has predicted."""
-        return self.choice() if any(each.has_predicted for each in self.candidates.values()) else None
+        return (
+            self.choice() if any(candidate.has_predicted for candidate in self.candidates.values()) else None
+        )
 
     def _count(self, number: int, fit: Fit) -> None:
         self.spent += fit.seconds
@@ -331,7 +337,7 @@ class _ChoosingModel(Choosing):
         n_splits, workers = self.splits.n_splits, present_workers()
         family, fold = divmod(number, 1 + n_splits)
         task = f"left out {fold} of {n_splits}" if fold else "all tests"
-        total = (1 + n_splits) * sum(len(each.parameters) for each in self.models)
+        total = (1 + n_splits) * sum(len(model.parameters) for model in self.models)
         left = self.spent / self.done * max(total - self.done, 0) if self.done else None
         self.tell(
             ChoiceProgress(

@@ -57,7 +57,7 @@ def find_collapses(
     collapses: dict[str, Collapse] = {}
     for model in fits:
         simpler = sorted(
-            (each for each in fits if n_params[each] < n_params[model]), key=lambda each: n_params[each]
+            (fit for fit in fits if n_params[fit] < n_params[model]), key=lambda each: n_params[each]
         )
         for other in simpler:
             chance = _CHANCE * (n_params[model] - n_params[other]) / n_effective
@@ -83,7 +83,7 @@ def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, l
     """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
     scale = Scale.of(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
-    free = [(index, each) for index, each in enumerate(fit.estimates) if each.is_free]
+    free = [(index, estimate) for index, estimate in enumerate(fit.estimates) if estimate.is_free]
     return {
         "on a bound": [each.name for _, each in free if each.at_bound],
         "undetermined": [

@@ -181,7 +181,9 @@ class LawSearch:
 
     def _laws_of(self, *scales: Scale) -> Laws:
         law = CommandLaw(min(_FIRST_DEGREE, self.most))
-        names = sorted(each.name for each in self.plain.parameters if each.scale in scales)
+        names = sorted(
+            parameter_name.name for parameter_name in self.plain.parameters if parameter_name.scale in scales
+        )
         return {name: law for name in names if name in self.free}
 
     def run(self, first: Fit) -> None:
@@ -190,7 +192,7 @@ class LawSearch:
         self._fit_laws([self.first_laws], [starts])
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
             self._move_to(self.fitted[0], wider)
-        if all(each.row.objection for each in self.fitted):
+        if all(test.row.objection for test in self.fitted):
             self._revive(self.fitted[-1])
         expanded: list[Laws] = []
         while len(self.fitted) < _MOST_TRIED:
@@ -203,10 +205,10 @@ class LawSearch:
             if proposals := self._proposals(current):
                 self._move_to(current, *proposals)
         # Of a law that has an extremum between the commands, the form that has none.
-        for number, each in enumerate(self.fitted):
-            found = hidden_extrema(each.spec, each.fit.theta[0], self.commands.tolist())
+        for number, test in enumerate(self.fitted):
+            found = hidden_extrema(test.spec, test.fit.theta[0], self.commands.tolist())
             names = [extremum.parameter for extremum in found if extremum.instead]
-            self.fitted[number] = self.in_other_form(each, names)
+            self.fitted[number] = self.in_other_form(test, names)
 
     def in_other_form(self, fitted: FittedLaws, names: Sequence[str]) -> FittedLaws:
         """The same with those of these laws interpolated the other way that have the force of every test by both."""
@@ -222,10 +224,10 @@ class LawSearch:
     def _is_best_sound(self) -> bool:
         """Whether no set that something speaks against predicts visibly better than the others."""
         scores = [
-            [each.row.error for each in self.fitted if bool(each.row.objection) is dead]
+            [test.row.error for test in self.fitted if bool(test.row.objection) is dead]
             for dead in (True, False)
         ]
-        dead, sound = (min(each, default=np.inf) for each in scores)
+        dead, sound = (min(score, default=np.inf) for score in scores)
         return bool(100.0 * (sound - dead) <= NEGLIGIBLE)
 
     def _revive(self, dead: FittedLaws) -> None:
@@ -233,25 +235,29 @@ class LawSearch:
 
         Where a shape follows the command, too, it may take over what a damping does at the tested velocities.
         """
-        names = [each.name for each in self.plain.parameters if each.scales_with_force]
+        names = [
+            parameter_name.name
+            for parameter_name in self.plain.parameters
+            if parameter_name.scales_with_force
+        ]
         laws = {name: law for name, law in self.first_laws.items() if name in names}
         searched = search_box(self.plain, Box.of(self.plain), self.tests)
         least = dict(zip(searched.names, _ALIVE * np.array(searched.lower), strict=True))
         while laws:
             spec, box = self.model(laws)
-            lower = [least.get(each.plain_name, 0.0) for each in spec.parameters]
+            lower = [least.get(parameter_name.plain_name, 0.0) for parameter_name in spec.parameters]
             starts = self.transfer_starts(dead, spec, box)
             starts = np.where(box.log, np.maximum(starts, lower), starts)
             self._fit_laws([laws], [np.asarray(box.inside(np.minimum(starts, box.upper)))])
             alive = self.fitted[-1]
-            dying = {each.parameter for each in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
+            dying = {law.parameter for law in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
             if not dying & set(laws):
                 return
             laws = {name: law for name, law in laws.items() if name not in dying}
 
     def frontier(self) -> list[FittedLaws]:
         """Sets of laws whose neighbours are tried: the best, the simplest that is as good, and further good ones."""
-        sound = [each for each in self.fitted if not each.row.objection] or self.fitted
+        sound = [test for test in self.fitted if not test.row.objection] or self.fitted
         order = sorted(sound, key=lambda each: each.row.error)
         rows, simplest = choose_from([each.row for each in order])
         good = [each for each in order if each.row in rows]
@@ -260,10 +266,10 @@ class LawSearch:
     def distinct(self) -> list[FittedLaws]:
         """The candidates except those with the same force as a candidate with fewer parameters."""
         kept = list[FittedLaws]()
-        for each in sorted(self.fitted, key=lambda each: each.row.n_params):
-            squared = each.fit.squared
+        for test in sorted(self.fitted, key=lambda each: each.row.n_params):
+            squared = test.fit.squared
             if not any(np.allclose(squared, other.fit.squared, rtol=_SAME, atol=_EXACT) for other in kept):
-                kept.append(each)
+                kept.append(test)
         return kept
 
     def _proposals(self, current: FittedLaws) -> list[Laws]:
@@ -277,13 +283,13 @@ class LawSearch:
         def promised(candidates: Sequence[Laws]) -> Floats:
             return self._promised(around, candidates)
 
-        done = [each.laws for each in self.fitted]
+        done = [test.laws for test in self.fitted]
         single = self._changes(current.laws)
         if not single:
             return []
         order = [single[place] for place in np.argsort(promised([laws for _, laws in single]), kind="stable")]
         pairs = [
-            {each: law for each, law in (laws | {name: other.get(name)}).items() if law}
+            {key_name: law for key_name, law in (laws | {name: other.get(name)}).items() if law}
             for place, (_, laws) in enumerate(order[:_PAIRED])
             for name, other in order[:place]
             if laws.get(name) == current.laws.get(name)
@@ -344,16 +350,20 @@ class LawSearch:
     def _changes(self, laws: Laws) -> list[tuple[str, Laws]]:
         """Laws of which one has another degree by one or another form, with the parameter that it is of."""
         changed = []
-        for each in self.plain.parameters:
-            if each.name not in self.free:
+        for parameter_name in self.plain.parameters:
+            if parameter_name.name not in self.free:
                 continue
-            own = laws.get(each.name, CONSTANT)
+            own = laws.get(parameter_name.name, CONSTANT)
             degree, is_direct = own.fitted_degree, bool(own.nodes)
             wanted = [(near, is_direct and near > 0) for near in (degree - 1, degree + 1)]
-            if each.scale == "log" and degree > 0 and (self.varies or degree < len(self.commands) - 1):
+            if (
+                parameter_name.scale == "log"
+                and degree > 0
+                and (self.varies or degree < len(self.commands) - 1)
+            ):
                 wanted.append((degree, not is_direct))
             changed += [
-                (each.name, self._with_law(laws, each.name, near, direct=direct))
+                (parameter_name.name, self._with_law(laws, parameter_name.name, near, direct=direct))
                 for near, direct in wanted
                 if 0 <= near <= self.most
             ]
@@ -393,7 +403,7 @@ class LawSearch:
         predict = partial(self._predict_left_out, [spec for spec, _ in models], theta)
         boxes = [box for _, box in models]
         predicted = self.call.step("predictions", _Predictions, partial(interruptible, predict), boxes, theta)
-        ends = np.cumsum([len(each.members) for each in self.splits.splits])[:-1]
+        ends = np.cumsum([len(split.members) for split in self.splits.splits])[:-1]
         for laws, (spec, box), fit, nrmse in zip(proposals, models, fits, predicted.nrmse, strict=True):
             cost = BuildingCost.of(spec, fit.theta[0], self.tests)
             row = Standing(
@@ -431,7 +441,7 @@ class LawSearch:
         sets = list(zip(specs, theta, strict=True))
         pairs = [(row, test) for row, members in enumerate(self.splits.members, start=1) for test in members]
         nrmse = np.empty((len(specs), len(pairs)))
-        curves = [] if self.varies else [plain_curves(*each, self.whole_commands) for each in sets]
+        curves = [] if self.varies else [plain_curves(*law_set, self.whole_commands) for law_set in sets]
 
         def predict(test: int, threads: int) -> None:
             own = [index for index, pair in enumerate(pairs) if pair[1] == test]

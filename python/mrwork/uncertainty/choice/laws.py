@@ -82,13 +82,13 @@ class _ChoosingLaws(Choosing):
             search, laws = self._fitted(ranking.chosen_standing)
             with self._failing_alone(search):
                 fit = self.run(f"{search.name}/fit", partial(self._final_fit, search, laws))
-                others = [self._fit_to_excerpts(*each) for each in self._choose_others(ranking)]
+                others = [self._fit_to_excerpts(*other) for other in self._choose_others(ranking)]
                 return Choice(ranking=ranking, fits=(fit,), others=tuple(others), seconds=self.seconds)
             search.fitted.clear()
 
     def best_so_far(self) -> Choice | None:
         """The choice among the laws that are done, with the fit that led to it; `None` before there are any."""
-        if not any(each.row.has_predicted for each in self.fitted_laws):
+        if not any(law.row.has_predicted for law in self.fitted_laws):
             return None
         ranking = self._rank(complete=False)
         fit = self._fit_to_excerpts(*self._fitted(ranking.chosen_standing), status="interrupted")
@@ -156,11 +156,12 @@ class _ChoosingLaws(Choosing):
         """
         chosen = ranking.chosen_standing
         near = [
-            each
-            for each in ranking.standings
-            if each.verdict in ("as good", "behind") and 100.0 * (each.error - chosen.error) <= NEARLY_AS_WELL
+            standing
+            for standing in ranking.standings
+            if standing.verdict in ("as good", "behind")
+            and 100.0 * (standing.error - chosen.error) <= NEARLY_AS_WELL
         ]
-        first, *others = (self._fitted(each) for each in (chosen, *near))
+        first, *others = (self._fitted(neighbour) for neighbour in (chosen, *near))
         sets, rows = list[tuple[LawSearch, FittedLaws]](), list[Floats]()
         for search, laws in (first, *self._other_form(*first), *others):
             fastest = [*fastest_at_commands(laws.spec, search.tests).values()]
@@ -185,7 +186,7 @@ class _ChoosingLaws(Choosing):
     def _other_form(self, search: LawSearch, chosen: FittedLaws) -> list[tuple[LawSearch, FittedLaws]]:
         """The chosen laws in their other form, without those that die in it; empty where there are none."""
         other = search.in_other_form(chosen, [each.name for each in chosen.spec.plain if each.scale == "log"])
-        dying = {each.parameter for each in dying_laws(other.spec, chosen.fit.theta[0], self.tests)}
+        dying = {law.parameter for law in dying_laws(other.spec, chosen.fit.theta[0], self.tests)}
         other = search.in_other_form(other, [*dying])
         return [(search, other)] if other.laws != chosen.laws else []
 
@@ -207,7 +208,7 @@ class _ChoosingLaws(Choosing):
     def _fitted(self, standing: Standing) -> tuple[LawSearch, FittedLaws]:
         """The search and the fitted laws of a row."""
         search = self.searches[standing.model]
-        return search, next(each for each in search.fitted if each.row.laws == standing.laws)
+        return search, next(test for test in search.fitted if test.row.laws == standing.laws)
 
     def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
         errors = [laws.row.error for laws in self.fitted_laws]

@@ -29,7 +29,7 @@ def objections_to(
     fastest motion runs faster, since what made it rise has vanished; and a damper that no building can be simulated
     with. That an exponent is on its bound, as n = 1 of a Bouc-Wen loop, is none.
     """
-    found = [each.in_words for each in dying_laws(spec, theta, tests)]
+    found = [law.in_words for law in dying_laws(spec, theta, tests)]
     if falling := _falling_force(spec, theta, tests):
         found.append(falling)
     if not cost.is_possible:
@@ -41,8 +41,8 @@ def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> 
     """Laws of positive parameters that leave their range or vanish within the tested commands."""
     tested = range_of_tests(tests, spec.command_unit)
     limits = law_limits(spec, theta, tested.command) if tested.command is not None else ()
-    positive = {each.name for each in spec.plain if each.scale == "log"}
-    return tuple(each for each in limits if each.parameter in positive)
+    positive = {parameter.name for parameter in spec.plain if parameter.scale == "log"}
+    return tuple(limit for limit in limits if limit.parameter in positive)
 
 
 def fastest_at_commands(

@@ -103,7 +103,7 @@ class Standing:
         """The candidate with the NRMSE of what each split predicts, infinite where that could not be simulated."""
         left_out = [np.minimum(each, NOT_PREDICTED) for each in nrmse]
         single = np.concatenate(left_out)
-        inside, outside = (None if each is None else 100.0 * (1.0 - each) for each in splits.means(left_out))
+        inside, outside = (None if mean is None else 100.0 * (1.0 - mean) for mean in splits.means(left_out))
         failed = {
             name: None
             for number, each in enumerate(nrmse)
@@ -231,18 +231,21 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
     Unusable and collapsed ones follow, those that failed come last. A candidate counts as collapsed if the simpler one
     predicts what was left out.
     """
-    predicted = sorted((each for each in candidates if each.has_predicted), key=attrgetter("error"))
+    predicted = sorted(
+        (candidate for candidate in candidates if candidate.has_predicted), key=attrgetter("error")
+    )
     if not predicted:
         reasons = "; ".join(
-            f"{each.in_words}: {each.reason or 'no test could be predicted'}" for each in candidates
+            f"{candidate.in_words}: {candidate.reason or 'no test could be predicted'}"
+            for candidate in candidates
         )
         raise SettingError(f"no model predicts what was left out of its fit ({reasons})")
-    simpler = {each.model for each in predicted}
-    distinct = [each for each in predicted if each.same_as not in simpler]
-    sound = [each for each in distinct if not each.objection] or distinct
+    simpler = {prediction.model for prediction in predicted}
+    distinct = [prediction for prediction in predicted if prediction.same_as not in simpler]
+    sound = [entry for entry in distinct if not entry.objection] or distinct
     good, chosen = choose_from(sound)
-    failed = [each for each in candidates if not each.has_predicted]
-    lost = [*failed, *(each for each in predicted if each.not_predicted)]
+    failed = [candidate for candidate in candidates if not candidate.has_predicted]
+    lost = [*failed, *(prediction for prediction in predicted if prediction.not_predicted)]
 
     def judged(each: Standing) -> Standing:
         verdict: Verdict = "behind"
@@ -269,8 +272,8 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
             left_out_behind_error=None if each is sound[0] else error_of_mean(behind),
         )
 
-    unusable = [each for each in distinct if each not in sound]
-    same = [each for each in predicted if each not in distinct]
+    unusable = [entry for entry in distinct if entry not in sound]
+    same = [prediction for prediction in predicted if prediction not in distinct]
     return tuple(map(judged, (*sound, *unusable, *same, *failed)))
 
 
@@ -326,7 +329,7 @@ class Ranking(WithAxes, Summarised):
     def of(cls, candidates: Sequence[Standing], **facts: Any) -> Ranking:
         """The ranking of candidates, with its sentence; `facts` are further fields."""
         standings = rank(candidates)
-        chosen = next(each for each in standings if each.is_chosen)
+        chosen = next(standing for standing in standings if standing.is_chosen)
         ranking = cls(chosen=chosen.model, standings=standings, **facts)
         remarks = (*ranking.remarks, *_remark_on_cost(standings, chosen))
         return replace(ranking, remarks=remarks, sentence=_sentence_on(ranking))
@@ -340,12 +343,14 @@ class Ranking(WithAxes, Summarised):
             row | {"behind": row["left_out_behind"], "behind_error": row["left_out_behind_error"]}
             for row in document["standings"]
         ]
-        failed = {each.model: each.reason for each in self.standings if each.verdict == "failed"}
-        models = [*dict.fromkeys(each.model for each in self.standings), *self.missing]
+        failed = {
+            standing.model: standing.reason for standing in self.standings if standing.verdict == "failed"
+        }
+        models = [*dict.fromkeys(standing.model for standing in self.standings), *self.missing]
         return document | {"model": self.chosen, "tried": tried, "failed": failed, "models": models}
 
     def _named_arrays(self) -> NamedArrays:
-        axis, labels = "model", labels_of([each.model for each in self.standings])
+        axis, labels = "model", labels_of([standing.model for standing in self.standings])
         columns = {name: words for name, words in declared(_COLUMNS).items() if name not in ("model", "laws")}
         laws = dict[str, NamedArray]()
         if self.unit is not None:
@@ -353,11 +358,11 @@ class Ranking(WithAxes, Summarised):
             columns["model"] = ("", "model")
             laws = {
                 f"law_{name}": NamedArray.of(
-                    [each.laws.get(name, "constant") for each in self.standings],
+                    [standing.laws.get(name, "constant") for standing in self.standings],
                     axis,
                     long_name=f"law of {name}",
                 )
-                for name in dict.fromkeys(name for each in self.standings for name in each.laws)
+                for name in dict.fromkeys(name for standing in self.standings for name in standing.laws)
             }
         return NamedArrays(
             title=f"Choice of {self._what}: {self.chosen}",
@@ -373,17 +378,21 @@ class Ranking(WithAxes, Summarised):
     @property
     def chosen_standing(self) -> Standing:
         """The chosen candidate, or the provisional one."""
-        return next(each for each in self.standings if each.is_chosen)
+        return next(standing for standing in self.standings if standing.is_chosen)
 
     @property
     def n_models(self) -> int:
         """Number of models."""
-        return len({each.model for each in self.standings})
+        return len({standing.model for standing in self.standings})
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """Sentences on candidates that failed, and on why none is chosen."""
-        failed = [f"{each.model} ({each.reason})" for each in self.standings if each.verdict == "failed"]
+        failed = [
+            f"{standing.model} ({standing.reason})"
+            for standing in self.standings
+            if standing.verdict == "failed"
+        ]
         their = "its predictions" if len(failed) == 1 else "their predictions"
         said = f"not compared, as {their} failed: {list_names(failed)}" if failed else ""
         return tuple(filter(None, (said, _none_chosen(self.standings, self.chosen_standing))))
@@ -420,7 +429,7 @@ def _remark_on_cost(standings: Sequence[Standing], chosen: Standing) -> tuple[st
         return ()
     steps = inf if chosen.steps is None else chosen.steps
     text = f"the fit of {chosen.in_words} takes {BuildingCost(steps=steps).in_words}"
-    cheap = [each for each in standings if each.has_predicted and not each.is_costly]
+    cheap = [standing for standing in standings if standing.has_predicted and not standing.is_costly]
     if not cheap:
         return (f"{text}, and so does every other that predicts what was left out",)
     best = min(cheap, key=attrgetter("error"))
@@ -435,9 +444,9 @@ def _none_chosen(standings: Sequence[Standing], chosen: Standing) -> str:
     if chosen.verdict != "provisional":
         return ""
     better = [
-        f"{each.in_words}, which failed, fits all tests far better ({each.fit_percent:.2f} %)"
-        for each in standings
-        if (each.verdict == "failed" or each.not_predicted) and _is_far_better(each, chosen)
+        f"{standing.in_words}, which failed, fits all tests far better ({standing.fit_percent:.2f} %)"
+        for standing in standings
+        if (standing.verdict == "failed" or standing.not_predicted) and _is_far_better(standing, chosen)
     ]
     return (
         f"No {'family' if not chosen.laws else 'set of laws'} is chosen: {list_names(better)} than {chosen.title} "
@@ -450,7 +459,7 @@ def _sentence_on(ranking: Ranking) -> str:
     """What was chosen, how it predicts, and what lies behind."""
     standings, chosen = ranking.standings, ranking.chosen_standing
     of_verdict = {
-        verdict: [each for each in standings if each.verdict == verdict]
+        verdict: [standing for standing in standings if standing.verdict == verdict]
         for verdict in ("failed", "as good", "behind", "unusable", "collapsed")
     }
     failed = list_names([each.title for each in of_verdict["failed"]])
@@ -481,7 +490,7 @@ def _sentence_on(ranking: Ranking) -> str:
         )
     if 1 < ranking.n_folds < _FEW_FOLDS:
         parts.append(f"A standard error from {ranking.n_folds} folds is uncertain")
-    titles = {each.model: each.title for each in standings}
+    titles = {standing.model: standing.title for standing in standings}
     parts += [
         f"{each.title} counts as {titles[each.same_as]}: {each.reason}" for each in of_verdict["collapsed"]
     ]

@@ -99,7 +99,7 @@ class Splits:
     @property
     def members(self) -> list[list[int]]:
         """Tests of each split."""
-        return [list(each.members) for each in self.splits]
+        return [list(split.members) for split in self.splits]
 
     @property
     def n_splits(self) -> int:
@@ -109,7 +109,7 @@ class Splits:
     @property
     def in_words(self) -> str:
         """What is predicted, after the number of tests."""
-        ends = list_names([end for each in self.splits for end in each.beyond])
+        ends = list_names([end for split in self.splits for end in split.beyond])
         beyond = f", and the {ends} motions without every test at or beyond them" if ends else ""
         return f"{len(self.units)} {self.parts}, {IN_WORDS[self.fold]}{beyond}"
 
@@ -181,7 +181,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
         motions = []
     if len(motions) < _ONE_IN:
         return Splits(
-            splits=tuple(Split(members=tuple(sorted(each))) for each in folds),
+            splits=tuple(Split(members=tuple(sorted(fold))) for fold in folds),
             units=_units(folds, len(tests)),
             fold=fold,
             remarks=tuple(remarks),
@@ -190,11 +190,11 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
     ends: dict[tuple[int, ...], tuple[str, ...]] = {}
     for end, size in _ENDS.items():
         sizes = np.array([size(test) for test in tests])
-        most = max(float(np.median(sizes[each])) for each in motions)
-        extreme = next(each for each in motions if float(np.median(sizes[each])) == most)
+        most = max(float(np.median(sizes[motion])) for motion in motions)
+        extreme = next(motion for motion in motions if float(np.median(sizes[motion])) == most)
         least = sizes[extreme].min()
         members = tuple(np.flatnonzero(sizes >= least - _AT * abs(least)).tolist())
-        touched = sum(any(index in members for index in each) for each in motions)
+        touched = sum(any(index in members for index in motion) for motion in motions)
         remaining = {level for index, level in enumerate(levels) if index not in members}
         if touched * _ONE_IN > len(motions):
             reason = f"that would take {touched} of {len(motions)} motions"
@@ -204,7 +204,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
             ends[members] = (*ends.get(members, ()), end)
             continue
         remarks.append(f"the {end} motion is not left out with every test at or beyond it: {reason}")
-    inside = [members for each in folds if (members := tuple(sorted(each))) not in ends]
+    inside = [members for fold in folds if (members := tuple(sorted(fold))) not in ends]
     return Splits(
         splits=(
             *(Split(members=members) for members in inside),

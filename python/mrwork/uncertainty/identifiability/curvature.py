@@ -51,7 +51,7 @@ class Scaled:
         log = np.array(box.log)[free]
         size = np.where(log, 1.0, scale.size[free])
         bounds = (np.array(each)[free] for each in (box.lower, box.upper))
-        lower, upper = (np.where(log, np.log(np.where(log, each, 1.0)), each / size) for each in bounds)
+        lower, upper = (np.where(log, np.log(np.where(log, bound, 1.0)), bound / size) for bound in bounds)
         spring = None
         if spec.spring_indices is not None and set(spec.spring_indices) <= set(box.free):
             spring = (box.free.index(spec.spring_indices[0]), box.free.index(spec.spring_indices[1]))
@@ -190,7 +190,7 @@ def walk(
                 return "not simulated"
             continue
         points.append(point)
-        before, after = (signed_root(each.squared, origin.squared, dof) for each in points[-2:])
+        before, after = (signed_root(point.squared, origin.squared, dof) for point in points[-2:])
         if after > limit:
             yield from _bracket_limit(scaled, index, points, limit, dof)
             return "closed"

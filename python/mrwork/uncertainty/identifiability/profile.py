@@ -132,21 +132,23 @@ class Profiles(Plotted, WithAxes, Summarised):
     def intervals(self) -> Intervals:
         """The intervals, for `Fit.with_intervals`."""
         names = ("name", "lower", "upper", "verdict", "reason")
-        intervals = (Interval(**{name: getattr(each, name) for name in names}) for each in self.profiles)
+        intervals = (
+            Interval(**{name: getattr(profiled, name) for name in names}) for profiled in self.profiles
+        )
         return Intervals(kind="profile", level=self.level, intervals=tuple(intervals))
 
     def _named_arrays(self) -> NamedArrays:
-        n_points = max((len(each.values) for each in self.profiles), default=0)
+        n_points = max((len(profiled.values) for profiled in self.profiles), default=0)
 
         def pad_rows(of: Callable[[Profile], Sequence[float]]) -> Floats:
-            rows = [[*of(each), *[nan] * (n_points - len(each.values))] for each in self.profiles]
+            rows = [[*of(profiled), *[nan] * (n_points - len(profiled.values))] for profiled in self.profiles]
             return np.array(rows, dtype=np.float64).reshape(len(self.profiles), n_points)
 
         return NamedArrays(
             title=f"Profiles of {self.model}",
             rows=("parameter", "point"),
             labels={
-                "parameter": labels_of([each.name for each in self.profiles]),
+                "parameter": labels_of([profiled.name for profiled in self.profiles]),
                 "point": number_labels(n_points),
             },
             along=columns_of(self.profiles, "parameter", _ALONG),
@@ -170,15 +172,15 @@ class Profiles(Plotted, WithAxes, Summarised):
             columns=("parameter", "estimate", "lower", "upper", "unit", "verdict", "reason"),
             rows=[
                 (
-                    each.name,
-                    format_rounded(each.estimate, 5),
-                    "open" if each.lower is None else format_rounded(each.lower, 5),
-                    "open" if each.upper is None else format_rounded(each.upper, 5),
-                    each.unit,
-                    each.verdict,
-                    each.reason,
+                    profiled.name,
+                    format_rounded(profiled.estimate, 5),
+                    "open" if profiled.lower is None else format_rounded(profiled.lower, 5),
+                    "open" if profiled.upper is None else format_rounded(profiled.upper, 5),
+                    profiled.unit,
+                    profiled.verdict,
+                    profiled.reason,
                 )
-                for each in self.profiles
+                for profiled in self.profiles
             ],
             notes=(self.remark,),
         )
@@ -212,8 +214,10 @@ def _profile_of(
         _crossing(position[origin:], roots[origin:], limit) if above.end == "closed" else None,
     ]
     lower, upper = (
-        None if each is None else float(np.exp(each) if scaled.log[index] else each * scaled.size[index])
-        for each in crossings
+        None
+        if crossing is None
+        else float(np.exp(crossing) if scaled.log[index] else crossing * scaled.size[index])
+        for crossing in crossings
     )
     verdict, reason = judge_interval(
         (lower, upper), limit, scale, opened=_name_open_ends(lower, upper, below.end, above.end)
@@ -353,7 +357,7 @@ def profile(
     threshold = likelihood_threshold(level)
 
     def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
-        least = min(each.squared for side in sides.values() for each in side.points)
+        least = min(point.squared for side in sides.values() for point in side.points)
         improvement = signed_root(start.squared, least, dof) ** 2
         made = tuple(
             _profile_of(
@@ -405,7 +409,7 @@ def profile(
             sides = {key: Side(points=[origin]) for key in sides}
             run_together(scaled, sides, simulate_position, report, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(
-                (each for side in sides.values() for each in side.points), key=lambda each: each.squared
+                (point for side in sides.values() for point in side.points), key=lambda each: each.squared
             )
             if signed_root(origin.squared, best.squared, dof) ** 2 < _BETTER:
                 break

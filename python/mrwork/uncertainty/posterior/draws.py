@@ -333,7 +333,7 @@ class Draws(Plotted, WithAxes, Summarised):
             "model": self.model,
             "noise": self.noise_model,
             **named(self, "status", "verdict", "temper"),
-            "parameters": {each.name: asdict(each) for each in self.summaries},
+            "parameters": {summary.name: asdict(summary) for summary in self.summaries},
             "n_draws": len(self.theta),
             "steps": self.n_steps,
             "seconds": self.seconds,

@@ -132,8 +132,8 @@ def _log_likelihood(
     residuals = [residual[0] for residual, _ in target.residuals(start[None])]
     if pointwise == "blocks":
         blocks = [
-            _blocks_of(each.test, autocorrelation_time(residual))
-            for each, residual in zip(target.objective.compared, residuals, strict=True)
+            _blocks_of(test.test, autocorrelation_time(residual))
+            for test, residual in zip(target.objective.compared, residuals, strict=True)
         ]
     else:
         blocks = [tuple(slice(index, index + 1) for index in range(residual.size)) for residual in residuals]
@@ -141,8 +141,8 @@ def _log_likelihood(
     shape = draws.densities.shape
     axis = pointwise.removesuffix("s")
     times = [
-        each.test.time[each.test.counted][block.start]
-        for each, of_test in zip(target.objective.compared, blocks, strict=True)
+        test.test.time[test.test.counted][block.start]
+        for test, of_test in zip(target.objective.compared, blocks, strict=True)
         for block in of_test
     ]
     tests = [label for label, of_test in zip(labels, blocks, strict=True) for _ in of_test]
@@ -204,7 +204,7 @@ def _predictive(
 ) -> NamedArrays:
     shape = draws.densities.shape
     forces = {}
-    for label, axis, each, deviation, (residual, _) in zip(
+    for label, axis, test, deviation, (residual, _) in zip(
         labels,
         _time_axes(tests),
         target.objective.compared,
@@ -212,8 +212,8 @@ def _predictive(
         target.residuals(theta),
         strict=True,
     ):
-        noise = target.noise.draw(each.measured.size, draws.noise, stream)
-        noisy = each.measured + (residual + noise) * deviation
+        noise = target.noise.draw(test.measured.size, draws.noise, stream)
+        noisy = test.measured + (residual + noise) * deviation
         forces[label] = NamedArray.of(
             noisy.reshape(*shape, -1),
             *("chain", "draw", axis),

@@ -31,8 +31,8 @@ def residual_slope(target: Target, position: Floats) -> tuple[Floats, Floats]:
     n_tests = len(objective.tests)
     own = np.concatenate(
         [
-            np.full(each.measured.size, 1.0 / (each.weight(n_tests) * deviation))
-            for each, deviation in zip(objective.compared, target.deviations, strict=True)
+            np.full(test.measured.size, 1.0 / (test.weight(n_tests) * deviation))
+            for test, deviation in zip(objective.compared, target.deviations, strict=True)
         ]
     )
     return residuals[0] * own, np.asarray(space.slope(values).T @ (slopes[0] * own))
@@ -90,10 +90,10 @@ def mode_near(target: Target, theta: Floats) -> Floats:
     It is not the fit, because a likelihood weights tests by their samples.
     """
     objective, box = target.objective, target.form.box
-    counts = np.array([each.measured.size for each in objective.compared], dtype=np.float64)
+    counts = np.array([test.measured.size for test in objective.compared], dtype=np.float64)
     found = find_minima(
         objective, box, theta[None], max_iterations=_MOST_STEPS, shares=counts[None] / counts.sum()
     )
     both = np.stack([theta, found.theta[0]])
-    densities = target(np.array([target.position_of(each) for each in both]))
+    densities = target(np.array([target.position_of(side) for side in both]))
     return np.asarray(both[int(np.argmax(densities))])

@@ -126,10 +126,10 @@ _ROUNDING = 1e-12
 def with_noise(box: Box, noise: Noise) -> Box:
     """The ranges of the parameters of a model and then of a noise model."""
     return Box(
-        names=box.names + tuple(NOISE + each.name for each in noise.parameters),
-        lower=box.lower + tuple(each.lower for each in noise.parameters),
-        upper=box.upper + tuple(each.upper for each in noise.parameters),
-        log=box.log + tuple(each.log for each in noise.parameters),
+        names=box.names + tuple(NOISE + parameter_name.name for parameter_name in noise.parameters),
+        lower=box.lower + tuple(parameter_name.lower for parameter_name in noise.parameters),
+        upper=box.upper + tuple(parameter_name.upper for parameter_name in noise.parameters),
+        log=box.log + tuple(parameter_name.log for parameter_name in noise.parameters),
     )
 
 
@@ -312,7 +312,7 @@ class Target(Summarised):
             objective=objective,
             noise=noise,
             space=Space.of(form, noise, priors),
-            deviations=tuple(each.deviation for each in objective.compared),
+            deviations=tuple(test.deviation for test in objective.compared),
             temper=1.0,
         )
         if tempering is None:
@@ -358,8 +358,8 @@ class Target(Summarised):
         """Residuals of each test in deviations, (n_batch, n_counted), and rows that failed, of zeros."""
         objective = self.objective
         objective.tally.simulations += len(theta)
-        for each, deviation in zip(objective.compared, self.deviations, strict=True):
-            residual, failed = each.residuals(theta, threads=objective.threads)
+        for test, deviation in zip(objective.compared, self.deviations, strict=True):
+            residual, failed = test.residuals(theta, threads=objective.threads)
             residual /= deviation
             residual[failed] = 0.0
             yield residual, failed
