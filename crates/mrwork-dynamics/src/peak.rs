@@ -20,7 +20,7 @@ use crate::threads::{on_threads, thread_count};
 pub fn fma_peak(set: InstructionSet, threads: usize, seconds: f64) -> Result<f64, DynamicsError> {
     let span = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::ZERO);
     let chains = vec![FmaChains { span }; thread_count(threads)];
-    Ok(on_threads(threads, chains, |chains| set.run(set.block_width(), chains))?.into_iter().sum())
+    Ok(on_threads(threads, chains, |chains| set.run_narrow(chains))?.into_iter().sum())
 }
 
 #[derive(Clone, Copy)]
@@ -28,8 +28,10 @@ struct FmaChains {
     span: Duration,
 }
 
-/// Independent packs; with four vectors each they hide the latency of current processors.
-const CHAINS: usize = 3;
+/// Vectors with independent chains, which hide the latency of current processors and fit the registers of all.
+const VECTORS: usize = 12;
+/// Fewest packs: those of plain lanes are arrays that the compiler turns into vectors.
+const FEWEST_PACKS: usize = 3;
 const ROUNDS: u32 = 100_000;
 
 impl LaneJob for FmaChains {
@@ -40,16 +42,17 @@ impl LaneJob for FmaChains {
     fn run<R: Lanes>(self) -> f64 {
         let factor = R::splat(black_box(0.999_999));
         let addend = R::splat(black_box(1e-6));
-        let mut chains = [R::splat(black_box(1.0)); CHAINS];
+        let mut chains = [R::splat(black_box(1.0)); VECTORS];
+        let chains = &mut chains[..(VECTORS / R::VECTORS).max(FEWEST_PACKS)];
         let start = Instant::now();
         let mut flops = 0_u64;
         while start.elapsed() < self.span {
             for _ in 0..ROUNDS {
-                for chain in &mut chains {
+                for chain in chains.iter_mut() {
                     *chain = chain.mul_add(factor, addend);
                 }
             }
-            flops += 2 * u64::from(ROUNDS) * (CHAINS * R::WIDTH) as u64;
+            flops += 2 * u64::from(ROUNDS) * (chains.len() * R::WIDTH) as u64;
         }
         let seconds = start.elapsed().as_secs_f64();
         for chain in chains {
