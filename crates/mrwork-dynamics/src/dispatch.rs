@@ -6,7 +6,7 @@
 mod job;
 
 pub use job::LaneJob;
-use job::{AVX2_GROUPS, GROUPS, MIDDLE_PAIRS};
+use job::{GROUPS, MIDDLE_PAIRS};
 
 use crate::lanes::Lanes;
 
@@ -99,7 +99,7 @@ impl InstructionSet {
     pub const fn block_width(self) -> usize {
         match self {
             Self::Avx512 => GROUPS * 8,
-            Self::Avx2 => AVX2_GROUPS * 4,
+            Self::Avx2 => GROUPS * 4,
             Self::Plain => 8,
         }
     }

@@ -11,11 +11,14 @@ mod tables;
 
 use core::f64::consts::{LN_2, LOG2_E};
 
-use crate::real::{Bits, Real, SIXTEENTH_ALIGNER};
+use crate::real::{Bits, Pairs, Real, SIXTEENTH_ALIGNER};
 use tables::{
     BINARY_EXPONENTIAL, BINARY_LOGARITHM, EXPONENTIAL, LOGARITHM, OCTAVE_LOGARITHMS, RECIPROCALS,
     SIXTEENTH_ROOTS,
 };
+
+/// Reciprocals and logarithms of the sixteenths of an octave.
+static SIXTEENTHS: Pairs = Pairs::of(RECIPROCALS, OCTAVE_LOGARITHMS);
 
 /// ln 2 less the double nearest to it.
 const LN_2_TAIL: f64 = 2.319_046_813_846_299_6e-17;
@@ -59,7 +62,7 @@ impl<R: Bits> Elementary for R {
         if all_whole {
             return whole_power(self, n);
         }
-        let (general, _) = power_and_logarithm(self, n);
+        let general = self.general_power(n);
         if any_whole { R::select(whole, whole_power(self, n), general) } else { general }
     }
     #[inline(always)]
@@ -79,9 +82,9 @@ pub fn exp<R: Real>(x: R) -> R {
 #[inline(always)]
 fn exponential_of<R: Bits>(x: R) -> R {
     let high = R::splat(LOG2_E);
-    let (t, sixteenths) = sixteenths(x, high);
+    let (t, aligned) = sixteenths(x, high);
     let f = x.mul_add(R::splat(LOG2_E_TAIL), x.mul_add(high, -t));
-    let power = power_of_two(t, sixteenths, f);
+    let power = power_of_two(BinaryExponent { t, aligned, f });
     R::select(x.less(R::splat(LARGEST_EXPONENT)), power, x + R::splat(f64::INFINITY))
 }
 
@@ -166,18 +169,30 @@ pub fn powf<R: Real>(x: R, exponent: &Exponent<R>) -> R {
 /// x^n for a magnitude x and any n >= 1, and log2 x; for zero a large negative number, so that their product is zero.
 #[inline(always)]
 pub(crate) fn power_and_logarithm<R: Bits>(x: R, n: R) -> (R, R) {
+    let (high, r) = beside_sixteenth(x);
+    let (logarithm, exponent) = rounded_exponent(high, r, n);
+    (power_of_two(exponent), logarithm)
+}
+
+/// log2 of the sixteenth of an octave in which a magnitude x lies, and r for the rest: log2 x is their sum with
+/// log2(1 + r).
+#[inline(always)]
+pub(crate) fn beside_sixteenth<R: Bits>(x: R) -> (R, R) {
     // x = 2^e m, and c m = 1 + r with the reciprocal c of the middle of m's sixteenth of the octave:
     // log2 x = (e - log2 c) + log2(1 + r), where the first sum is exact and r is rounded once.
     // The bits of 0 and of infinity read as 2^-1023 and 2^1024, whose powers fall out of range by themselves.
     let (e, m, sixteenth) = x.octave();
-    let r = sixteenth.entry_of(&RECIPROCALS).mul_add(m, R::splat(-1.0));
-    let high = e + sixteenth.entry_of(&OCTAVE_LOGARITHMS);
-    let low = r * binary_logarithm(r);
+    let (reciprocal, logarithm) = sixteenth.pair_of(&SIXTEENTHS);
+    (e + logarithm, reciprocal.mul_add(m, R::splat(-1.0)))
+}
 
+/// log2 x of the parts of [`beside_sixteenth`], and n times it as the exponent of a power of two.
+#[inline(always)]
+pub(crate) fn rounded_exponent<R: Bits>(high: R, r: R, n: R) -> (R, BinaryExponent<R>) {
+    let low = r * binary_logarithm(r);
     let logarithm = high + low;
-    let (t, sixteenths) = sixteenths(logarithm, n);
-    let f = n.mul_add(low, n.mul_add(high, -t));
-    (power_of_two(t, sixteenths, f), logarithm)
+    let (t, aligned) = sixteenths(logarithm, n);
+    (logarithm, BinaryExponent { t, aligned, f: n.mul_add(low, n.mul_add(high, -t)) })
 }
 
 /// x^n for n = 1, 2 or 3, as products.
@@ -230,6 +245,14 @@ fn binary_logarithm<R: Real>(r: R) -> R {
     r.mul_add(even, odd)
 }
 
+/// t + f with |f| <= 1/32, as [`sixteenths`] gives t.
+#[derive(Clone, Copy)]
+pub(crate) struct BinaryExponent<R> {
+    pub(crate) t: R,
+    pub(crate) aligned: R,
+    pub(crate) f: R,
+}
+
 /// `x factor` rounded to sixteenths, as it is and with the count of sixteenths in its low bits.
 #[inline(always)]
 fn sixteenths<R: Real>(x: R, factor: R) -> (R, R) {
@@ -238,16 +261,16 @@ fn sixteenths<R: Real>(x: R, factor: R) -> (R, R) {
     (aligned - aligner, aligned)
 }
 
-/// 2^(t + f), for |f| <= 1/32 and t as [`sixteenths`] gives it; 0 where t is too small.
+/// 2^(t + f); 0 where t is too small.
 #[inline(always)]
-fn power_of_two<R: Bits>(t: R, sixteenths: R, f: R) -> R {
+pub(crate) fn power_of_two<R: Bits>(BinaryExponent { t, aligned, f }: BinaryExponent<R>) -> R {
     let [c1, c2, c3, c4, c5, c6] = BINARY_EXPONENTIAL;
-    let root = sixteenths.entry_of(&SIXTEENTH_ROOTS);
+    let root = aligned.entry_of(&SIXTEENTH_ROOTS);
     let s = f * f;
     let odd = s.mul_add(line(s, c3, c5), R::splat(c1));
     let even = s.mul_add(line(s, c4, c6), R::splat(c2));
-    let power = (root * f).mul_add(f.mul_add(even, odd), root).times_two_to(t);
-    R::select(t.less(R::splat(SMALLEST_BINARY_EXPONENT)), R::splat(0.0), power)
+    let power = (root * f).mul_add(f.mul_add(even, odd), root).times_two_to(t, aligned);
+    R::zero_where(t.less(R::splat(SMALLEST_BINARY_EXPONENT)), power)
 }
 
 /// e^r - 1 - r + tail.

@@ -2,7 +2,10 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::real::{Bits, OutOfLine, Real};
+use crate::elementary::{
+    BinaryExponent, beside_sixteenth, power_and_logarithm, power_of_two, rounded_exponent,
+};
+use crate::real::{Bits, OutOfLine, Pairs, Real};
 
 /// Candidates in one vector.
 pub const VECTOR_WIDTH: usize = 8;
@@ -187,12 +190,49 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
         Self(each_group!(g => self.0[g].entry_of(table), from self.0))
     }
     #[inline(always)]
+    fn pair_of(self, pairs: &'static Pairs) -> (Self, Self) {
+        let (mut first, mut second) = (self.0, self.0);
+        let mut g = 0;
+        while g < GROUPS {
+            (first[g], second[g]) = self.0[g].pair_of(pairs);
+            g += 1;
+        }
+        (Self(first), Self(second))
+    }
+    #[inline(always)]
     fn half_of_two_to(k: Self) -> Self {
         Self(each_group!(g => V::half_of_two_to(k.0[g]), from k.0))
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self) -> Self {
-        Self(each_group!(g => self.0[g].times_two_to(k.0[g]), from self.0))
+    fn times_two_to(self, k: Self, aligned: Self) -> Self {
+        Self(each_group!(g => self.0[g].times_two_to(k.0[g], aligned.0[g]), from self.0))
+    }
+    #[inline(always)]
+    fn zero_where(mask: Self::Mask, number: Self) -> Self {
+        Self(each_group!(g => V::zero_where(mask[g], number.0[g]), from number.0))
+    }
+
+    /// Where the vectors outnumber the registers, in three parts, each for one vector after the other: what a part of one
+    /// vector needs stays in registers, and the parts of the next vectors hide its latency.
+    #[inline(always)]
+    fn general_power(self, n: Self) -> Self {
+        if const { GROUPS <= 2 || !V::FEW_REGISTERS } {
+            return power_and_logarithm(self, n).0;
+        }
+        let zero = V::splat(0.0);
+        let mut parts = [(zero, zero); GROUPS];
+        let mut exponents = [BinaryExponent { t: zero, aligned: zero, f: zero }; GROUPS];
+        let mut g = 0;
+        while g < GROUPS {
+            parts[g] = beside_sixteenth(self.0[g]);
+            g += 1;
+        }
+        let mut g = 0;
+        while g < GROUPS {
+            (_, exponents[g]) = rounded_exponent(parts[g].0, parts[g].1, n.0[g]);
+            g += 1;
+        }
+        Self(each_group!(g => power_of_two(exponents[g]), from self.0))
     }
 }
 

@@ -10,7 +10,7 @@ use crate::dispatch::{InstructionSet, LaneJob};
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
 use crate::parameters::FromSlice;
-use crate::real::{Bits, OutOfLine, Real};
+use crate::real::{Bits, OutOfLine, Pairs, Real};
 use crate::threads::{on_threads, thread_count};
 
 /// Peak rate of fused multiply-adds [flop/s], measured on `threads` threads for about `seconds` each.
@@ -173,10 +173,14 @@ impl Bits for Counted {
     fn entry_of(self, table: &'static [f64; 16]) -> Self {
         Self(self.0.entry_of(table))
     }
+    fn pair_of(self, pairs: &'static Pairs) -> (Self, Self) {
+        let (first, second) = self.0.pair_of(pairs);
+        (Self(first), Self(second))
+    }
     fn half_of_two_to(k: Self) -> Self {
         Self(f64::half_of_two_to(k.0))
     }
-    fn times_two_to(self, k: Self) -> Self {
-        Self(self.0.times_two_to(k.0))
+    fn times_two_to(self, k: Self, aligned: Self) -> Self {
+        Self(self.0.times_two_to(k.0, aligned.0))
     }
 }

@@ -7,7 +7,7 @@
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::elementary::Elementary;
+use crate::elementary::{Elementary, power_and_logarithm};
 
 /// A real number, or several side by side; every operation is lane by lane and correctly rounded.
 pub trait Real:
@@ -76,16 +76,57 @@ pub trait OutOfLine {
 
 /// A real number whose exponent and fraction can be taken apart, which is what elementary functions are made of.
 pub trait Bits: Real {
+    /// Whether a vector has so few registers that a wide pack takes a power in parts.
+    const FEW_REGISTERS: bool = false;
+
     /// For a positive normal number `m * 2^e` with `1/sqrt(2) <= m < sqrt(2)`: `(e, m, j)`, the exponent as a real, and
     /// the sixteenth of the octave in which m lies, counted by bit patterns, in the low four bits of j.
     fn octave(self) -> (Self, Self, Self);
     /// The entry that the low four bits of `self` number.
     fn entry_of(self, table: &'static [f64; 16]) -> Self;
+    /// The pair of entries that the low four bits of `self` number.
+    fn pair_of(self, pairs: &'static Pairs) -> (Self, Self);
     /// 2^k / 2 for whole k from -1021 to 1024.
     fn half_of_two_to(k: Self) -> Self;
     /// `self * 2^floor(k)` for k in sixteenths, infinite where that is too large; `self` must lie between 1/2 and 2, and
-    /// the result must not be below 2^-1021.
-    fn times_two_to(self, k: Self) -> Self;
+    /// the result must not be below 2^-1021. `aligned` is k plus [`SIXTEENTH_ALIGNER`].
+    fn times_two_to(self, k: Self, aligned: Self) -> Self;
+    /// `number`; zero where the mask holds.
+    #[inline(always)]
+    fn zero_where(mask: Self::Mask, number: Self) -> Self {
+        Self::select(mask, Self::splat(0.0), number)
+    }
+    /// `self^n` for any n >= 1, see [`crate::elementary::powf`].
+    #[inline(always)]
+    fn general_power(self, n: Self) -> Self {
+        power_and_logarithm(self, n).0
+    }
+}
+
+/// Two tables of sixteen, apart and side by side: vectors of 512 bits hold a table in two registers, narrower ones find
+/// both entries of a lane by one load.
+#[repr(align(64))]
+pub struct Pairs {
+    /// The first of each pair.
+    pub first: [f64; 16],
+    /// The second of each pair.
+    pub second: [f64; 16],
+    /// Both.
+    pub side_by_side: [[f64; 2]; 16],
+}
+
+impl Pairs {
+    /// The pairs of two tables.
+    #[must_use]
+    pub const fn of(first: [f64; 16], second: [f64; 16]) -> Self {
+        let mut side_by_side = [[0.0; 2]; 16];
+        let mut entry = 0;
+        while entry < 16 {
+            side_by_side[entry] = [first[entry], second[entry]];
+            entry += 1;
+        }
+        Self { first, second, side_by_side }
+    }
 }
 
 impl Real for f64 {
@@ -178,13 +219,17 @@ impl Bits for f64 {
         table[(self.to_bits() & 15) as usize]
     }
     #[inline(always)]
+    fn pair_of(self, pairs: &'static Pairs) -> (Self, Self) {
+        pairs.side_by_side[(self.to_bits() & 15) as usize].into()
+    }
+    #[inline(always)]
     fn half_of_two_to(k: Self) -> Self {
         f64::from_bits((k + HALF_EXPONENT_BIAS).to_bits() << 52)
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self) -> Self {
+    fn times_two_to(self, k: Self, aligned: Self) -> Self {
         // By adding to the exponent bits, and the last doubling as a product, which knows infinity.
-        let floor = (k - 1.0 + SIXTEENTH_ALIGNER).to_bits() >> 4;
+        let floor = aligned.to_bits() >> 4;
         let half = f64::from_bits(self.to_bits().wrapping_add(floor << 52));
         if k < 1025.0 { half + half } else { f64::INFINITY }
     }
@@ -223,5 +268,6 @@ pub(crate) const MANTISSA_BITS: u64 = 0x000F_FFFF_FFFF_FFFF;
 pub(crate) const ONE_BITS: u64 = 0x3FF0_0000_0000_0000;
 /// Bits of 1/sqrt(2).
 pub(crate) const SQRT_HALF_BITS: u64 = 0x3FE6_A09E_667F_3BCD;
-/// 1.5 * 2^48: a number added to it is rounded to sixteenths, and their count stands in the low bits.
-pub(crate) const SIXTEENTH_ALIGNER: f64 = 422_212_465_065_984.0;
+/// 1.5 * 2^48 - 1: a number added to it is rounded to sixteenths, and their count, of the number less 1, stands in the low
+/// bits.
+pub const SIXTEENTH_ALIGNER: f64 = 422_212_465_065_983.0;

@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 use mrwork_dynamics::dispatch::{InstructionSet, LaneJob};
 use mrwork_dynamics::elementary::{self, exp, ln, powf, tanh};
 use mrwork_dynamics::lanes::Lanes;
-use mrwork_dynamics::real::{Bits, Real};
+use mrwork_dynamics::real::{Bits, Pairs, Real, SIXTEENTH_ALIGNER};
 
 /// Batch sizes that reach every width of pack: one number, then 8, 16, 32 and 48 lanes.
 const BATCHES: [usize; 5] = [1, 8, 16, 32, 48];
@@ -93,12 +93,16 @@ mod of_normal {
 
     static SIXTEEN: [f64; 16] =
         [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+    static PAIRS: Pairs = Pairs::of(SIXTEEN, [1.5; 16]);
 
     operations! {
         Exponent: |a, b, c| a.octave().0;
         Mantissa: |a, b, c| a.octave().1;
         Entry: |a, b, c| a.octave().2.entry_of(&SIXTEEN);
-        TimesTwoTo: |a, b, c| a.times_two_to(b);
+        FirstOfPair: |a, b, c| a.octave().2.pair_of(&PAIRS).0;
+        SecondOfPair: |a, b, c| a.octave().2.pair_of(&PAIRS).1;
+        TimesTwoTo: |a, b, c| a.times_two_to(b, b + R::splat(SIXTEENTH_ALIGNER));
+        ZeroWhere: |a, b, c| R::zero_where(b.less(c), a);
         HalfOfTwoTo: |a, b, c| R::half_of_two_to(Real::min(R::splat(900.0), Real::max(R::splat(-900.0), b)).round_ties_even());
         Exponential: |a, b, c| exp(b);
         Logarithm: |a, b, c| ln(a);

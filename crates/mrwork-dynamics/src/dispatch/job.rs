@@ -5,8 +5,6 @@ use crate::real::Bits;
 
 /// Vectors in the widest pack: enough to hide the latency of a power and a division.
 pub(super) const GROUPS: usize = 8;
-/// The same for AVX2: half as many registers of half the width.
-pub(super) const AVX2_GROUPS: usize = 4;
 /// Pairs of vectors in a pack of the loop: shared data are loaded once, and the state of a step stays in the cache. Work that
 /// keeps its numbers in registers takes one pair after the other.
 pub(super) const MIDDLE_PAIRS: usize = 2;

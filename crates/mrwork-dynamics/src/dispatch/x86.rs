@@ -5,17 +5,17 @@
 //! their own methods are named only in functions that enable their features, which are safe to call only where the
 //! processor has them. Other code gets such a type as the parameter of [`LaneJob::run`] or [`OutOfLine::run`], within
 //! one of these functions. Hence every method of a vector runs on a processor with its features: AVX-512 F, DQ and VL
-//! for [`Avx512`], AVX2 and FMA for both. All intrinsics but `load`, `store` and `gather` compute on registers and
+//! for [`Avx512`], AVX2 and FMA for both. All intrinsics but `load` and `store` compute on registers and
 //! require no more.
 
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::job::{AVX2_GROUPS, GROUPS, LaneJob, MIDDLE_PAIRS};
+use super::job::{GROUPS, LaneJob, MIDDLE_PAIRS};
 use crate::lanes::{Lanes, Pack};
 use crate::real::{
-    Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, OutOfLine, Real,
-    SIXTEENTH_ALIGNER, SQRT_HALF_BITS, TWO_TO_52,
+    Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, OutOfLine, Pairs, Real,
+    SQRT_HALF_BITS, TWO_TO_52,
 };
 
 /// Entry into an instruction set, compiled in the module of `Self`: modules are compiled side by side, and a function that
@@ -75,7 +75,8 @@ pub(super) trait Compiled {
     unsafe fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
         match candidates {
             ..=8 => job.run::<Pack<Avx2, 2>>(),
-            _ => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
+            9..=16 => job.run::<Pack<Avx2, 4>>(),
+            _ => job.run::<Pack<Avx2, GROUPS>>(),
         }
     }
 
@@ -328,11 +329,15 @@ impl Bits for Avx512 {
         })
     }
     #[inline(always)]
-    fn half_of_two_to(k: Self) -> Self {
-        Self::splat(0.5).times_two_to(k)
+    fn pair_of(self, pairs: &'static Pairs) -> (Self, Self) {
+        (self.entry_of(&pairs.first), self.entry_of(&pairs.second))
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self) -> Self {
+    fn half_of_two_to(k: Self) -> Self {
+        Self::splat(0.5).times_two_to(k, k)
+    }
+    #[inline(always)]
+    fn times_two_to(self, k: Self, _: Self) -> Self {
         // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_scalef_pd(self.0, k.0) })
     }
@@ -421,7 +426,29 @@ impl Real for Avx2 {
     }
 }
 
+impl Avx2 {
+    /// The low four bits of each lane.
+    #[inline(always)]
+    fn indices(self) -> [usize; 4] {
+        // SAFETY: the processor has the features of `Avx2`.
+        let [a, b, c, d] = unsafe {
+            let index = _mm256_and_si256(_mm256_castpd_si256(self.0), _mm256_set1_epi64x(15));
+            let (low, high) = (_mm256_castsi256_si128(index), _mm256_extracti128_si256::<1>(index));
+            [
+                _mm_cvtsi128_si64(low).cast_unsigned(),
+                _mm_extract_epi64::<1>(low).cast_unsigned(),
+                _mm_cvtsi128_si64(high).cast_unsigned(),
+                _mm_extract_epi64::<1>(high).cast_unsigned(),
+            ]
+        };
+        // Masked once more for the bounds, which costs nothing: the compiler knows the bits.
+        [(a & 15) as usize, (b & 15) as usize, (c & 15) as usize, (d & 15) as usize]
+    }
+}
+
 impl Bits for Avx2 {
+    const FEW_REGISTERS: bool = true;
+
     #[inline(always)]
     fn octave(self) -> (Self, Self, Self) {
         // SAFETY: the processor has the features of `Avx2`.
@@ -443,14 +470,24 @@ impl Bits for Avx2 {
             )
         }
     }
+    // By a load for each lane: a gather takes longer on processors of both makers.
     #[inline(always)]
     fn entry_of(self, table: &'static [f64; 16]) -> Self {
-        // SAFETY: the processor has the features of `Avx2`; masked, an index is at most 15, and `table` has sixteen
-        // numbers of the 8 bytes by which the gather counts.
-        Self(unsafe {
-            let index = _mm256_and_si256(_mm256_castpd_si256(self.0), _mm256_set1_epi64x(15));
-            _mm256_i64gather_pd::<8>(table.as_ptr(), index)
-        })
+        let [a, b, c, d] = self.indices();
+        // SAFETY: the processor has the features of `Avx2`.
+        Self(unsafe { _mm256_set_pd(table[d], table[c], table[b], table[a]) })
+    }
+    #[inline(always)]
+    fn pair_of(self, pairs: &'static Pairs) -> (Self, Self) {
+        let ([a, b, c, d], pairs) = (self.indices(), &pairs.side_by_side);
+        // SAFETY: the processor has the features of `Avx2`; each load, of any alignment, is of the two numbers of a pair.
+        unsafe {
+            let [a, b] = [_mm_loadu_pd(pairs[a].as_ptr()), _mm_loadu_pd(pairs[b].as_ptr())];
+            let [c, d] = [_mm_loadu_pd(pairs[c].as_ptr()), _mm_loadu_pd(pairs[d].as_ptr())];
+            let even = _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(a), c);
+            let odd = _mm256_insertf128_pd::<1>(_mm256_castpd128_pd256(b), d);
+            (Self(_mm256_unpacklo_pd(even, odd)), Self(_mm256_unpackhi_pd(even, odd)))
+        }
     }
     #[inline(always)]
     fn half_of_two_to(k: Self) -> Self {
@@ -459,13 +496,17 @@ impl Bits for Avx2 {
         Self(unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(field.0))) })
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self) -> Self {
-        let aligned = k - Self::splat(1.0) + Self::splat(SIXTEENTH_ALIGNER);
+    fn times_two_to(self, k: Self, aligned: Self) -> Self {
         // SAFETY: the processor has the features of `Avx2`.
         let half = Self(unsafe {
             let floor = _mm256_srli_epi64::<4>(_mm256_castpd_si256(aligned.0));
             _mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(self.0), _mm256_slli_epi64::<52>(floor)))
         });
         Self::select(k.less(Self::splat(1025.0)), half + half, Self::splat(f64::INFINITY))
+    }
+    #[inline(always)]
+    fn zero_where(mask: __m256d, number: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
+        Self(unsafe { _mm256_andnot_pd(mask, number.0) })
     }
 }

@@ -28,7 +28,7 @@ pub(super) static SIXTEENTH_ROOTS: [f64; 16] = [
 /// Reciprocals of the sixteenths of the octave from 1/sqrt(2) to sqrt(2), each near the middle of its own.
 ///
 /// Of the many doubles there, those whose logarithm is a multiple of 2^-40 but for less than 2^-66.
-pub(super) static RECIPROCALS: [f64; 16] = [
+pub(super) const RECIPROCALS: [f64; 16] = [
     1.383_639_163_225_578_5,
     1.326_292_002_111_856_7,
     1.273_509_331_425_896_5,
@@ -48,7 +48,7 @@ pub(super) static RECIPROCALS: [f64; 16] = [
 ];
 
 /// -log2 of these, multiples of 2^-40: the sum with a binary exponent is exact.
-pub(super) static OCTAVE_LOGARITHMS: [f64; 16] = [
+pub(super) const OCTAVE_LOGARITHMS: [f64; 16] = [
     -0.468_467_754_174_525_9,
     -0.407_398_440_323_049_7,
     -0.348_809_530_756_625_46,
