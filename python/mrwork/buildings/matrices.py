@@ -674,8 +674,8 @@ def _ask_of_coordinates(building: Building) -> Iterator[str]:
         return
     coupled = stiffness / np.sqrt(np.outer(diagonal, diagonal)) > _COUPLED
     np.fill_diagonal(coupled, val=False)
-    place = np.arange(len(follows))
-    wrong = coupled & ((place[:, None] - place) % 2 == 1)
+    index = np.arange(len(follows))
+    wrong = coupled & ((index[:, None] - index) % 2 == 1)
     held = (building.stiffness @ building.influence)[follows] / diagonal
     light = (mass < _LIGHT * mass.max()) & (np.abs(held) > _ASYMMETRY)
     wrong |= coupled & (light[:, None] | light)

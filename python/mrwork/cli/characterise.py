@@ -88,14 +88,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _characterise(options: argparse.Namespace) -> int:
-    place = options.out or Path("out") / options.folder.resolve().name
+    path = options.out or Path("out") / options.folder.resolve().name
     # What the steps would refuse, before anything is written.
-    destination = Destination(path=place, kind=FIT_RUN, replace=options.replace, resume=options.resume)
+    destination = Destination(path=path, kind=FIT_RUN, replace=options.replace, resume=options.resume)
     destination.run()
-    begun = (place / FIT).exists() and not (place / SUMMARY).exists()
-    if begun and not (options.resume or options.replace) and is_complete(place):
+    begun = (path / FIT).exists() and not (path / SUMMARY).exists()
+    if begun and not (options.resume or options.replace) and is_complete(path):
         raise OutputError(
-            f"{place} has a fit, and steps after it are not done; run the same command with --resume to go on with it, "
+            f"{path} has a fit, and steps after it are not done; run the same command with --resume to go on with it, "
             "or with --replace to begin anew"
         )
     for name in options.model.split(","):
@@ -117,25 +117,25 @@ def _characterise(options: argparse.Namespace) -> int:
             f"{counted(uses['fit'], 'test')} to fit, {uses['calibration']} to calibrate, {uses['test']} kept for test"
         )
     # A run that was begun in place of a complete one is resumed.
-    fitted = destination.continues and is_complete(place)
+    fitted = destination.continues and is_complete(path)
     spare, steps = "", list[_Step]()
     if fitted:
-        known = {Path(name).name for name in read_fit(place).provenance.inputs}
+        known = {Path(name).name for name in read_fit(path).provenance.inputs}
         if known != {Path(row.file).name for row in _of_use(rows, "fit")}:
             raise RecordError(
-                f"{place} was fitted to other tests than those that the table names; give another --out, or --replace "
+                f"{path} was fitted to other tests than those that the table names; give another --out, or --replace "
                 "instead of --resume"
             )
     else:
         step, spare = _fitting(options, rows)
         steps.append(step)
-    if uses["calibration"] and not (fitted and (place / CALIBRATION).is_file()):
-        steps.append(("calibrating the bands", partial(_calibrate, place, rows)))
-    if uses["test"] and not (fitted and (place / HELD_OUT).is_file()):
-        steps.append(("predicting the tests kept for test", partial(_predict, place, rows)))
-    if not steps and (place / SUMMARY).is_file():
-        note(nothing_to_resume(place))
-    steps.append(("writing the page and its summary", partial(_draw, place, quiet=quiet)))
+    if uses["calibration"] and not (fitted and (path / CALIBRATION).is_file()):
+        steps.append(("calibrating the bands", partial(_calibrate, path, rows)))
+    if uses["test"] and not (fitted and (path / HELD_OUT).is_file()):
+        steps.append(("predicting the tests kept for test", partial(_predict, path, rows)))
+    if not steps and (path / SUMMARY).is_file():
+        note(nothing_to_resume(path))
+    steps.append(("writing the page and its summary", partial(_draw, path, quiet=quiet)))
     done = []
     for number, (what, work) in enumerate(steps, start=1):
         if not quiet:
@@ -144,7 +144,7 @@ def _characterise(options: argparse.Namespace) -> int:
         if status := work():
             return status
         done.append({"step": what, "seconds": time.perf_counter() - began})
-    return _end(options, place, uses, done, spare)
+    return _end(options, path, uses, done, spare)
 
 
 # What a step does, and its work, which returns an exit status.
@@ -184,25 +184,25 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
     return ("choosing model and laws", fit), spare
 
 
-def _calibrate(place: Path, rows: Sequence[ListedTest]) -> int:
+def _calibrate(path: Path, rows: Sequence[ListedTest]) -> int:
     from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
     from mrwork.uncertainty.bands.prediction import UNSEEN
     from mrwork.uncertainty.bands.predictions import predict
 
-    with adding(place, CALIBRATION):
-        found = predict(read_fit(place), _read(_reading(_of_use(rows, "calibration"))))
-        write_bands(place, StoredBands.of(found.predictions, held_out=UNSEEN))
+    with adding(path, CALIBRATION):
+        found = predict(read_fit(path), _read(_reading(_of_use(rows, "calibration"))))
+        write_bands(path, StoredBands.of(found.predictions, held_out=UNSEEN))
     return 0
 
 
-def _predict(place: Path, rows: Sequence[ListedTest]) -> int:
+def _predict(path: Path, rows: Sequence[ListedTest]) -> int:
     from mrwork.uncertainty.bands.calibration_files import stored_calibration
     from mrwork.uncertainty.bands.held_out import keep_held_out
     from mrwork.uncertainty.bands.predictions import Predictions
 
-    run = RunFolder.open(place, FIT_RUN)
+    run = RunFolder.open(path, FIT_RUN)
     keep_held_out(
-        place,
+        path,
         Predictions.of(
             fit_of(run), _read(_reading(_of_use(rows, "test"))), calibration=stored_calibration(run)
         ),
@@ -210,24 +210,24 @@ def _predict(place: Path, rows: Sequence[ListedTest]) -> int:
     return 0
 
 
-def _draw(place: Path, *, quiet: bool) -> int:
-    return renew_page(place, quiet=quiet) or renew_page(place, quiet=quiet, summary=True)
+def _draw(path: Path, *, quiet: bool) -> int:
+    return renew_page(path, quiet=quiet) or renew_page(path, quiet=quiet, summary=True)
 
 
-def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], done: list[Any], spare: str) -> int:
+def _end(options: argparse.Namespace, path: Path, uses: dict[str, int], done: list[Any], spare: str) -> int:
     from mrwork.report.fit.front import verdict_of
     from mrwork.report.fit.page import open_run
 
-    opened, compared = open_run(place)
+    opened, compared = open_run(path)
     fit, said = opened.fit, verdict_of(opened, compared)
     following = {name: str(law) for name, law in fit.spec.laws_by_name.items() if not law.is_constant}
     if options.json:
         held_out = opened.held_out
         print_json(
             {
-                "out": str(place),
-                "summary": str(place / SUMMARY),
-                "report": str(place / REPORT),
+                "out": str(path),
+                "summary": str(path / SUMMARY),
+                "report": str(path / REPORT),
                 "model": fit.model,
                 "laws": following,
                 "verdict": said,
@@ -250,8 +250,8 @@ def _end(options: argparse.Namespace, place: Path, uses: dict[str, int], done: l
         show(f"No test was kept for test{spare or f': {how} --replace'}.")
     for warning in fit.warnings:
         show(f"warning: {warning}")
-    show(f"Summary: {place / SUMMARY}")
-    show(f"Report: {place / REPORT}")
+    show(f"Summary: {path / SUMMARY}")
+    show(f"Report: {path / REPORT}")
     return 0
 
 

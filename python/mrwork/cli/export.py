@@ -72,9 +72,9 @@ def run(options: argparse.Namespace) -> int:
     document |= {"observation": observation} if observation else {}
     wanted = {"command": options.command, "error": options.error, "time_step": options.time_step}
     if options.output is not None:
-        place = export(options.run_folder, options.to, options.output, replace=options.replace, **wanted)
-        text = "\n".join(filter(None, (f"Written: {place}", observation)))
-        print_result(options, document | {"output": str(place)}, text)
+        path = export(options.run_folder, options.to, options.output, replace=options.replace, **wanted)
+        text = "\n".join(filter(None, (f"Written: {path}", observation)))
+        print_result(options, document | {"output": str(path)}, text)
         return 0
     if options.to == "mat":
         raise SettingError("--to mat writes a file that is no text; give --output FILE")

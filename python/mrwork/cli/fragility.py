@@ -72,8 +72,8 @@ def run(options: argparse.Namespace) -> int:
     files = (
         [] if table is None else [table, *(table.parent / f"{table.stem}-{figure}.svg" for figure in figures)]
     )
-    for place in files:
-        check_output(place, replace=options.replace, otherwise="give --replace")
+    for path in files:
+        check_output(path, replace=options.replace, otherwise="give --replace")
     # SciPy and the readers of runs are slow to load.
     from mrwork.runs.load import load
     from mrwork.study.fragilities import fragility
@@ -89,12 +89,12 @@ def run(options: argparse.Namespace) -> int:
     with undrawn_warned("a figure", "the table stands without it"):
         contents += _figures(found) if files else []
     written = files[: len(contents)]
-    for place, content in zip(written, contents, strict=True):
-        with replacing(place) as stream:
+    for path, content in zip(written, contents, strict=True):
+        with replacing(path) as stream:
             stream.write(content)
     document = found.document(options.against) | {"files": list(map(str, written))}
     text = found._summary(options.against).text(whole=True)
-    print_result(options, document, "\n".join([text, *(f"Written: {place}" for place in written)]))
+    print_result(options, document, "\n".join([text, *(f"Written: {path}" for path in written)]))
     return 0
 
 

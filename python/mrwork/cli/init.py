@@ -75,8 +75,8 @@ def _write_rig(folder: Path) -> _Written:
     return f"{folder}, {len(tests)} synthetic tests and their table {table}", [table, *tests], commands
 
 
-def _write_study(place: Path) -> _Written:
-    file = place if place.suffix == ".toml" else place / _STUDY
+def _write_study(path: Path) -> _Written:
+    file = path if path.suffix == ".toml" else path / _STUDY
     _refuse_what_is_there(file)
     write_files(file.parent, {file.name: (_SAMPLES / _STUDY).read_bytes()})
     name = shlex.quote(str(file))
@@ -84,12 +84,12 @@ def _write_study(place: Path) -> _Written:
     return f"{file}, three storeys with one damper", [file], commands
 
 
-def _refuse_what_is_there(place: Path, *, within: bool = False) -> None:
+def _refuse_what_is_there(path: Path, *, within: bool = False) -> None:
     """Refuse a place where there is something; with `within` a folder may be there that has nothing within."""
-    with explain_failure(f"write {place}", "choose another place"):
-        refuse_path_in_run(place)
-        is_folder = within and place.is_dir()
-        there = sorted(place.iterdir()) if is_folder else [place] if os.path.lexists(place) else []
+    with explain_failure(f"write {path}", "choose another place"):
+        refuse_path_in_run(path)
+        is_folder = within and path.is_dir()
+        there = sorted(path.iterdir()) if is_folder else [path] if os.path.lexists(path) else []
     if there:
         what = "a new or empty folder" if within else "another file"
         raise OutputError(f"{there[0]} is there already, and mrwork init replaces nothing; give {what}")

@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
         options,
         *(spec, *map(spec.preset, spec.presets)),
         document=_as_dict(spec) | drawn,
-        below=["", follow, *(f"\nFigure: {place}" for place in drawn.values())],
+        below=["", follow, *(f"\nFigure: {path}" for path in drawn.values())],
     )
     return 0
 

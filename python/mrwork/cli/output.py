@@ -86,20 +86,20 @@ def show_results(
     print_result(options, document, "\n".join(["\n\n".join(texts), *below]))
 
 
-def check_figure(place: Path) -> None:
+def check_figure(path: Path) -> None:
     """Refuse a file of --figure that cannot be written, or of another format."""
-    suffix = place.suffix.lower()
+    suffix = path.suffix.lower()
     if suffix not in (".svg", ".png"):
-        raise SettingError(f"--figure {place} ends with {suffix or 'nothing'}; give .svg or .png")
-    check_output(place, replace=True, otherwise="")
+        raise SettingError(f"--figure {path} ends with {suffix or 'nothing'}; give .svg or .png")
+    check_output(path, replace=True, otherwise="")
 
 
-def write_figure(place: Path, figure: Any) -> None:
+def write_figure(path: Path, figure: Any) -> None:
     """Write a figure of Matplotlib into a file that `check_figure` has seen."""
     from mrwork.plots.canvas import png_bytes, svg_bytes
 
-    with replacing(place) as stream:
-        stream.write(svg_bytes(figure) if place.suffix.lower() == ".svg" else png_bytes(figure))
+    with replacing(path) as stream:
+        stream.write(svg_bytes(figure) if path.suffix.lower() == ".svg" else png_bytes(figure))
 
 
 def end_addition(

@@ -73,14 +73,14 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
         threads=options.threads,
         **arguments_of(options, plan),
     )
-    place, document = opened.run.path, {"limits": asdict(limits)}
-    add_to_run(place, {PLAN: json_document(ranked.document() | document).encode()})
+    path, document = opened.run.path, {"limits": asdict(limits)}
+    add_to_run(path, {PLAN: json_document(ranked.document() | document).encode()})
     if ranked.left_out and not options.quiet:
         unit = spec.command_unit
         failed = "; ".join(left_out.in_words(unit) for left_out in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")
-    more = document | {"findings": findings, "out": str(place / PLAN)}
-    return end_addition(options, ranked, more, [f"Report: {place / REPORT}"])
+    more = document | {"findings": findings, "out": str(path / PLAN)}
+    return end_addition(options, ranked, more, [f"Report: {path / REPORT}"])
 
 
 def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) -> tuple[Candidate, ...]:

@@ -51,7 +51,7 @@ def _profile(options: argparse.Namespace) -> int:
     from mrwork.runs.load import StoredRun, load
 
     opened = opened_run(options)
-    findings, place = told_findings("profile", opened.tests, options), opened.run.path
+    findings, path = told_findings("profile", opened.tests, options), opened.run.path
     try:
         with progress_line(in_words, quiet=is_quiet(options)) as line:
             profiles = profile(
@@ -63,27 +63,27 @@ def _profile(options: argparse.Namespace) -> int:
             )
     except Interrupted as interrupt:
         return _write_interrupted(opened.run, interrupt.result, options)
-    add_to_run(place, {PROFILES: json_document(profiles.document()).encode()})
-    fit = load(place, StoredRun).fit
+    add_to_run(path, {PROFILES: json_document(profiles.document()).encode()})
+    fit = load(path, StoredRun).fit
     more = {"directions": [asdict(test) for test in fit.informative], "findings": findings}
     below = [
         *(f"  {test.sentence}" for test in fit.informative),
         *verdicts_elsewhere(fit, "profile"),
-        f"Report: {place / REPORT}",
+        f"Report: {path / REPORT}",
     ]
-    return end_addition(options, profiles, more | {"out": str(place / PROFILES)}, below)
+    return end_addition(options, profiles, more | {"out": str(path / PROFILES)}, below)
 
 
 def _write_interrupted(run: RunFolder, profiles: Profiles, options: argparse.Namespace) -> int:
     """Write and print the profiles of an interrupted run, not in place of complete ones; return the exit status."""
-    document, place, earlier = profiles.document(), run.path / PROFILES, None
+    document, path, earlier = profiles.document(), run.path / PROFILES, None
     # Damaged ones are none, as for a run to its end.
     with suppress(RecordError):
         earlier = run.read(Profiles, PROFILES, verb="profile")
     written = earlier is None or earlier.status != "finished"
     if written:
         add_to_run(run.path, {PROFILES: json_document(document).encode()})
-    show_results(options, profiles, document=document | {"directions": [], "out": str(place)})
+    show_results(options, profiles, document=document | {"directions": [], "out": str(path)})
     where = "has the profiles so far" if written else "keeps the complete profiles that it has"
-    note(f"interrupted; {place} {where}; run the same command again for all")
+    note(f"interrupted; {path} {where}; run the same command again for all")
     return 130

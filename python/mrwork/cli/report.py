@@ -51,12 +51,12 @@ def add_options(parser: CommandParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the page, and the figures if requested; print where they are."""
-    place = options.run_folder
-    kind = RunFolder.open(place).kind
+    path = options.run_folder
+    kind = RunFolder.open(path).kind
     if kind is not FIT_RUN and (options.figures or options.all_tests):
         option = "--figures" if options.figures else "--all-tests"
         raise SettingError(
-            f"{option} is of the tests of a fit, and {place} is of `mrwork {kind.verb}`; leave it out"
+            f"{option} is of the tests of a fit, and {path} is of `mrwork {kind.verb}`; leave it out"
         )
     names: list[str] = []
     tests: list[DamperTest] = []
@@ -68,22 +68,22 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.report.pages import page_of
 
         drawn = {"every_test": options.all_tests, "summary": options.summary}
-        page, compared = page_of(place, **drawn, on_progress=on_progress)
+        page, compared = page_of(path, **drawn, on_progress=on_progress)
         tests.extend(test.test for test in compared)
-        written.append(page.write(place, summary=options.summary))
+        written.append(page.write(path, summary=options.summary))
         if options.figures:
-            names.extend(write_figures(place, page, on_progress=on_progress))
+            names.extend(write_figures(path, page, on_progress=on_progress))
 
-    status = drawing(place, draw, quiet=is_quiet(options))
+    status = drawing(path, draw, quiet=is_quiet(options))
     if status == 0:
         findings = told_findings("report", tests, options)
         if options.json:
-            document = {"out": str(place), "report": str(written[0]), "figures": names}
+            document = {"out": str(path), "report": str(written[0]), "figures": names}
             print_json(document | {"findings": findings})
         else:
             show(f"Report: {written[0]}")
             if names:
-                show(f"Figures: {2 * len(names)} files in {place / FIGURES}")
+                show(f"Figures: {2 * len(names)} files in {path / FIGURES}")
         if options.open:
             _open(written[0])
     return status

@@ -193,7 +193,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             "its dampers has others than the chosen one; leave it out, or identify the damper with mrwork identify "
             "--law auto"
         )
-    histories, place = Histories(work, study), work.destination.path
+    histories, path = Histories(work, study), work.destination.path
     further: dict[str, Any] = {}
     lines: list[str] = []
 
@@ -236,7 +236,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
         return study_document(results) | design_document(study) | further
 
     def text(results: StudyResults, drawn: bool, written: bool) -> str:
-        found = study_text(results, place if drawn or not written else None)
+        found = study_text(results, path if drawn or not written else None)
         return "\n".join([*design_lines(study), *lines, found])
 
     return StudyVerb(

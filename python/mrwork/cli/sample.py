@@ -72,8 +72,8 @@ def run(options: argparse.Namespace) -> int:
 
     opened = opened_run(options)
     findings = told_findings("sample", opened.tests, options)
-    place = opened.run.path
-    with addition_journal(place, CHAIN, resume=options.resume, replace=options.replace, note=note) as journal:
+    path = opened.run.path
+    with addition_journal(path, CHAIN, resume=options.resume, replace=options.replace, note=note) as journal:
         draws = _sample(opened, journal, options)
         if draws is None:
             return 130
@@ -83,10 +83,10 @@ def run(options: argparse.Namespace) -> int:
         # ArviZ and HDF5 take seconds to load.
         from mrwork.uncertainty.posterior.draws import draws_content
 
-        add_to_run(place, {DRAWS: draws_content(draws)}, grown=[CHAIN])
-        fit = load(place, StoredRun).fit
-        below = [*verdicts_elsewhere(fit, "posterior"), f"Draws: {place / DRAWS}"]
-        return end_addition(options, draws, {"findings": findings, "out": str(place)}, below)
+        add_to_run(path, {DRAWS: draws_content(draws)}, grown=[CHAIN])
+        fit = load(path, StoredRun).fit
+        below = [*verdicts_elsewhere(fit, "posterior"), f"Draws: {path / DRAWS}"]
+        return end_addition(options, draws, {"findings": findings, "out": str(path)}, below)
 
 
 def _sample(opened: OpenedRun, journal: Journal, options: argparse.Namespace) -> Draws | None:

@@ -85,7 +85,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
     from mrwork.tuning.judging import judge, unjudged, with_tuned_rows
     from mrwork.tuning.run import tune
 
-    tables, place = _tables(study, options), work.destination.path
+    tables, path = _tables(study, options), work.destination.path
     wider, stored = study, Histories(work, study)
 
     def compute(journal: Journal, line: ProgressLine[Any]) -> TunedStudy:
@@ -111,8 +111,8 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
 
     def text(results: TunedStudy, drawn: bool, written: bool) -> str:
         found = results.tuned._found().text(whole=True)
-        judged = study_text(results, place if drawn or not written else None)
-        settings = f"Settings for mrwork respond: {place / CHOSEN}"
+        judged = study_text(results, path if drawn or not written else None)
+        settings = f"Settings for mrwork respond: {path / CHOSEN}"
         return "\n".join([found, "", *design_lines(wider), judged, settings])
 
     return StudyVerb(

@@ -162,10 +162,10 @@ class DelimitedTable(ColumnTable):
         if block is None or block.size != len(rows):
             return None
         cells: dict[int, Any] = {}
-        for place, kind in kinds.items():
-            cells[place] = block[str(place)]
+        for column, kind in kinds.items():
+            cells[column] = block[str(column)]
             if kind == _STAMP and with_commas:
-                cells[place] = [text.translate(_EXCHANGED) for text in cells[place].tolist()]
+                cells[column] = [text.translate(_EXCHANGED) for text in cells[column].tolist()]
         return cells
 
     def _block(self, lines: Sequence[str], kinds: Mapping[int, str]) -> NDArray[np.void] | None:
@@ -182,15 +182,15 @@ class DelimitedTable(ColumnTable):
         self, rows: Sequence[int], kinds: Mapping[int, str], *, with_commas: bool
     ) -> Mapping[int, Any]:
         """Cells of rows by column; the first row of another width and the first wrong number are refused."""
-        cells: dict[int, list[Any]] = {place: [] for place in kinds}
+        cells: dict[int, list[Any]] = {column: [] for column in kinds}
         for row in rows:
             fields = self._split(row)
             if len(fields) != len(self.names):
                 self._refuse_width(row, len(fields))
-            for place, kind in kinds.items():
-                text = fields[place]
-                cells[place].append(
-                    self._number(row, place, text, with_commas=with_commas) if kind == _NUMBER else text
+            for column, kind in kinds.items():
+                text = fields[column]
+                cells[column].append(
+                    self._number(row, column, text, with_commas=with_commas) if kind == _NUMBER else text
                 )
         return cells
 
@@ -213,7 +213,7 @@ class DelimitedTable(ColumnTable):
             f"names {counted(len(self.names), 'column')}; {hint}"
         )
 
-    def _number(self, row: int, place: int, text: str, *, with_commas: bool) -> float:
+    def _number(self, row: int, column: int, text: str, *, with_commas: bool) -> float:
         """Number of a cell, NaN where it is missing."""
         if text.casefold() in MISSING:
             return float("nan")
@@ -223,16 +223,16 @@ class DelimitedTable(ColumnTable):
         if is_number(text):
             own, others = ("point", "commas") if with_commas else ("comma", "points")
             raise RecordError(
-                f"{self._holds(row, place, text)} with a decimal {own} where others have decimal {others}; export all "
+                f"{self._holds(row, column, text)} with a decimal {own} where others have decimal {others}; export all "
                 "numbers with decimal points"
             )
-        raise self._unexpected(row, place, text, "a number")
+        raise self._unexpected(row, column, text, "a number")
 
-    def _time(self, row: int, place: int, text: str) -> int | None:
+    def _time(self, row: int, column: int, text: str) -> int | None:
         """Time of a stamp [ns]; `None` where it is missing."""
         time = _nanoseconds(text)
         if time is None and text.strip().casefold() not in MISSING:
-            raise self._unexpected(row, place, text, "a time such as 2024-05-01 12:00:00.010")
+            raise self._unexpected(row, column, text, "a time such as 2024-05-01 12:00:00.010")
         return time
 
     def _has_decimal_commas(self, numbers: Sequence[int]) -> bool:
@@ -245,14 +245,14 @@ class DelimitedTable(ColumnTable):
                 continue
             fields = self._split(row)
             # Rows of another width are refused where they are read.
-            for place in numbers if len(fields) == len(self.names) else ():
-                text = fields[place]
+            for column in numbers if len(fields) == len(self.names) else ():
+                text = fields[column]
                 if SURELY_DECIMAL.fullmatch(text):
                     return True
                 if "." in text and NUMBER.fullmatch(text):
                     return False
                 if not doubt and DECIMAL_COMMA.fullmatch(text):
-                    doubt = self._holds(row, place, text)
+                    doubt = self._holds(row, column, text)
         if not doubt or any(
             SURELY_DECIMAL.fullmatch(text) for row in self._data for text in self._split(row)
         ):
@@ -262,12 +262,12 @@ class DelimitedTable(ColumnTable):
             "export without commas in numbers"
         )
 
-    def _holds(self, row: int, place: int, text: str) -> str:
+    def _holds(self, row: int, column: int, text: str) -> str:
         shown = text if len(text) <= 40 else text[:40] + "..."
-        return f"{self._source}: line {row + 1}, column '{self.names[place]}' holds '{shown}'"
+        return f"{self._source}: line {row + 1}, column '{self.names[column]}' holds '{shown}'"
 
-    def _unexpected(self, row: int, place: int, text: str, expected: str) -> RecordError:
-        where = self._holds(row, place, text)
+    def _unexpected(self, row: int, column: int, text: str, expected: str) -> RecordError:
+        where = self._holds(row, column, text)
         return RecordError(f"{where} where {expected} was expected; correct or delete the line")
 
 

@@ -379,8 +379,8 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     if not 0 <= order <= highest:
         raise SettingError(f"ground motion {motion.name}: baseline of order {order}; give 0 to {highest}")
     # Legendre polynomials on [-1, 1] keep the fit well conditioned where powers of seconds do not.
-    place = np.linspace(-1.0, 1.0, motion.n_time)
-    drift = np.asarray(Legendre.fit(place, motion.acceleration, order)(place), dtype=np.float64)
+    at = np.linspace(-1.0, 1.0, motion.n_time)
+    drift = np.asarray(Legendre.fit(at, motion.acceleration, order)(at), dtype=np.float64)
     change = f"baseline of order {order} taken from the acceleration, up to {np.abs(drift).max():.3g} m/s2"
     return replace_samples(motion, motion.acceleration - drift, motion.dt, change)
 
@@ -391,9 +391,9 @@ def brought_to_rest(motion: GroundMotion) -> GroundMotion:
         raise SettingError(
             f"ground motion {motion.name}: {motion.n_time} samples cannot be brought to rest; give five or more"
         )
-    place = np.linspace(-1.0, 1.0, motion.n_time)
-    bell = np.cos(0.5 * np.pi * place) ** 2
-    shapes = (bell, bell * place)
+    at = np.linspace(-1.0, 1.0, motion.n_time)
+    bell = np.cos(0.5 * np.pi * at) ** 2
+    shapes = (bell, bell * at)
     ends = [replace(motion, acceleration=shape) for shape in shapes]
     system = np.array(
         [[float(one.velocity[-1]) for one in ends], [float(one.displacement[-1]) for one in ends]]

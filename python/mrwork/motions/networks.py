@@ -70,13 +70,13 @@ def numbers_at_widths(
     They are in columns of a width, of which blank ones are left out and the first is wider by the indent.
     """
     numbers: list[float] = []
-    place = first
-    while len(numbers) < count and place < len(lines.texts):
-        text = lines.texts[place][indent : indent + per_line * width]
+    line = first
+    while len(numbers) < count and line < len(lines.texts):
+        text = lines.texts[line][indent : indent + per_line * width]
         words = (text[start : start + width] for start in range(0, len(text), width))
-        numbers += [_number(lines, place, word) for word in words if word.strip()]
-        place += 1
-    return _all_numbers(lines, first, numbers, count), place
+        numbers += [_number(lines, line, word) for word in words if word.strip()]
+        line += 1
+    return _all_numbers(lines, first, numbers, count), line
 
 
 def _number(lines: Lines, index: int, word: str) -> float:
@@ -202,11 +202,11 @@ def _on_one_step(
     # Regular steps are taken as equal, so that their samples are kept and not interpolated.
     knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
     n_time = int(np.floor(knots[-1] / dt + 1e-6)) + 1
-    place = int(np.argmax(steps))
-    is_gap = place < steps.size - 1 and steps[place] > max(_GAP_STEPS * dt, _GAP)
+    line = int(np.argmax(steps))
+    is_gap = line < steps.size - 1 and steps[line] > max(_GAP_STEPS * dt, _GAP)
     if n_time > 2 * time.size or is_gap:
         raise RecordError(
-            f"{where(place + 1)}: a gap of {steps[place]:.4g} s before it, and steps of {dt:.4g} s elsewhere; cut out "
+            f"{where(line + 1)}: a gap of {steps[line]:.4g} s before it, and steps of {dt:.4g} s elsewhere; cut out "
             "one continuous part"
         )
     odd = steps[~regular] - dt
@@ -277,20 +277,20 @@ def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
     A line before each header and series states how many numbers follow and in which Fortran format ("COSMOS Strong
     Motion Data Format", version 1.20, 2001).
     """
-    firsts = [(place, _FIRST.search(lines.at(place))) for place in range(len(lines.texts))]
-    heads = [(place, first) for place, first in firsts if first is not None]
-    titles = [quote_text(lines.at(place)[: first.start()]) for place, first in heads]
+    firsts = [(line, _FIRST.search(lines.at(line))) for line in range(len(lines.texts))]
+    heads = [(line, first) for line, first in firsts if first is not None]
+    titles = [quote_text(lines.at(line)[: first.start()]) for line, first in heads]
     number = chosen_channel(lines.path, titles, stated)
     (head, first), title = heads[number], titles[number]
     if "acceleration" not in title.lower():
         raise RecordError(f"{lines.where(head)}: the series is '{title}'; give one of acceleration")
-    _, place = _block_cosmos(lines, head + int(first[1]))
-    real, place = _block_cosmos(lines, place)
-    if comments := _COMMENTS.match(lines.at(place)):
-        place += 1 + int(comments[1])
-    numbers, _ = _block_cosmos(lines, place)
-    unit = _UNIT.search(lines.at(place))
-    factor = factor_to_si(unit[1] if unit else "", "acceleration", context=lines.where(place))
+    _, line = _block_cosmos(lines, head + int(first[1]))
+    real, line = _block_cosmos(lines, line)
+    if comments := _COMMENTS.match(lines.at(line)):
+        line += 1 + int(comments[1])
+    numbers, _ = _block_cosmos(lines, line)
+    unit = _UNIT.search(lines.at(line))
+    factor = factor_to_si(unit[1] if unit else "", "acceleration", context=lines.where(line))
     steps = np.append(1e-3 * real[_PROCESSED_STEP], real[_RECORDER_STEP])
     return make_motion(
         lines.path,
@@ -300,16 +300,16 @@ def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
     )
 
 
-def _block_cosmos(lines: Lines, place: int) -> tuple[Floats, int]:
+def _block_cosmos(lines: Lines, line: int) -> tuple[Floats, int]:
     """Numbers announced by the line at `place`, at fixed widths, and the index of the line after them."""
-    announced = _BLOCK.match(lines.at(place))
+    announced = _BLOCK.match(lines.at(line))
     if announced is None:
         raise RecordError(
-            f"{lines.where(place)}: expected how many numbers follow and in which format, found "
-            f"'{quote_text(lines.at(place))}'; the file is cut off or damaged"
+            f"{lines.where(line)}: expected how many numbers follow and in which format, found "
+            f"'{quote_text(lines.at(line))}'; the file is cut off or damaged"
         )
     count, per_line, width = map(int, announced.groups())
-    return numbers_at_widths(lines, place + 1, count, width, per_line=per_line)
+    return numbers_at_widths(lines, line + 1, count, width, per_line=per_line)
 
 
 COSMOS = Format(
@@ -432,38 +432,38 @@ _HEADER, _IN_PAIR, _WITH_EXPONENT = 45, 7, 13
 def _read_volume(lines: Lines, stated: Stated) -> GroundMotion:
     """Volume 1 or 2 of CSMIP, or volume 1 of BHRC, RENADIC or USC, of which all but BHRC have pairs with times."""
     heads = [text[:200] for text in lines.texts]
-    found = [(place, series) for place, text in enumerate(heads) if (series := _SERIES.match(text))]
+    found = [(line, series) for line, text in enumerate(heads) if (series := _SERIES.match(text))]
     read = _read_series if found else _read_points
     if not found and heads[0].casefold().startswith(_UNCORRECTED):
-        found = [(place, points) for place, text in enumerate(heads) if (points := _POINTS.search(text))]
+        found = [(line, points) for line, text in enumerate(heads) if (points := _POINTS.search(text))]
     if not found:
         raise RecordError(
             f"{lines.path}: begins as a volume of accelerograms, '{quote_text(heads[0])}', without a series that "
             "is known; read are volumes 1 and 2 of CSMIP, and volumes 1 of BHRC, RENADIC and USC: give one of "
             "these, or save the series as two columns, time and acceleration"
         )
-    titles = [_title_above(heads[max(0, place - _HEADER) : place]) for place, _ in found]
+    titles = [_title_above(heads[max(0, line - _HEADER) : line]) for line, _ in found]
     number = chosen_channel(lines.path, titles, stated)
     of_event = 2 if heads[0].casefold().startswith("corrected") else 1
     source = ", ".join(filter(None, (" ".join(lines.at(of_event).split()), titles[number])))
     return read(lines, *found[number], source)
 
 
-def _read_series(lines: Lines, place: int, series: re.Match[str], source: str) -> GroundMotion:
+def _read_series(lines: Lines, line: int, series: re.Match[str], source: str) -> GroundMotion:
     """Accelerations after a line that states their number, step and unit."""
-    given = _WIDTH.search(lines.at(place))
-    width = int(given[1]) if given else max(round(len(lines.at(place + 1).rstrip()) / 8), 1)
-    numbers, _ = numbers_at_widths(lines, place + 1, int(series["count"]), width)
+    given = _WIDTH.search(lines.at(line))
+    width = int(given[1]) if given else max(round(len(lines.at(line + 1).rstrip()) / 8), 1)
+    numbers, _ = numbers_at_widths(lines, line + 1, int(series["count"]), width)
     dt = float(series["step"]) if series["step"] else 1.0 / max(float(series["rate"]), 1e-9)
-    factor = factor_to_si(series["unit"], "acceleration", context=lines.where(place))
+    factor = factor_to_si(series["unit"], "acceleration", context=lines.where(line))
     return make_motion(lines.path, dt=dt, acceleration=factor * numbers, source=source)
 
 
-def _read_points(lines: Lines, place: int, points: re.Match[str], source: str) -> GroundMotion:
+def _read_points(lines: Lines, line: int, points: re.Match[str], source: str) -> GroundMotion:
     """Accelerations, or pairs of time and acceleration, some lines after one that states their number and duration."""
-    unit, tenth = found.groups() if (found := _UNITS.search(lines.at(place + 1))) else ("", None)
-    factor = factor_to_si(unit, "acceleration", context=lines.where(place)) / (10.0 if tenth else 1.0)
-    count, first = int(points[1]), place + _AFTER_POINTS
+    unit, tenth = found.groups() if (found := _UNITS.search(lines.at(line + 1))) else ("", None)
+    factor = factor_to_si(unit, "acceleration", context=lines.where(line)) / (10.0 if tenth else 1.0)
+    count, first = int(points[1]), line + _AFTER_POINTS
     head = lines.at(first).rstrip()
     if "E" in head.upper():
         numbers, _ = numbers_at_widths(lines, first, count, _WITH_EXPONENT)
@@ -507,16 +507,16 @@ def _read_smc(lines: Lines, _: Stated) -> GroundMotion:
         raise RecordError(
             f"{lines.where(0)}: this SMC file is of the kind '{quote_text(lines.at(0))}'; give one of acceleration"
         )
-    integers, place = numbers_at_widths(lines, 11, 48, 10)
-    header, place = numbers_at_widths(lines, place, 50, 15)
-    place += max(int(integers[15]), 0)
-    numbers = numbers_at_widths(lines, place, max(int(integers[16]), 0), 10)[0]
+    integers, line = numbers_at_widths(lines, 11, 48, 10)
+    header, line = numbers_at_widths(lines, line, 50, 15)
+    line += max(int(integers[15]), 0)
+    numbers = numbers_at_widths(lines, line, max(int(integers[16]), 0), 10)[0]
     source = " ".join(f"{lines.at(3)} {lines.at(5)}".split())
     # The first number of the header stands for what is not known.
     if header[1] != header[0] and header[1] > 0.0:
         return make_motion(lines.path, dt=1.0 / header[1], acceleration=0.01 * numbers, source=source)
     pairs = numbers[: numbers.size // 2 * 2].reshape(-1, 2) * [1.0, 0.01]
-    return _motion_of_pairs(lines, place, 4, pairs, source)
+    return _motion_of_pairs(lines, line, 4, pairs, source)
 
 
 SMC = Format(
@@ -533,12 +533,12 @@ _GEONET = re.compile(r"(?:un)?corrected accelerogram\b.*\bGNS Science", re.IGNOR
 
 def _read_geonet(lines: Lines, stated: Stated) -> GroundMotion:
     """A file V1A or V2A: for each channel 16 lines of text, 100 numbers, then mm/s^2 (GNS accelerogram data, 2012)."""
-    heads = [place for place, text in enumerate(lines.texts) if _GEONET.match(text[:200])]
+    heads = [line for line, text in enumerate(lines.texts) if _GEONET.match(text[:200])]
     titles = [" ".join(lines.at(head + 12).split()) for head in heads]
     number = chosen_channel(lines.path, titles, stated)
-    header, place = numbers_at_widths(lines, heads[number] + 16, 100, 8)
+    header, line = numbers_at_widths(lines, heads[number] + 16, 100, 8)
     corrected = lines.at(heads[number]).casefold().startswith("corrected")
-    numbers, _ = numbers_at_widths(lines, place, int(header[33 if corrected else 30]), 8)
+    numbers, _ = numbers_at_widths(lines, line, int(header[33 if corrected else 30]), 8)
     scale = re.search(r"units of\s*(\d*\.?\d+)\s*mm/s/s", lines.at(heads[number] + 11))
     return make_motion(
         lines.path,

@@ -163,8 +163,8 @@ def _motion_of_table(
         raise SettingError(f"{source}: column '{time}' holds the times; leave out `dt`")
     factor = factor_to_si(unit, "acceleration", context=f"{source}: `unit`")
     if known is not None and factor != factor_of(known, "acceleration"):
-        place = f"column '{name}'" if own else "the header"
-        raise SettingError(f"{source}: `unit` is '{stated.unit}' where {place} states {known}; leave it out")
+        where = f"column '{name}'" if own else "the header"
+        raise SettingError(f"{source}: `unit` is '{stated.unit}' where {where} states {known}; leave it out")
     if stated.dt is not None and facts.dt is not None and not np.isclose(stated.dt, facts.dt, rtol=1e-3):
         raise SettingError(
             f"{source}: `dt` is {stated.dt:g} s where the header states {facts.dt:g} s; leave it out"
@@ -242,10 +242,10 @@ def _is_known(name: str) -> bool:
 
 def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
     texts = [re.sub(r"^(\s*)%", r"\1#", text) for text in lines.texts]
-    filled = [place for place, text in enumerate(texts) if is_data(text)]
+    filled = [index for index, text in enumerate(texts) if is_data(text)]
     if not filled:
         raise RecordError(f"{lines.path}: there are only comments; expected columns of time and acceleration")
-    widths = [_width(texts[place]) for place in filled[:_LONGEST_HEADER]]
+    widths = [_width(texts[index]) for index in filled[:_LONGEST_HEADER]]
     numeric = [row for row, width in enumerate(widths) if width]
     if not numeric:
         # Rows that have texts, too.
@@ -267,7 +267,7 @@ def _read_table(lines: Lines, stated: Stated) -> GroundMotion:
             delimiter=None if delimiter == "\t" else delimiter,
             names=names or numbered_names(width),
             units=units,
-            data=tuple(place for place in filled if place >= first),
+            data=tuple(index for index in filled if index >= first),
         ),
     )
     if not names and (width == 1 or (stated.column is None and (width != 2 or stated.dt is not None))):

@@ -347,8 +347,8 @@ class Stratum:
 
 def _suite_motion(stratum: Stratum, number: int, dt: float, prefix: str) -> GroundMotion:
     # The random numbers of one motion do not depend on any other motion.
-    place = (stratum.seed, _SOILS.index(stratum.soil), int(stratum.pulse), number)
-    rng = np.random.default_rng(np.random.SeedSequence(place))
+    key = (stratum.seed, _SOILS.index(stratum.soil), int(stratum.pulse), number)
+    rng = np.random.default_rng(np.random.SeedSequence(key))
     frequency, damping = _GROUND[stratum.soil]
     ground = KanaiTajimi(
         frequency=frequency * _lognormal(rng, 0.3, limit=2.0),

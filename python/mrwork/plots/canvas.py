@@ -153,8 +153,8 @@ def legend(axes: Axes, columns: int = 3, others: int = 0) -> None:
         labels[-others:] = [f"{others} other{'s' if others > 1 else ''}"]
     figure = cast(Figure, axes.get_figure(root=True))
     height = axes.get_position().height * figure.get_figheight()
-    place = (1.0, 1.0 + _LEGEND_GAP / height)
-    axes.legend(handles[: len(labels)], labels, loc="lower right", bbox_to_anchor=place, ncols=columns)
+    corner = (1.0, 1.0 + _LEGEND_GAP / height)
+    axes.legend(handles[: len(labels)], labels, loc="lower right", bbox_to_anchor=corner, ncols=columns)
 
 
 def coinciding(lines: Mapping[str, Floats]) -> str:

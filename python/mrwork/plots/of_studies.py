@@ -297,15 +297,15 @@ def _runs(
 ) -> dict[str, Mapping[str, Any]]:
     """Quantities of the runs of these rows or candidates under a motion that finished, by their labels."""
     if isinstance(result, StudyResults):
-        place = chosen(motion, [motion.name for motion in result.motions], "motion")
+        index = chosen(motion, [motion.name for motion in result.motions], "motion")
         labels = [row.label for row in result.rows]
-        numbers = {row: result.quantities.at(row, place) for row in result.finished_rows(place)}
+        numbers = {row: result.quantities.at(row, index) for row in result.finished_rows(index)}
     else:
         n_candidates, n_motions, n_draws = result.shape
         names = result.motions if len(result.motions) == n_motions else [str(n) for n in range(n_motions)]
-        place = chosen(motion, names, "motion")
+        index = chosen(motion, names, "motion")
         labels = [f"candidate {number}" for number in range(n_candidates)]
-        at = [(number * n_motions + place) * n_draws for number in range(n_candidates)]
+        at = [(number * n_motions + index) * n_draws for number in range(n_candidates)]
         numbers = {
             number: {name: values[run] for name, values in result.numbers.items()}
             for number, run in enumerate(at)

@@ -101,7 +101,7 @@ def hue(number: int) -> str:
 
 def variables() -> str:
     """CSS that names the colours, dark ones where the reader's system is dark; paper is light."""
-    light, dark = ("".join(f"--{name}: {both[place]};" for name, both in PALETTE.items()) for place in (0, 1))
+    light, dark = ("".join(f"--{name}: {both[side]};" for name, both in PALETTE.items()) for side in (0, 1))
     return f":root {{{light}}}\n@media screen and (prefers-color-scheme: dark) {{:root {{{dark}}}}}\n"
 
 

@@ -178,8 +178,8 @@ class SharedFinding:
     @property
     def in_words(self) -> str:
         """One sentence: the severity, the tests, the message, and the range of the measured sizes."""
-        place = f" in {self.concerned_tests}" if self.tests else ""
-        return f"{self.severity}{place}: {self.message}{self._numbers}"
+        where = f" in {self.concerned_tests}" if self.tests else ""
+        return f"{self.severity}{where}: {self.message}{self._numbers}"
 
     @property
     def concerned_tests(self) -> str:

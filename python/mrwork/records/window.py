@@ -336,8 +336,8 @@ def cut(
     """
 
     def sample_at(instant: float) -> int:
-        place = (instant - test.start_time) / test.dt - 1e-9
-        return ceil(min(max(place, 0.0), float(test.n_time)))
+        sample = (instant - test.start_time) / test.dt - 1e-9
+        return ceil(min(max(sample, 0.0), float(test.n_time)))
 
     first = 0 if start is None else sample_at(start)
     last = test.n_time if end is None else sample_at(end)

@@ -49,21 +49,21 @@ def write_page(
     >>> mr.report.write_page("out/demo", summary=True)  # doctest: +SKIP
     PosixPath('out/demo/summary.html')
     """
-    place = Path(run)
-    page, _ = page_of(place, summary=summary, every_test=every_test, on_progress=on_progress)
-    return page.write(place, summary=summary)
+    path = Path(run)
+    page, _ = page_of(path, summary=summary, every_test=every_test, on_progress=on_progress)
+    return page.write(path, summary=summary)
 
 
 def page_of(
-    place: Path, *, summary: bool, every_test: bool, on_progress: OnDrawn
+    path: Path, *, summary: bool, every_test: bool, on_progress: OnDrawn
 ) -> tuple[Page, tuple[Prediction, ...]]:
     """The page of the run folder at `place`, and the tests of a fit with the forces of its model."""
-    opened = RunFolder.open(place)
+    opened = RunFolder.open(path)
     if opened.kind is FIT_RUN:
-        run, predictions = open_run(place)
+        run, predictions = open_run(path)
         drawn = fit_page(run, predictions, every_test=every_test, summary=summary, on_progress=on_progress)
         return drawn, predictions
-    results = read_results(place) if opened.kind is STUDY_RUN else read_tuning(place)
-    stated, histories = opened.manifest, partial(read_history, place)
+    results = read_results(path) if opened.kind is STUDY_RUN else read_tuning(path)
+    stated, histories = opened.manifest, partial(read_history, path)
     made = {"command": stated.get("command", ""), "seconds": stated.get("seconds")}
     return study_page(results, histories, **made, summary=summary), ()

@@ -92,7 +92,7 @@ def check_slopes(plan: LawPlan) -> None:
 
 def _places(plan: LawPlan) -> list[int]:
     """Places of the settings with derivatives: all but the largest command."""
-    return [place for place, name in enumerate(plan.space.free) if name.name != LARGEST]
+    return [index for index, name in enumerate(plan.space.free) if name.name != LARGEST]
 
 
 def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats, dict[str, str]]:
@@ -101,10 +101,10 @@ def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Float
     largest = space.candidate(unit, exact=True).largest_command
     problem = plan.bench.problem.limited_to(largest)
     points, weights = [unit], []
-    for place in _places(plan):
-        nodes, own = _differences(space.free[place], float(unit[place]))
+    for index in _places(plan):
+        nodes, own = _differences(space.free[index], float(unit[index]))
         weights.append(own)
-        points += [np.where(np.arange(len(unit)) == place, node, unit) for node in nodes]
+        points += [np.where(np.arange(len(unit)) == index, node, unit) for node in nodes]
     settings = [settings_of(name, space.candidate(point, exact=True).of_law) for point in points]
     designed = design_candidates(name, problem, settings)
     if 0 in designed.refusals:
@@ -115,7 +115,7 @@ def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Float
     gains = np.full((len(points), rows.shape[1]), np.nan)
     gains[list(designed.designed)] = rows
     around = gains[1:].reshape(len(weights), len(_NODES), -1)
-    labels = [space.free[place].label for place in _places(plan)]
+    labels = [space.free[index].label for index in _places(plan)]
     law = replace(
         designed.law, gains={gain: np.asarray(each)[:1] for gain, each in designed.law.gains.items()}
     )
@@ -124,9 +124,9 @@ def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Float
     return problem, law, changes, refusals
 
 
-def _differences(setting: FreeSetting, place: float) -> tuple[Floats, Floats]:
-    """Five places in the range of a setting around one, and the weights of the derivative there."""
+def _differences(setting: FreeSetting, share: float) -> tuple[Floats, Floats]:
+    """Five shares of the range of a setting around one, and the weights of the derivative there."""
     step = _STEP / max(1.0, math.log(setting.upper / setting.lower)) if setting.scale == "log" else _STEP
-    places = min(max(place, 2.0 * step), 1.0 - 2.0 * step) + step * _NODES
-    powers = np.vander((places - place) / step, increasing=True)
-    return places, np.linalg.solve(powers.T, np.eye(len(_NODES))[1]) / step
+    shares = min(max(share, 2.0 * step), 1.0 - 2.0 * step) + step * _NODES
+    powers = np.vander((shares - share) / step, increasing=True)
+    return shares, np.linalg.solve(powers.T, np.eye(len(_NODES))[1]) / step

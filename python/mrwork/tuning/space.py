@@ -260,8 +260,8 @@ class SettingSpace(Summarised):
     def candidate(self, unit: Floats, *, exact: bool = False) -> LawCandidate:
         """The candidate at a point of the unit cube, shape (n_free,); `exact` without rounding of its settings."""
         values: dict[str, Any] = {}
-        for setting, place in zip(self.free, unit, strict=True):
-            value = setting.value(float(place), exact=exact)
+        for setting, share in zip(self.free, unit, strict=True):
+            value = setting.value(float(share), exact=exact)
             values[setting.name] = value if setting.entry is None else (*values.get(setting.name, ()), value)
         of_command = {LARGEST: values.pop(LARGEST, self.largest_command)}
         of_command |= {name: values.pop(name) for name in SHAPING_SPANS if name in values}
@@ -281,10 +281,10 @@ class SettingSpace(Summarised):
             value = given.get(setting.name, setting.upper if setting.name == COMMAND_SLOPE else setting.lower)
             if setting.entry is not None and isinstance(value, tuple) and setting.entry < len(value):
                 value = value[setting.entry]
-            place = setting.unit(value) if isinstance(value, int | float) else None
-            if place is None:
+            share = setting.unit(value) if isinstance(value, int | float) else None
+            if share is None:
                 return None
-            places.append(place)
+            places.append(share)
         return np.array(places)
 
     def every(self) -> list[LawCandidate]:

@@ -258,7 +258,7 @@ def _of_state(
     """Outputs of the displacements of a plant, or of their rates, without a direct term."""
     none = np.zeros_like(rows)
     return Outputs(
-        names=tuple(f"{quantity} {place}" for place in places),
+        names=tuple(f"{quantity} {location}" for location in places),
         C=np.hstack([none, rows] if rates else [rows, none]),
         D=np.zeros((len(rows), plant.n_devices)),
         G=np.zeros(len(rows)),

@@ -236,7 +236,9 @@ class DesignedWeights(Summarised):
             self.outputs.names, self.outputs.settings, self.output_weights, strict=True
         ):
             if own == setting:
-                weights[next(k for k, place in enumerate(places) if name.endswith(f" {place}"))] = weight
+                weights[next(k for k, location in enumerate(places) if name.endswith(f" {location}"))] = (
+                    weight
+                )
         return weights
 
     @property

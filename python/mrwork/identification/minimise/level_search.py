@@ -329,10 +329,10 @@ class _LevelSearch:
         scales = follows & np.array([parameter.scales_with_force for parameter in spec.plain])
         force = np.array([self.force[fit.command] for fit in fits])
         chosen = []
-        for place in np.unique(np.linspace(0, len(fits) - 1, _MOST_SHAPES).round().astype(int)):
-            ratio = (force / force[place])[:, None]
-            chosen.append(np.where(scales, ratio * best[place], best[place]))
-            chosen.append(np.where(follows, best, best[place]))
+        for index in np.unique(np.linspace(0, len(fits) - 1, _MOST_SHAPES).round().astype(int)):
+            ratio = (force / force[index])[:, None]
+            chosen.append(np.where(scales, ratio * best[index], best[index]))
+            chosen.append(np.where(follows, best, best[index]))
         shapes = [fitted_laws(spec, self.commands, values) for values in chosen]
         first, *others = joint_starts(spec, list(fits), 1 + _RANDOM_STARTS, rng=rng)
         return np.array([first, *shapes, *others])

@@ -126,9 +126,9 @@ def _provenance_section(fit: Fit, predictions: Sequence[Prediction]) -> Section:
     )
 
 
-def open_run(place: str | Path) -> tuple[StoredRun, tuple[Prediction, ...]]:
+def open_run(path: str | Path) -> tuple[StoredRun, tuple[Prediction, ...]]:
     """The run folder at `place` with everything that it holds, and the tests of its fit, for a page or for figures."""
-    opened = reopen(place)
+    opened = reopen(path)
     return with_additions(opened.run, opened.fit), predictions_of(opened.fit, opened.tests)
 
 
@@ -157,11 +157,11 @@ def _plain(value: object) -> str:
     )
 
 
-def write_figures(place: Path, page: Page, *, on_progress: OnDrawn = ignore_progress) -> tuple[str, ...]:
+def write_figures(path: Path, page: Page, *, on_progress: OnDrawn = ignore_progress) -> tuple[str, ...]:
     """Write every figure of a page as an SVG and a PNG file into its folder; return their names without suffix."""
     pictures: dict[str, bytes] = {}
     for number, (name, figure) in enumerate(page.figures.items()):
         on_progress(PageProgress(done=number, total=len(page.figures), task=f"figure {name}"))
         pictures |= {f"{FIGURES}/{name}.svg": svg_bytes(figure), f"{FIGURES}/{name}.png": png_bytes(figure)}
-    add_to_run(place, pictures)
+    add_to_run(path, pictures)
     return tuple(page.figures)

@@ -248,14 +248,14 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
     """Score under each motion, a line of dots for each row, the first on top."""
     names = [short(results.rows[row].label, 36) for row in reversed(rows)]
     figure, axes = canvas.column_axes(left=canvas.room_for(names), top=0.15, height=0.8 + 0.26 * len(names))
-    for place, row in enumerate(reversed(rows)):
+    for height, row in enumerate(reversed(rows)):
         colour = of_row[row].colour
         for motion in range(len(results.motions)):
             fill = colour if motion in results.judged_motions else "none"
             score = results.score_under(row, (motion,))
-            axes.plot(score, place, "o", color=colour, markersize=3.6, markerfacecolor=fill, alpha=0.75)
+            axes.plot(score, height, "o", color=colour, markersize=3.6, markerfacecolor=fill, alpha=0.75)
         median = results.spread(row).median
-        axes.plot([median, median], [place - 0.34, place + 0.34], color=style.INK, linewidth=1.3)
+        axes.plot([median, median], [height - 0.34, height + 0.34], color=style.INK, linewidth=1.3)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(-0.6, len(names) - 0.4)
     axes.set_xlabel("Score under one motion")

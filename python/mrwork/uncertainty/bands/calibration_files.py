@@ -158,7 +158,7 @@ def read_bands(run: RunFolder) -> StoredBands | None:
     return StoredBands(calibration=calibration, coverage=covered.coverage, predictions=read_predictions(run))
 
 
-def write_bands(place: Path, bands: StoredBands) -> None:
+def write_bands(path: Path, bands: StoredBands) -> None:
     """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`."""
     calibration = bands.calibration
     document = asdict(calibration) | {
@@ -172,7 +172,7 @@ def write_bands(place: Path, bands: StoredBands) -> None:
         CALIBRATION: json_document(document).encode(),
         PREDICTIONS: predictions_content(bands.predictions),
     }
-    add_to_run(place, contents)
+    add_to_run(path, contents)
 
 
 def _rounded(scores: Sequence[Floats]) -> list[list[float]]:
@@ -276,10 +276,10 @@ def cross_validated(
         ),
         on_fit=lambda number, fit: add_to_run(opened.run.path, {names[missing[number]]: fit_content(fit)}),
     )
-    for place, number in enumerate(missing):
+    for path, number in enumerate(missing):
         # The others may not determine what the extreme tests do.
         with nullcontext() if number < len(folds) else suppress(MrworkError):
-            fits[names[number]] = batch.fit(place)
+            fits[names[number]] = batch.fit(path)
 
     def fit_to(rest: tuple[DamperTest, ...]) -> Fit:
         fit = fits.get(_name_of_fold(opened.fit, rest))

@@ -66,12 +66,12 @@ def _held_out(fit: Fit, predictions: Sequence[Prediction], calibration: Calibrat
     return Predictions.about(fit, judged, nuisances=fit.nuisances, calibration=calibration, level=_LEVEL)
 
 
-def keep_held_out(place: Path, predictions: Predictions) -> bool:
+def keep_held_out(path: Path, predictions: Predictions) -> bool:
     """Write the predictions of held-out tests into a run folder that can be written; whether there were any."""
-    if not predictions.held_out or not os.access(place, os.W_OK):
+    if not predictions.held_out or not os.access(path, os.W_OK):
         return False
-    with adding(place, HELD_OUT):
-        write_held_out(RunFolder.open(place), predictions.fit, predictions.held_out)
+    with adding(path, HELD_OUT):
+        write_held_out(RunFolder.open(path), predictions.fit, predictions.held_out)
     return True
 
 
@@ -117,8 +117,8 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     offset = 1 if len(between) < _THIRDS else 0
     kept: dict[int, Use] = {
         fold: use
-        for place, fold in enumerate(between, start=offset)
-        if (use := _IN_TURN[place % _THIRDS]) is not None
+        for path, fold in enumerate(between, start=offset)
+        if (use := _IN_TURN[path % _THIRDS]) is not None
     }
     own: dict[int, Use] = {
         index: kept.get(number, "fit") for number, fold in enumerate(folds) for index in fold

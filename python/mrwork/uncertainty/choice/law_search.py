@@ -287,11 +287,11 @@ class LawSearch:
         single = self._changes(current.laws)
         if not single:
             return []
-        order = [single[place] for place in np.argsort(promised([laws for _, laws in single]), kind="stable")]
+        order = [single[index] for index in np.argsort(promised([laws for _, laws in single]), kind="stable")]
         pairs = [
             {key_name: law for key_name, law in (laws | {name: other.get(name)}).items() if law}
-            for place, (_, laws) in enumerate(order[:_PAIRED])
-            for name, other in order[:place]
+            for index, (_, laws) in enumerate(order[:_PAIRED])
+            for name, other in order[:index]
             if laws.get(name) == current.laws.get(name)
         ]
         near = [laws for laws in [*(laws for _, laws in order), *pairs] if laws not in done]
