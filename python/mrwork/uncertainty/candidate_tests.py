@@ -129,11 +129,11 @@ def candidate_grid(
     levels: Sequence[float | None] = [None]
     if spec.command_unit is not None:
         unit = spec.command_unit
-        known = [command for test in tests for command, own in test.commands if own == unit]
+        recorded = [command for test in tests for command, symbol in test.commands if symbol == unit]
         gap = range_of_tests(tests, unit).gap
         middle = () if gap is None else (command_level(0.5 * sum(gap), unit),)
         levels = commands or sorted(
-            {*middle, *(level for command in known for level in _ends(command, unit))}
+            {*middle, *(level for command in recorded for level in _ends(command, unit))}
         )
     _check_count(len(levels) * len(amplitudes) * len(frequencies), spec)
     grid = tuple(
@@ -158,7 +158,7 @@ def _refuse_far_commands(commands: Sequence[float], spec: DamperSpec, tests: Seq
         return
     unit = spec.command_unit
     largest = max(
-        (float(np.max(command)) for test in tests for command, own in test.commands if own == unit),
+        (float(np.max(command)) for test in tests for command, symbol in test.commands if symbol == unit),
         default=0.0,
     )
     if largest > 0.0 and max(commands) > _FAR_COMMAND * largest:
@@ -201,11 +201,11 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
 
 
 def _check_count(count: int, spec: DamperSpec) -> None:
-    each = 8 * (_CYCLES - 1) * _SAMPLES_PER_CYCLE * (2 * len(spec.names) + 1)
-    if count * each > _MOST_BYTES:
+    size = 8 * (_CYCLES - 1) * _SAMPLES_PER_CYCLE * (2 * len(spec.names) + 1)
+    if count * size > _MOST_BYTES:
         raise SettingError(
-            f"{count:,} candidates of {spec.name} would take {count * each / 1e9:,.1f} GB and "
-            f"{count * (2 * len(spec.names) + 1):,} simulations; give {_MOST_BYTES // each:,} at most"
+            f"{count:,} candidates of {spec.name} would take {count * size / 1e9:,.1f} GB and "
+            f"{count * (2 * len(spec.names) + 1):,} simulations; give {_MOST_BYTES // size:,} at most"
         )
 
 

@@ -150,7 +150,7 @@ class Ar1(Noise):
         return np.array([_rms(residual), phi])
 
 
-NOISES: dict[str, Noise] = {each.name: each for each in (Iid(), Ar1())}
+NOISES: dict[str, Noise] = {noise.name: noise for noise in (Iid(), Ar1())}
 
 
 @checked

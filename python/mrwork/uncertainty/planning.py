@@ -78,9 +78,9 @@ class Plan(Summarised):
 
     def _summary(self) -> Summary:
         columns = (
-            TableColumn(heading="test", cell=lambda each: each.candidate.in_words(self.command_unit)),
-            TableColumn(heading="variance reduction", unit="%", cell=lambda each: percent(each.gain)),
-            TableColumn(heading="deviation after the test", cell=lambda each: significant(each.deviation, 3)),
+            TableColumn(heading="test", cell=lambda row: row.candidate.in_words(self.command_unit)),
+            TableColumn(heading="variance reduction", unit="%", cell=lambda row: percent(row.gain)),
+            TableColumn(heading="deviation after the test", cell=lambda row: significant(row.deviation, 3)),
         )
         table = text_table(columns, self.gains[:_SHOWN])
         more = len(self.gains) - _SHOWN
@@ -157,7 +157,7 @@ class LinearisedPosterior:
         n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
         dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
         weight = dof / here.squared
-        lower, upper = (scaled.position(np.array(each)) for each in (scale.ranges.lower, scale.ranges.upper))
+        lower, upper = (scaled.position(np.array(edge)) for edge in (scale.ranges.lower, scale.ranges.upper))
         prior = np.diag(12.0 / (upper - lower) ** 2)
         return cls(
             spec=spec,
@@ -241,7 +241,7 @@ def plan(
         unit=unit,
         deviation=float(np.sqrt(variance_now)),
         gains=tuple(
-            sorted(gains, key=lambda each: (not _is_within(fit.tested.gap, each.candidate), -each.gain))
+            sorted(gains, key=lambda row: (not _is_within(fit.tested.gap, row.candidate), -row.gain))
         ),
         gap=fit.tested.gap,
         command_unit=posterior.spec.command_unit,

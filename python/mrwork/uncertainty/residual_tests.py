@@ -85,16 +85,16 @@ def residual_tests(test: DamperTest, residual: Floats) -> ResidualTests:
     """Tests of the residuals of the samples that count, shape (n_counted,)."""
     counted, n_effective = test.counted, effective_samples([residual])
     repeating = _repeated_share(test, residual)
-    found = ResidualTests(repeating=repeating, n_time=residual.size, n_effective=n_effective)
+    tests = ResidualTests(repeating=repeating, n_time=residual.size, n_effective=n_effective)
     if residual.size <= 2 * LAGS or not float(np.var(residual)) > 0.0:
-        return found
+        return tests
     rho = autocorrelation(residual, LAGS)
     speed = np.abs(test.velocity[counted])
     stroke = np.abs(test.displacement[counted] - np.mean(test.displacement[counted]))
     centred = residual - residual.mean()
     after_steps, at_reversals = _excesses(test, centred, n_effective / residual.size)
     return replace(
-        found,
+        tests,
         lag_one=float(rho[1]),
         ljung_box_p=_ljung_box(rho, residual.size),
         breusch_pagan_p=_breusch_pagan(centred**2, np.stack([speed, stroke], axis=1), n_effective),
@@ -116,7 +116,7 @@ def _excesses(test: DamperTest, centred: Floats, share: float) -> tuple[Excess, 
     rank = np.empty(squared.size)
     rank[np.argsort(squared)] = np.arange(squared.size)
     scores = -np.log1p(-(rank + 0.5) / squared.size)
-    steps = np.concatenate([np.empty(0, np.intp), *(steps_of_command(each) for each, _ in test.commands)])
+    steps = np.concatenate([np.empty(0, np.intp), *(steps_of_command(signal) for signal, _ in test.commands)])
     turns = reversals(test.velocity)
     compared = [
         [
@@ -128,9 +128,9 @@ def _excesses(test: DamperTest, centred: Floats, share: float) -> tuple[Excess, 
             [(turns - width // 2, width) for width in WINDOWS],
         )
     ]
-    count = sum(not math.isnan(each.p) for of_test in compared for each in of_test)
+    count = sum(not math.isnan(cell.p) for of_test in compared for cell in of_test)
     after, at = (
-        min((each for each in of_test if not math.isnan(each.p)), key=lambda each: each.p, default=Excess())
+        min((cell for cell in of_test if not math.isnan(cell.p)), key=lambda cell: cell.p, default=Excess())
         for of_test in compared
     )
     return replace(after, p=min(count * after.p, 1.0)), replace(at, p=min(count * at.p, 1.0))

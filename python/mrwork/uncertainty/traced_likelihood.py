@@ -46,12 +46,12 @@ class LogLikelihood:
     def __call__(self, values: Array, tests: Sequence[ComparedArrays]) -> Array:
         """Sum over all samples that are compared; -inf where a simulation failed, or the noise leaves its range."""
         n_params = len(self.residuals.kernel.spec.parameters)
-        theta, given = values[:n_params], values[n_params:]
+        theta, noise_values = values[:n_params], values[n_params:]
         lower, upper = jnp.array(
             [(parameter_name.lower, parameter_name.upper) for parameter_name in self.noise.parameters]
         ).T
-        inside = jnp.isclose(given, jnp.clip(given, lower, upper), rtol=_ROUNDING, atol=0.0)
-        noise = jnp.where(inside, given, upper)
+        inside = jnp.isclose(noise_values, jnp.clip(noise_values, lower, upper), rtol=_ROUNDING, atol=0.0)
+        noise = jnp.where(inside, noise_values, upper)
         total, failures = jnp.zeros(()), [~jnp.all(inside)]
         for deviation, (newtons, failed) in zip(
             self.deviations, self.residuals.newtons(theta, tests), strict=True
@@ -109,8 +109,8 @@ def log_likelihood(
     (6,)
     """
     density = noise_model(noise)
-    given = objective_of(model, tests, coordinates)
-    compute = LogLikelihood.of(given.objective, density, form_of(given, substeps, threads))
-    box = with_noise(given.box, density)
-    middle = box.theta_from_unit(np.full(len(box.free), 0.5))[len(given.box.names) :]
-    return function_of(given, compute, "Log-likelihood", box=box, start=middle)
+    candidate = objective_of(model, tests, coordinates)
+    compute = LogLikelihood.of(candidate.objective, density, form_of(candidate, substeps, threads))
+    box = with_noise(candidate.box, density)
+    middle = box.theta_from_unit(np.full(len(box.free), 0.5))[len(candidate.box.names) :]
+    return function_of(candidate, compute, "Log-likelihood", box=box, start=middle)

@@ -86,7 +86,7 @@ class StoredBands(Summarised):
             "coverage_percent": 100.0 * float(np.mean(shares)) if shares else None,
             "tests": calibration.tests,
             "held_out": calibration.held_out,
-            "seen": [asdict(each) for each in calibration.seen],
+            "seen": [asdict(likeness) for likeness in calibration.seen],
             "shape": asdict(calibration.shape),
             "reach": [named(test_reach, "quantity", "below", "severity") for test_reach in calibration.reach],
             "coverage": [asdict(row) for row in self.coverage],
@@ -140,7 +140,7 @@ class StoredBands(Summarised):
     def others(self, prediction: Prediction) -> list[Prediction]:
         """The predictions of the tests that are not alike to one of them."""
         groups = alike_groups([RecordedMotion.of(prediction.test) for prediction in self.predictions])
-        number = [each is prediction for each in self.predictions].index(True)
+        number = [other is prediction for other in self.predictions].index(True)
         alike = next(members for members in groups if number in members)
         return [prediction for index, prediction in enumerate(self.predictions) if index not in alike]
 
@@ -176,7 +176,7 @@ def write_bands(path: Path, bands: StoredBands) -> None:
 
 
 def _rounded(scores: Sequence[Floats]) -> list[list[float]]:
-    return [[float(f"{value:.{_DIGITS}g}") for value in own] for own in scores]
+    return [[float(f"{value:.{_DIGITS}g}") for value in row] for row in scores]
 
 
 def stored_calibration(run: RunFolder) -> Calibration | None:
@@ -223,7 +223,7 @@ def read_predictions(run: RunFolder, name: str = PREDICTIONS, *, verb: str = _VE
 
 
 def _prediction(facts: dict[str, Any], number: int, arrays: Mapping[str, NDArray[Any]]) -> Prediction:
-    names = (*(own.name for own in fields(DamperTest)), "model")
+    names = (*(field.name for field in fields(DamperTest)), "model")
     channels = {name: arrays[key].tolist() for name in names if (key := f"{name}_{number}") in arrays}
     return Prediction(
         test=built(DamperTest, facts | channels),

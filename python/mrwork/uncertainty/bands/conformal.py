@@ -77,10 +77,10 @@ class Reach:
             cls(
                 quantity=quantity,
                 below=below,
-                severity=max(severity for severity, _ in own),
-                scores=tuple(scores for _, scores in own),
+                severity=max(severity for severity, _ in pairs),
+                scores=tuple(scores for _, scores in pairs),
             )
-            for (quantity, below), own in reached.items()
+            for (quantity, below), pairs in reached.items()
         )
 
 
@@ -131,19 +131,19 @@ class Calibration(Summarised):
     def beyond(self, prediction: Prediction) -> tuple[Exceedance, ...]:
         """What of the motion and the command is outside the tests of the fit and of the calibration."""
         outside = driven(prediction.outside)
-        own = self.tested.exceeded_by(range_of_test(prediction.test, self.tested.command_unit))
-        farther = {side_of(each): each for each in own}
-        pairs = [(each, farther[side_of(each)]) for each in outside if side_of(each) in farther]
-        return tuple(min(pair, key=lambda each: each.severity) for pair in pairs)
+        exceeded = self.tested.exceeded_by(range_of_test(prediction.test, self.tested.command_unit))
+        farther = {side_of(excess): excess for excess in exceeded}
+        pairs = [(excess, farther[side_of(excess)]) for excess in outside if side_of(excess) in farther]
+        return tuple(min(pair, key=lambda excess: excess.severity) for pair in pairs)
 
     @checked
     def untested(self, prediction: Prediction) -> tuple[Exceedance, ...]:
         """What is farther beyond the tests than the model was tried, where no band is known."""
         most = {reach_of_test.side: (1.0 + _FARTHER) * reach_of_test.severity for reach_of_test in self.reach}
         return tuple(
-            each
-            for each in self.beyond(prediction)
-            if each.between or each.severity > most.get(side_of(each), 0.0)
+            excess
+            for excess in self.beyond(prediction)
+            if excess.between or excess.severity > most.get(side_of(excess), 0.0)
         )
 
     @checked
@@ -156,7 +156,7 @@ class Calibration(Summarised):
         demand = range_of_test(test, self.tested.command_unit)
         at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
         command = f" and {test.command_in_words}" if test.commands else ""
-        why = "; ".join(each.in_words for each in untested)
+        why = "; ".join(excess.in_words for excess in untested)
         return (
             f"no band: {why}; test {1e3 * demand.stroke:.3g} mm{at}{command}, and fit it or calibrate on it"
         )
@@ -173,7 +173,7 @@ class Calibration(Summarised):
             return None
         centre, scale = self.shape.of(prediction)
         beyond = self.beyond(prediction)
-        sides = {side_of(each) for each in beyond}
+        sides = {side_of(excess) for excess in beyond}
         farther = [reach_of_test.scores for reach_of_test in self.reach if reach_of_test.side in sides]
         multiple = max(next_test_quantile(scores, level) for scores in (self.scores, *farther))
         band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
@@ -303,7 +303,7 @@ def _select_held_out(
 ) -> tuple[list[list[Prediction]], tuple[RecordedMotion, ...], tuple[Likeness, ...]]:
     """Predictions of held-out tests in groups of alike tests, their motions, and the likeness of the seen tests."""
     unseen = [prediction for prediction in predictions if prediction.seen is None]
-    motions = tuple(RecordedMotion.of(each.test) for each in unseen)
+    motions = tuple(RecordedMotion.of(prediction.test) for prediction in unseen)
     groups = [[unseen[index] for index in members] for members in alike_groups(motions)]
     return (
         groups,
@@ -339,15 +339,15 @@ def measured_coverage(
     rows = []
     for index, (members, variant) in enumerate(zip(groups, table.best_variants_without_each(), strict=True)):
         shape, scores = table.calibrate(variant, (index,))
-        others = [np.concatenate(own) for number, own in enumerate(energy) if number != index]
+        others = [np.concatenate(errors) for number, errors in enumerate(energy) if number != index]
         others = [other for other in others if other.size]
         multiples = [next_test_quantile(scores, level) for level in levels]
-        for prediction, own in zip(members, energy[index], strict=True):
+        for prediction, errors in zip(members, energy[index], strict=True):
             centre, scale = shape.of(prediction)
             deviation = float(np.std(prediction.measured))
             for level, multiple in zip(levels, multiples, strict=True):
                 inside = float("nan")
-                if own.size and others:
+                if errors.size and others:
                     band = energy_band(prediction, others, level)
                     inside = score(band, energy_of_cycles(prediction.test, prediction.test.force)).coverage
                 band = Band.about(centre, multiple * scale, level=level)

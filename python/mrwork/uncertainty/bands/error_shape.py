@@ -130,8 +130,8 @@ class ErrorTable:
         columns = np.stack([self.deviation, self.deviation * self.steepness, np.ones_like(self.error)])
         weight = self._share / self.measured**2
         size = np.abs(self.error)
-        self._normal = np.array([columns[:, own] * weight[own] @ columns[:, own].T for own in self._slices])
-        self._right = np.array([columns[:, own] @ (weight[own] * size[own]) for own in self._slices])
+        self._normal = np.array([columns[:, cut] * weight[cut] @ columns[:, cut].T for cut in self._slices])
+        self._right = np.array([columns[:, cut] @ (weight[cut] * size[cut]) for cut in self._slices])
         index = np.minimum(((self.phase + np.pi) / (2.0 * np.pi) * _BINS).astype(int), _BINS - 1)
         shape = (len(sizes), _BINS)
         cell = self.group * _BINS + index
@@ -139,9 +139,9 @@ class ErrorTable:
         total = np.bincount(cell, weights=self.error / self.deviation, minlength=count.size)
         self._curves = (total / np.maximum(count, 1)).reshape(shape)
         # Linear interpolation between the centres of two bins, over the end of the cycle too.
-        place = (self.phase + np.pi) / (2.0 * np.pi) * _BINS - 0.5
-        before = np.floor(place).astype(np.intp)
-        self._place = before % _BINS, (before + 1) % _BINS, place - before
+        position = (self.phase + np.pi) / (2.0 * np.pi) * _BINS - 0.5
+        before = np.floor(position).astype(np.intp)
+        self._place = before % _BINS, (before + 1) % _BINS, position - before
 
     @property
     def n_groups(self) -> int:
@@ -151,7 +151,7 @@ class ErrorTable:
     def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Floats]]:
         """Shape fitted without some groups, and the absolute errors of each other group in its scale."""
         shape, scores, _ = self._fit_shape(variant, without)
-        return shape, [scores[own] for index, own in enumerate(self._slices) if index not in without]
+        return shape, [scores[cut] for index, cut in enumerate(self._slices) if index not in without]
 
     def best_variant(self) -> Variant:
         """The variant with the least interval score of each group by the calibration without it."""
@@ -187,10 +187,10 @@ class ErrorTable:
         half = weighted_quantile(scores, self._weights(without), _COMPARED_AT)
         result = []
         for index in without:
-            own = self._slices[index]
-            outside = np.maximum(scores[own] - half, 0.0)
-            width = (2.0 * half + 2.0 / (1.0 - _COMPARED_AT) * outside) * scale[own]
-            result.append(float(np.mean(width / self.measured[own])))
+            cut = self._slices[index]
+            outside = np.maximum(scores[cut] - half, 0.0)
+            width = (2.0 * half + 2.0 / (1.0 - _COMPARED_AT) * outside) * scale[cut]
+            result.append(float(np.mean(width / self.measured[cut])))
         return result
 
     def _weights(self, without: Sequence[int]) -> Floats:

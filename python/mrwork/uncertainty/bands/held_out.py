@@ -37,7 +37,7 @@ def _is_same(one: DamperTest, other: DamperTest) -> bool:
         return True
     pairs = ((one.displacement, other.displacement), (one.force, other.force))
     return one.n_time == other.n_time and all(
-        np.allclose(own, another, rtol=0.0, atol=_SAME * float(np.std(own))) for own, another in pairs
+        np.allclose(array, another, rtol=0.0, atol=_SAME * float(np.std(array))) for array, another in pairs
     )
 
 
@@ -78,12 +78,12 @@ def keep_held_out(path: Path, predictions: Predictions) -> bool:
 def read_held_out(run: RunFolder, fit: Fit) -> Predictions | None:
     """The predictions in the run folder of a fit of tests that its calibration has not seen; `None` without any."""
     calibration = stored_calibration(run)
-    kept = [
+    unseen = [
         prediction
         for prediction in read_predictions(run, HELD_OUT_FORCES, verb=_VERB)
         if calibration is None or not calibration.knows(prediction.test)
     ]
-    return _held_out(fit, kept, calibration) if kept else None
+    return _held_out(fit, unseen, calibration) if unseen else None
 
 
 _VERB = "predict"
@@ -105,7 +105,7 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     speeds = [float(np.abs(test.velocity).max()) for test in tests]
     strokes = [float(np.ptp(test.displacement)) for test in tests]
     speed, stroke = (
-        np.array([max(own[index] for index in fold) for fold in folds]) for own in (speeds, strokes)
+        np.array([max(peaks[index] for index in fold) for fold in folds]) for peaks in (speeds, strokes)
     )
     extremes: set[int] = set()
     for values in (-stroke, stroke, speed, -speed, speed / stroke, -speed / stroke):
@@ -115,15 +115,15 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     between = sorted(set(range(len(folds))) - extremes, key=lambda fold: float(speed[fold]))
     # Of one or two motions the first is for test.
     offset = 1 if len(between) < _THIRDS else 0
-    kept: dict[int, Use] = {
+    fold_uses: dict[int, Use] = {
         fold: use
         for path, fold in enumerate(between, start=offset)
         if (use := _IN_TURN[path % _THIRDS]) is not None
     }
-    own: dict[int, Use] = {
-        index: kept.get(number, "fit") for number, fold in enumerate(folds) for index in fold
+    uses: dict[int, Use] = {
+        index: fold_uses.get(number, "fit") for number, fold in enumerate(folds) for index in fold
     }
-    return tuple(own[index] for index in range(len(tests)))
+    return tuple(uses[index] for index in range(len(tests)))
 
 
 # Share within which a motion that is fitted already has the extreme.

@@ -137,11 +137,11 @@ class Prediction(Plotted, WithAxes, Summarised):
             "model_force": (self.model_force, "force of the model, as it would be recorded"),
             "residual": (self.test.force - self.model_force, "measured minus model force"),
         }
-        own = {
+        arrays = {
             name: NamedArray.of(values, "time", unit="N", long_name=words)
             for name, (values, words) in forces.items()
         }
-        return replace(test, title=f"Prediction of {self.test.name}", arrays={**test.arrays, **own})
+        return replace(test, title=f"Prediction of {self.test.name}", arrays={**test.arrays, **arrays})
 
     def _summary(self) -> Summary:
         return Summary(

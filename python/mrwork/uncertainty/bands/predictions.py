@@ -158,7 +158,7 @@ class Predictions(Summarised):
         ]
         if not apart:
             return ""
-        label, worst = max(apart, key=lambda each: each[1].percent)
+        label, worst = max(apart, key=lambda pair: pair[1].percent)
         files = f"; the farthest of {len(apart)} files" if len(apart) > 1 else ""
         return f"{worst.in_words}, {label}{files}"
 
@@ -193,11 +193,11 @@ class Predictions(Summarised):
         }
         if not self.bands:
             return entry
-        known = self.bands[number]
-        if known is None:
+        pair = self.bands[number]
+        if pair is None:
             nothing = dict.fromkeys(("coverage_percent", "mean_width_n", "interval_score", "band"))
             return entry | nothing | {"test_to_run": self.tests_to_run[number]}
-        band, scored = known
+        band, scored = pair
         return entry | {
             "coverage_percent": 100.0 * scored.coverage,
             "mean_width_n": scored.width,
@@ -218,10 +218,10 @@ class Predictions(Summarised):
             quality = prediction.quality
             band = ("", "")
             if self.bands:
-                known = self.bands[number]
+                pair = self.bands[number]
                 band = ("none", "")
-                if known is not None:
-                    band = (f"{0.5 * known[1].width:.4g}", f"{100.0 * known[1].coverage:.1f}")
+                if pair is not None:
+                    band = (f"{0.5 * pair[1].width:.4g}", f"{100.0 * pair[1].coverage:.1f}")
             rows.append(
                 (
                     *(prediction.test.label, f"{quality.fit_percent:.2f}", f"{quality.nrmse:.4f}"),
@@ -244,7 +244,7 @@ class Predictions(Summarised):
         if seen := [prediction.seen for prediction in self.predictions if prediction.seen is not None]:
             notes.append(f"Seen by the fit: {likenesses_in_words(seen)}.")
         notes += [] if self.spread_unseen is None else [f"Not seen by the fit: {self.spread_unseen.in_words}"]
-        if self.bands and (used := [each for each in self.used if each is not None]):
+        if self.bands and (used := [likeness for likeness in self.used if likeness is not None]):
             notes.append(f"Used for the calibration of the bands: {likenesses_in_words(used)}.")
         return Summary(
             title=f"Predictions by a fit of {self.fit.model}",

@@ -66,11 +66,11 @@ def families(
     specs, remarks = compared_models(models)
     lawful = []
     for spec in specs:
-        own = {
+        family_laws = {
             name: law for name, law in laws.items() if name in {parameter.name for parameter in spec.plain}
         }
-        followed = spec.with_current_laws(own, unit=unit, lagged=lagged) if own else spec
-        lawful.append(spec_by_values(followed, tested_commands(followed, tests)) if own else spec)
+        followed = spec.with_current_laws(family_laws, unit=unit, lagged=lagged) if family_laws else spec
+        lawful.append(spec_by_values(followed, tested_commands(followed, tests)) if family_laws else spec)
     refuse_unknown("law", laws, {parameter.name for spec in specs for parameter in spec.plain})
     refuse_unknown("bound", bounds, {name for spec in lawful for name in spec.names})
     plain = [spec.name for spec in lawful if spec.command_unit is None]
@@ -290,12 +290,12 @@ class _ChoosingModel(Choosing):
             self.candidates[model] = self.failing(family)
             return
         for number in range(n_splits):
-            own = np.full(len(self.splits.names(self.tests, number)), np.inf)
+            errors = np.full(len(self.splits.names(self.tests, number)), np.inf)
             with self.recording_failure(model):
                 rest = batch.fit(first + 1 + number)
                 seconds += rest.seconds
-                own = self.splits.predict(self.tests, number, rest)
-            nrmse.append(own)
+                errors = self.splits.predict(self.tests, number, rest)
+            nrmse.append(errors)
         row = replace(
             self.failing(family).predicting(nrmse, self.splits, self.tests),
             n_params=len(identifiable_form(fit.spec, fit.settings.bounds).box.free),

@@ -57,11 +57,11 @@ def find_collapses(
     collapses: dict[str, Collapse] = {}
     for model in fits:
         simpler = sorted(
-            (fit for fit in fits if n_params[fit] < n_params[model]), key=lambda each: n_params[each]
+            (fit for fit in fits if n_params[fit] < n_params[model]), key=lambda fit: n_params[fit]
         )
         for other in simpler:
             chance = _CHANCE * (n_params[model] - n_params[other]) / n_effective
-            squared, theirs = (float(np.mean(joined[each] ** 2)) for each in (model, other))
+            squared, theirs = (float(np.mean(joined[name] ** 2)) for name in (model, other))
             difference = float(np.mean((joined[model] - joined[other]) ** 2))
             same = difference <= chance * theirs and theirs <= squared * np.exp(chance)
             if same and n_doubtful[model] > n_doubtful[other]:
@@ -85,11 +85,11 @@ def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, l
     scale = Scale.of(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
     free = [(index, estimate) for index, estimate in enumerate(fit.estimates) if estimate.is_free]
     return {
-        "on a bound": [each.name for _, each in free if each.at_bound],
+        "on a bound": [estimate.name for _, estimate in free if estimate.at_bound],
         "undetermined": [
-            each.name
-            for index, each in free
-            if each.verdict == "not identifiable"
-            or (each.standard_error is not None and each.standard_error > scale.size[index])
+            estimate.name
+            for index, estimate in free
+            if estimate.verdict == "not identifiable"
+            or (estimate.standard_error is not None and estimate.standard_error > scale.size[index])
         ],
     }

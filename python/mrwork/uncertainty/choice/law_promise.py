@@ -58,11 +58,11 @@ class LinearisedTests:
         squared = np.empty((n_rows, len(levels)))
         gradient, matrix = np.empty((*squared.shape, n_model)), np.empty((*squared.shape, n_model, n_model))
         for level in range(n_levels):
-            own = np.flatnonzero(levels == level)
-            at_level = replace(objective, compared=tuple(objective.compared[index] for index in own))
-            every = np.ones((n_rows, own.size), dtype=np.bool_)
+            ids = np.flatnonzero(levels == level)
+            at_level = replace(objective, compared=tuple(objective.compared[index] for index in ids))
+            every = np.ones((n_rows, ids.size), dtype=np.bool_)
             normal = NormalEquations.at(at_level, box, here[:, level], every)
-            squared[:, own], gradient[:, own], matrix[:, own] = normal.squared, normal.gradient, normal.matrix
+            squared[:, ids], gradient[:, ids], matrix[:, ids] = normal.squared, normal.gradient, normal.matrix
         return cls(
             model=model,
             commands=commands,
@@ -127,7 +127,7 @@ def _curves_in(model: DamperSpec, spec: DamperSpec, theta: Floats, commands: Flo
 def plain_curves(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
     """Parameters of the plain model, (n_rows, n_commands, n_plain), at commands by the laws of each row of `theta`."""
     columns = []
-    for (parameter, law), own in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
-        values = law.values(own.T, commands[:, None], positive=parameter.is_positive).T
+    for (parameter, law), coefficients in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
+        values = law.values(coefficients.T, commands[:, None], positive=parameter.is_positive).T
         columns.append(np.clip(values, parameter.lower, parameter.upper))
     return np.stack(columns, axis=-1)

@@ -197,26 +197,26 @@ class LawSearch:
         expanded: list[Laws] = []
         while len(self.fitted) < _MOST_TRIED:
             often = 1 if self._is_best_sound() else _EXPANDED
-            left = [each for each in self.frontier() if expanded.count(each.laws) < often]
+            left = [fitted for fitted in self.frontier() if expanded.count(fitted.laws) < often]
             if not left:
                 break
-            current = min(left, key=lambda each: expanded.count(each.laws))
+            current = min(left, key=lambda fitted: expanded.count(fitted.laws))
             expanded.append(current.laws)
             if proposals := self._proposals(current):
                 self._move_to(current, *proposals)
         # Of a law that has an extremum between the commands, the form that has none.
         for number, test in enumerate(self.fitted):
-            found = hidden_extrema(test.spec, test.fit.theta[0], self.commands.tolist())
-            names = [extremum.parameter for extremum in found if extremum.instead]
+            extrema = hidden_extrema(test.spec, test.fit.theta[0], self.commands.tolist())
+            names = [extremum.parameter for extremum in extrema if extremum.instead]
             self.fitted[number] = self.in_other_form(test, names)
 
     def in_other_form(self, fitted: FittedLaws, names: Sequence[str]) -> FittedLaws:
-        """The same with those of these laws interpolated the other way that have the force of every test by both."""
+        """The candidate with these laws interpolated the other way, except where that changes the force of a test."""
         laws = fitted.laws
         for name in names:
-            own = laws.get(name, CONSTANT)
-            if own.fitted_degree == len(self.commands) - 1 and not self.varies:
-                laws = self._with_law(laws, name, own.fitted_degree, direct=not own.nodes)
+            law = laws.get(name, CONSTANT)
+            if law.fitted_degree == len(self.commands) - 1 and not self.varies:
+                laws = self._with_law(laws, name, law.fitted_degree, direct=not law.nodes)
         spec, box = self.model(laws)
         row = replace(fitted.row, laws=self._texts(laws))
         return replace(fitted, spec=spec, box=box, laws=laws, row=row)
@@ -258,19 +258,19 @@ class LawSearch:
     def frontier(self) -> list[FittedLaws]:
         """Sets of laws whose neighbours are tried: the best, the simplest that is as good, and further good ones."""
         sound = [test for test in self.fitted if not test.row.objection] or self.fitted
-        order = sorted(sound, key=lambda each: each.row.error)
-        rows, simplest = choose_from([each.row for each in order])
-        good = [each for each in order if each.row in rows]
-        return [order[0], next(each for each in good if each.row is simplest), *good][: _FRONTIER + 2]
+        order = sorted(sound, key=lambda fitted: fitted.row.error)
+        rows, simplest = choose_from([fitted.row for fitted in order])
+        good = [fitted for fitted in order if fitted.row in rows]
+        return [order[0], next(fitted for fitted in good if fitted.row is simplest), *good][: _FRONTIER + 2]
 
     def distinct(self) -> list[FittedLaws]:
         """The candidates except those with the same force as a candidate with fewer parameters."""
-        kept = list[FittedLaws]()
-        for test in sorted(self.fitted, key=lambda each: each.row.n_params):
+        sets = list[FittedLaws]()
+        for test in sorted(self.fitted, key=lambda test: test.row.n_params):
             squared = test.fit.squared
-            if not any(np.allclose(squared, other.fit.squared, rtol=_SAME, atol=_EXACT) for other in kept):
-                kept.append(test)
-        return kept
+            if not any(np.allclose(squared, other.fit.squared, rtol=_SAME, atol=_EXACT) for other in sets):
+                sets.append(test)
+        return sets
 
     def _proposals(self, current: FittedLaws) -> list[Laws]:
         """Laws near the present ones that are not tried yet, by the errors that a linearised model promises.
@@ -318,14 +318,14 @@ class LawSearch:
         """Errors of predictions that laws near the present ones promise; each is found once."""
         new = [laws for laws in candidates if _key_of(laws) not in around.errors]
         if new:
-            found = self.call.step(
+            promises = self.call.step(
                 "promise",
                 _Promises,
                 lambda: interruptible(lambda: self._promise(around, new)),
                 around.current.fit.theta,
                 new,
             )
-            around.errors |= zip(map(_key_of, new), found.errors.tolist(), strict=True)
+            around.errors |= zip(map(_key_of, new), promises.errors.tolist(), strict=True)
         return np.array([around.errors[_key_of(laws)] for laws in candidates])
 
     def _promise(self, around: _Neighbourhood, candidates: Sequence[Laws]) -> _Promises:
@@ -353,8 +353,8 @@ class LawSearch:
         for parameter_name in self.plain.parameters:
             if parameter_name.name not in self.free:
                 continue
-            own = laws.get(parameter_name.name, CONSTANT)
-            degree, is_direct = own.fitted_degree, bool(own.nodes)
+            law = laws.get(parameter_name.name, CONSTANT)
+            degree, is_direct = law.fitted_degree, bool(law.nodes)
             wanted = [(near, is_direct and near > 0) for near in (degree - 1, degree + 1)]
             if (
                 parameter_name.scale == "log"
@@ -374,7 +374,7 @@ class LawSearch:
         law = CommandLaw(degree)
         if direct:
             law = law.at_commands(self.commands.tolist(), logarithms=False)
-        return {each: own for each, own in sorted((laws | {name: law}).items()) if not own.is_constant}
+        return {key: entry for key, entry in sorted((laws | {name: law}).items()) if not entry.is_constant}
 
     def _count(self, laws: Laws) -> int:
         """Number of parameters, up to a constant."""
@@ -444,16 +444,16 @@ class LawSearch:
         curves = [] if self.varies else [plain_curves(*law_set, self.whole_commands) for law_set in sets]
 
         def predict(test: int, threads: int) -> None:
-            own = [index for index, pair in enumerate(pairs) if pair[1] == test]
-            rows = [pairs[index][0] for index in own]
-            if own and self.varies:
+            cols = [index for index, pair in enumerate(pairs) if pair[1] == test]
+            rows = [pairs[index][0] for index in cols]
+            if cols and self.varies:
                 for number, (spec, fitted) in enumerate(sets):
                     whole = self.whole.with_laws(spec)
-                    nrmse[number, own] = np.sqrt(whole.squared_nrmse_of(test, fitted[rows], threads=threads))
-            elif own:
+                    nrmse[number, cols] = np.sqrt(whole.squared_nrmse_of(test, fitted[rows], threads=threads))
+            elif cols:
                 plain = np.concatenate([curve[rows, test] for curve in curves])
                 squared = self.whole.squared_nrmse_of(test, plain, threads=threads)
-                nrmse[:, own] = np.sqrt(squared).reshape(len(specs), len(own))
+                nrmse[:, cols] = np.sqrt(squared).reshape(len(specs), len(cols))
 
         on_every_test(len(self.tests), self.whole.threads, predict)
         return _Predictions(nrmse=nrmse)
@@ -491,15 +491,15 @@ def prepare_search(
     *,
     lagged: bool = False,
 ) -> LawSearch:
-    """Check the settings and prepare the folds: of few records, stretches of those of a varying command."""
+    """Check the settings and prepare the folds: of few records, stretches of each with a varying command."""
     if plain.command_unit is not None:
         raise SettingError(f"{plain.name} has current laws already; give the plain model to choose laws for")
     if settings.starts or settings.engine != "lanes":
         raise SettingError(
             "the choice of laws takes no starts and the engine `lanes`; leave these settings out"
         )
-    known = (*plain.names, DRIVER_RATE.name) if lagged else plain.names
-    unknown = [name for name in settings.bounds if name not in known]
+    allowed = (*plain.names, DRIVER_RATE.name) if lagged else plain.names
+    unknown = [name for name in settings.bounds if name not in allowed]
     if unknown:
         raise SettingError(
             f"bounds are given for {unknown[0]!r}; where laws are chosen, give them for parameters of {plain.name} "

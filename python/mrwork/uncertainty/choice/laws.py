@@ -117,8 +117,8 @@ class _ChoosingLaws(Choosing):
         if journal is not None:
             spec, _ = search.model(search.first_laws)
             facts = fingerprint_of(Problem.of(spec, search.tests, search.excerpt_settings))
-            given = {name: str(law) for name, law in search.given.items()}
-            journal.agree("choice of laws", facts | {"leave_out": search.splits.fold, "given": given})
+            texts = {name: str(law) for name, law in search.given.items()}
+            journal.agree("choice of laws", facts | {"leave_out": search.splits.fold, "given": texts})
         search.run(self.firsts[search.name])
 
     def _final_fit(self, search: LawSearch, laws: FittedLaws, journal: Journal | None) -> Fit:
@@ -290,25 +290,25 @@ def choose_laws(
     settings = settings or FitSettings()
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
     specs, remarks = compared_models(model)
-    given = dict(laws or {})
+    laws = dict(laws or {})
     several = len(specs) > 1
     if several:
-        known = {name for spec in specs for name in spec.names}
-        refuse_unknown("law", given, known)
-        refuse_unknown("bound", settings.bounds, {*known, DRIVER_RATE.name} if lagged else known)
+        names = {name for spec in specs for name in spec.names}
+        refuse_unknown("law", laws, names)
+        refuse_unknown("bound", settings.bounds, {*names, DRIVER_RATE.name} if lagged else names)
     searches = {}
     for spec in specs:
         # A single model refuses what is given for parameters that it has not.
         bounds = select_known(settings.bounds, spec.with_current_laws({}, lagged=lagged))
-        own = replace(settings, bounds=bounds) if several else settings
-        own_laws = select_known(given, spec) if several else given
+        model_settings = replace(settings, bounds=bounds) if several else settings
+        own_laws = select_known(laws, spec) if several else laws
         searches[spec.name] = prepare_search(
             spec,
             tests,
             {name: law_of(law) for name, law in own_laws.items()},
             unit,
             leave_out,
-            own,
+            model_settings,
             threads,
             lagged=lagged,
         )
@@ -322,7 +322,7 @@ def choose_laws(
         journal_of=journal_of,
         on_progress=on_progress,
         searches=searches,
-        given=given,
+        given=laws,
         unit=unit,
     )
     running.so_far = running.best_so_far

@@ -29,12 +29,12 @@ def objections_to(
     fastest motion runs faster, since what made it rise has vanished; and a damper that no building can be simulated
     with. That an exponent is on its bound, as n = 1 of a Bouc-Wen loop, is none.
     """
-    found = [law.in_words for law in dying_laws(spec, theta, tests)]
+    clauses = [law.in_words for law in dying_laws(spec, theta, tests)]
     if falling := _falling_force(spec, theta, tests):
-        found.append(falling)
+        clauses.append(falling)
     if not cost.is_possible:
-        found.append(f"it takes {cost.in_words}")
-    return tuple(found)
+        clauses.append(f"it takes {cost.in_words}")
+    return tuple(clauses)
 
 
 def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> tuple[LawLimit, ...]:
@@ -56,8 +56,8 @@ def fastest_at_commands(
             fastest[0.0] = test, motion
             continue
         for level in levels_of_command(motion.command):
-            own = command_level(level, spec.command_unit or "A")
-            fastest[own] = test, replace(motion, command=level)
+            command = command_level(level, spec.command_unit or "A")
+            fastest[command] = test, replace(motion, command=level)
     return fastest
 
 
@@ -66,12 +66,12 @@ def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest])
     worst, sentence = -_FALLS, ""
     for test, loading in fastest_at_commands(spec, tests).values():
         faster = replace(loading, dt=loading.dt / _FASTER, velocity=test.velocity * _FASTER)
-        runs = [simulate_forces(spec, theta[None], each.history()) for each in (loading, faster)]
+        runs = [simulate_forces(spec, theta[None], motion.history()) for motion in (loading, faster)]
         if any(run.outcome[0] != Outcome.FINISHED for run in runs):
             continue
-        own, beyond = (float(np.std(run.force[0])) for run in runs)
-        if own > 0.0 and beyond / own - 1.0 < worst:
-            worst = beyond / own - 1.0
+        tested, beyond = (float(np.std(run.force[0])) for run in runs)
+        if tested > 0.0 and beyond / tested - 1.0 < worst:
+            worst = beyond / tested - 1.0
             peak = 1e3 * float(np.abs(test.velocity).max())
             sentence = (
                 f"its force falls by {-100.0 * worst:.2g} % from {peak:.3g} to {_FASTER * peak:.3g} mm/s "

@@ -101,13 +101,13 @@ class Standing:
 
     def predicting(self, nrmse: Sequence[Floats], splits: LeftOut, tests: Sequence[DamperTest]) -> Standing:
         """The candidate with the NRMSE of what each split predicts, infinite where that could not be simulated."""
-        left_out = [np.minimum(each, NOT_PREDICTED) for each in nrmse]
+        left_out = [np.minimum(errors, NOT_PREDICTED) for errors in nrmse]
         single = np.concatenate(left_out)
         inside, outside = (None if mean is None else 100.0 * (1.0 - mean) for mean in splits.means(left_out))
         failed = {
             name: None
-            for number, each in enumerate(nrmse)
-            for name, error in zip(splits.names(tests, number), each, strict=False)
+            for number, errors in enumerate(nrmse)
+            for name, error in zip(splits.names(tests, number), errors, strict=False)
             if not np.isfinite(error)
         }
         return replace(
@@ -186,7 +186,7 @@ def _column(
     key: str, long_name: str, heading: str = "", *, unit: str = "", cell: Callable[[Any], str] | None = None
 ) -> TableColumn:
     """A column of a ranking, by default of percentages."""
-    shown = cell or (lambda each: format_fixed(getattr(each, key), 2))
+    shown = cell or (lambda row: format_fixed(getattr(row, key), 2))
     return TableColumn(key=key, long_name=long_name, heading=heading, unit=unit, cell=shown)
 
 
@@ -197,7 +197,7 @@ _COLUMNS = (
     _column("verdict", "place in the ranking"),
     _column("status", "how the identification ended"),
     _column("same_as", "family whose fit it has"),
-    _column("n_params", "number of parameters", "parameters", cell=lambda each: str(each.n_params)),
+    _column("n_params", "number of parameters", "parameters", cell=lambda row: str(row.n_params)),
     _column("seconds", "time of the identifications", unit="s"),
     _column("fit_percent", "fit to all tests", "fit", unit="%"),
     _column(
@@ -215,7 +215,7 @@ _COLUMNS = (
         "difference to the best in the fit to what was left out",
         "behind",
         unit="%",
-        cell=lambda each: _with_error(each.left_out_behind, each.left_out_behind_error),
+        cell=lambda row: _with_error(row.left_out_behind, row.left_out_behind_error),
     ),
     _column("left_out_behind_error", "standard error of that difference", unit="%"),
     _column("median_percent", "median fit of single tests left out", unit="%"),
@@ -247,29 +247,29 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
     failed = [candidate for candidate in candidates if not candidate.has_predicted]
     lost = [*failed, *(prediction for prediction in predicted if prediction.not_predicted)]
 
-    def judged(each: Standing) -> Standing:
+    def judged(candidate: Standing) -> Standing:
         verdict: Verdict = "behind"
-        if each is chosen:
+        if candidate is chosen:
             verdict = "provisional" if any(_is_far_better(other, chosen) for other in lost) else "chosen"
-        elif each in good:
+        elif candidate in good:
             verdict = "as good"
-        elif each in failed:
+        elif candidate in failed:
             verdict = "failed"
-        elif each not in distinct:
+        elif candidate not in distinct:
             verdict = "collapsed"
-        elif each not in sound:
+        elif candidate not in sound:
             verdict = "unusable"
-        percent = 100.0 * np.array(each.left_out)
+        percent = 100.0 * np.array(candidate.left_out)
         behind = percent - 100.0 * np.array(sound[0].left_out) if percent.size else percent
         return replace(
-            each,
+            candidate,
             verdict=verdict,
-            same_as=each.same_as if verdict == "collapsed" else "",
-            reason=each.reason if verdict in ("collapsed", "failed") else "",
+            same_as=candidate.same_as if verdict == "collapsed" else "",
+            reason=candidate.reason if verdict in ("collapsed", "failed") else "",
             left_out_percent=100.0 - float(percent.mean()) if percent.size else None,
             left_out_error=error_of_mean(percent),
             left_out_behind=float(behind.mean()) if percent.size else None,
-            left_out_behind_error=None if each is sound[0] else error_of_mean(behind),
+            left_out_behind_error=None if candidate is sound[0] else error_of_mean(behind),
         )
 
     unusable = [entry for entry in distinct if entry not in sound]
@@ -284,11 +284,11 @@ def choose_from(ordered: Sequence[Standing]) -> tuple[list[Standing], Standing]:
     """
     best = 100.0 * np.array(ordered[0].left_out)
     good = []
-    for each in ordered:
-        difference = 100.0 * np.array(each.left_out) - best
+    for candidate in ordered:
+        difference = 100.0 * np.array(candidate.left_out) - best
         errors = [error for error in (error_of_mean(difference), error_of_mean(best)) if error is not None]
         if float(difference.mean()) <= max(min(errors, default=0.0), NEGLIGIBLE):
-            good.append(each)
+            good.append(candidate)
     return good, min(good, key=attrgetter("is_costly", "n_params"))
 
 
@@ -394,19 +394,19 @@ class Ranking(WithAxes, Summarised):
             if standing.verdict == "failed"
         ]
         their = "its predictions" if len(failed) == 1 else "their predictions"
-        said = f"not compared, as {their} failed: {list_names(failed)}" if failed else ""
-        return tuple(filter(None, (said, _none_chosen(self.standings, self.chosen_standing))))
+        sentence = f"not compared, as {their} failed: {list_names(failed)}" if failed else ""
+        return tuple(filter(None, (sentence, _none_chosen(self.standings, self.chosen_standing))))
 
     @property
     def table(self) -> Table:
         """The candidates; columns that are empty are left out, and so is the model where laws of one were tried."""
         columns = []
-        for each in _COLUMNS:
-            cells = {each.cell(row) for row in self.standings} if each.heading else set()
-            is_model = each.key == "model" and self.unit is not None and self.n_models == 1
-            is_laws = each.key == "laws" and self.unit is None
+        for column in _COLUMNS:
+            cells = {column.cell(row) for row in self.standings} if column.heading else set()
+            is_model = column.key == "model" and self.unit is not None and self.n_models == 1
+            is_laws = column.key == "laws" and self.unit is None
             if cells - {format_fixed(None, 2)} and not is_model and not is_laws:
-                columns.append(each)
+                columns.append(column)
         return text_table(columns, self.standings)
 
     def _summary(self) -> Summary:
@@ -462,11 +462,11 @@ def _sentence_on(ranking: Ranking) -> str:
         verdict: [standing for standing in standings if standing.verdict == verdict]
         for verdict in ("failed", "as good", "behind", "unusable", "collapsed")
     }
-    failed = list_names([each.title for each in of_verdict["failed"]])
+    failed = list_names([standing.title for standing in of_verdict["failed"]])
     parts = [f"Failed, and so not compared: {failed}"] if failed else []
     parts += [_none_chosen(standings, chosen), _choice(ranking, chosen)]
     best = standings[0]
-    others = [each.in_words for each in of_verdict["as good"] if each is not best]
+    others = [standing.in_words for standing in of_verdict["as good"] if standing is not best]
     if others:
         parts.append(f"As good with no fewer parameters: {list_names(others)}")
     if of_verdict["behind"]:
@@ -482,7 +482,7 @@ def _sentence_on(ranking: Ranking) -> str:
         parts.append(
             f"Something speaks against every candidate, against the chosen one that {chosen.objection}"
         )
-    ahead = [each for each in of_verdict["unusable"] if each.error < best.error]
+    ahead = [standing for standing in of_verdict["unusable"] if standing.error < best.error]
     if ahead:
         points = 100.0 * (best.error - ahead[0].error)
         parts.append(
@@ -491,9 +491,7 @@ def _sentence_on(ranking: Ranking) -> str:
     if 1 < ranking.n_folds < _FEW_FOLDS:
         parts.append(f"A standard error from {ranking.n_folds} folds is uncertain")
     titles = {standing.model: standing.title for standing in standings}
-    parts += [
-        f"{each.title} counts as {titles[each.same_as]}: {each.reason}" for each in of_verdict["collapsed"]
-    ]
+    parts += [f"{row.title} counts as {titles[row.same_as]}: {row.reason}" for row in of_verdict["collapsed"]]
     if ranking.missing:
         parts.append(f"The comparison was interrupted and lacks {', '.join(ranking.missing)}")
     elif not ranking.complete:
@@ -529,8 +527,8 @@ def _choice(ranking: Ranking, chosen: Standing) -> str:
     return text
 
 
-def _points(own: Standing, other: Standing) -> str:
+def _points(standing: Standing, other: Standing) -> str:
     """Difference in percentage points with the standard error of the paired difference; one of the two is the best."""
-    behind = own.left_out_behind or other.left_out_behind or 0.0
-    error = own.left_out_behind_error
+    behind = standing.left_out_behind or other.left_out_behind or 0.0
+    error = standing.left_out_behind_error
     return f"{behind:.2f} points" if error is None else f"{behind:.2f} ± {error:.2f} points"

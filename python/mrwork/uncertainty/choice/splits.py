@@ -156,7 +156,7 @@ class Splits:
             for unit in sorted(set(units.tolist())):
                 mean = np.log(np.maximum(errors[units == unit], _EXACT)).mean()
                 kind.setdefault(unit, []).append(float(np.exp(mean)))
-        inside, outside = ({unit: float(np.mean(each)) for unit, each in kind.items()} for kind in kinds)
+        inside, outside = ({unit: float(np.mean(means)) for unit, means in kind.items()} for kind in kinds)
         return inside, outside
 
 

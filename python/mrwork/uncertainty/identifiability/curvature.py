@@ -50,7 +50,7 @@ class Scaled:
         free = np.array(box.free, dtype=int)
         log = np.array(box.log)[free]
         size = np.where(log, 1.0, scale.size[free])
-        bounds = (np.array(each)[free] for each in (box.lower, box.upper))
+        bounds = (np.array(bound)[free] for bound in (box.lower, box.upper))
         lower, upper = (np.where(log, np.log(np.where(log, bound, 1.0)), bound / size) for bound in bounds)
         spring = None
         if spec.spring_indices is not None and set(spec.spring_indices) <= set(box.free):
@@ -60,8 +60,8 @@ class Scaled:
     def position(self, theta: Floats) -> Floats:
         """Coordinates, shape (..., n_free), of parameters, shape (..., n_params), clipped to the box."""
         value = theta[..., np.array(self.free, dtype=int)]
-        own = np.where(self.log, np.log(np.where(self.log, value, 1.0)), value / self.size)
-        return np.asarray(np.clip(own, self.lower, self.upper))
+        coordinates = np.where(self.log, np.log(np.where(self.log, value, 1.0)), value / self.size)
+        return np.asarray(np.clip(coordinates, self.lower, self.upper))
 
     def values(self, position: Floats) -> Floats:
         """Values of the free parameters, shape (..., n_free)."""
@@ -104,15 +104,15 @@ def points_at(linearise: Linearise, scaled: Scaled, position: Floats) -> list[Po
     for row, (residuals, jacobian), slope in zip(
         position, linearise(scaled.parameters(position)), scaled.slope(position), strict=True
     ):
-        own = jacobian * slope
+        derivative = jacobian * slope
         squared = float(residuals @ residuals)
         points.append(
             Point(
                 position=row,
                 # All residuals of a failed simulation are 1.
                 squared=squared if squared < residuals.size else np.inf,
-                gradient=own.T @ residuals,
-                normal=own.T @ own,
+                gradient=derivative.T @ residuals,
+                normal=derivative.T @ derivative,
             )
         )
     return points
@@ -125,8 +125,8 @@ def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
     def in_chunks(theta: Floats) -> Iterator[tuple[Floats, Floats]]:
         for first in range(0, len(theta), rows):
             residuals, jacobian = linearise_residuals(objective, theta[first : first + rows], columns)
-            for own, slope in zip(residuals, jacobian, strict=True):
-                yield own, slope.T
+            for residual, slope in zip(residuals, jacobian, strict=True):
+                yield residual, slope.T
 
     return in_chunks
 
@@ -204,7 +204,7 @@ def walk(
 def _bracket_limit(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Minimisation:
     for _ in range(_MOST_BETWEEN):
         low, high = points[-2:]
-        roots = [signed_root(each.squared, points[0].squared, dof) for each in (low, high)]
+        roots = [signed_root(point.squared, points[0].squared, dof) for point in (low, high)]
         if roots[1] - roots[0] < _BRACKET:
             break
         ends = (float(low.position[index]), float(high.position[index]))

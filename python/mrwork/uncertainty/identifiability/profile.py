@@ -409,7 +409,7 @@ def profile(
             sides = {key: Side(points=[origin]) for key in sides}
             run_together(scaled, sides, simulate_position, report, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(
-                (point for side in sides.values() for point in side.points), key=lambda each: each.squared
+                (point for side in sides.values() for point in side.points), key=lambda point: point.squared
             )
             if signed_root(origin.squared, best.squared, dof) ** 2 < _BETTER:
                 break

@@ -303,8 +303,8 @@ class Draws(Plotted, WithAxes, Summarised):
             tree["observed_data"][name].attrs["units"] = "N"
         for summary in self.summaries:
             # The draws kept are thinned, so what follows from them differs a little.
-            known = {name: value for name, value in asdict(summary).items() if value not in (None, "")}
-            tree["posterior"][summary.name].attrs |= {"units": summary.unit} | known
+            facts = {name: value for name, value in asdict(summary).items() if value not in (None, "")}
+            tree["posterior"][summary.name].attrs |= {"units": summary.unit} | facts
         return tree
 
     def _named_arrays(self) -> NamedArrays:
@@ -350,7 +350,7 @@ class Draws(Plotted, WithAxes, Summarised):
             rows=[
                 (
                     summary.name,
-                    *(format_rounded(each, 5) for each in (summary.median, summary.lower, summary.upper)),
+                    *(format_rounded(value, 5) for value in (summary.median, summary.lower, summary.upper)),
                     summary.unit,
                     with_decimals(summary.rhat, 3),
                     with_decimals(summary.ess_bulk, 0),

@@ -94,21 +94,21 @@ def inference_data(
     own_tests = target.objective.tests
     n_walkers, n_kept = draws.densities.shape
     stride = -(-n_kept * n_walkers // max(most_draws, n_walkers))
-    kept = replace(
+    thinned = replace(
         draws,
         chains=draws.chains[:, ::stride],
         noise_chains=draws.noise_chains[:, ::stride],
         densities=draws.densities[:, ::stride],
     )
-    theta = np.asarray(target.form.from_model(kept.theta))
+    theta = np.asarray(target.form.from_model(thinned.theta))
     stream = np.random.default_rng(rng)
     names = [test.name for test in own_tests]
     # Names that are there already have their number.
     labels = [name if name not in names[:at] else f"{name} ({at + 1})" for at, name in enumerate(names)]
-    tree = kept.as_datatree()
+    tree = thinned.as_datatree()
     tree["sample_stats"]["lp"].attrs |= {"units": "1", "long_name": "log posterior, up to a constant"}
     groups = {
-        "log_likelihood": _log_likelihood(target, theta, start, kept, labels, pointwise),
+        "log_likelihood": _log_likelihood(target, theta, start, thinned, labels, pointwise),
         "observed_data": NamedArrays(
             title="Measured force of the samples that are compared",
             rows=(),
@@ -118,7 +118,7 @@ def inference_data(
                 for label, axis, test in zip(labels, _time_axes(own_tests), own_tests, strict=True)
             },
         ),
-        "posterior_predictive": _predictive(target, theta, kept, own_tests, labels, stream),
+        "posterior_predictive": _predictive(target, theta, thinned, own_tests, labels, stream),
     }
     for name, group in groups.items():
         tree[name] = type(tree)(dataset=group.to_xarray())

@@ -29,13 +29,13 @@ def residual_slope(target: Target, position: Floats) -> tuple[Floats, Floats]:
     residuals, slopes = linearise_residuals(objective, theta[None], target.form.box.free)
     # The objective weights tests equally, a likelihood by their samples.
     n_tests = len(objective.tests)
-    own = np.concatenate(
+    factor = np.concatenate(
         [
             np.full(test.measured.size, 1.0 / (test.weight(n_tests) * deviation))
             for test, deviation in zip(objective.compared, target.deviations, strict=True)
         ]
     )
-    return residuals[0] * own, np.asarray(space.slope(values).T @ (slopes[0] * own))
+    return residuals[0] * factor, np.asarray(space.slope(values).T @ (slopes[0] * factor))
 
 
 def fisher_information(target: Target, position: Floats) -> Floats:
@@ -91,9 +91,9 @@ def mode_near(target: Target, theta: Floats) -> Floats:
     """
     objective, box = target.objective, target.form.box
     counts = np.array([test.measured.size for test in objective.compared], dtype=np.float64)
-    found = find_minima(
+    minima = find_minima(
         objective, box, theta[None], max_iterations=_MOST_STEPS, shares=counts[None] / counts.sum()
     )
-    both = np.stack([theta, found.theta[0]])
+    both = np.stack([theta, minima.theta[0]])
     densities = target(np.array([target.position_of(side) for side in both]))
     return np.asarray(both[int(np.argmax(densities))])

@@ -169,13 +169,13 @@ class SamplingProblem:
 
     def _summaries(self, chains: Floats) -> tuple[DrawSummary, ...]:
         """Summaries of the model's parameters, then the noise parameters; chains (n_walkers, n_kept, n_all)."""
-        own, space = Box.of(self.spec).with_bounds(self.target.objective.settings.bounds), self.target.space
+        box, space = Box.of(self.spec).with_bounds(self.target.objective.settings.bounds), self.target.space
         names = self.spec.names + space.box.names[space.n_params :]
         units = [parameter.unit for parameter in self.spec.parameters] + ["1"] * len(
             self.target.noise.parameters
         )
-        lower = own.lower + space.box.lower[space.n_params :]
-        upper = own.upper + space.box.upper[space.n_params :]
+        lower = box.lower + space.box.lower[space.n_params :]
+        upper = box.upper + space.box.upper[space.n_params :]
         tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
         strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
         summaries = [
@@ -190,7 +190,7 @@ class SamplingProblem:
         ]
         theta = np.asarray(self.target.form.to_model(self.start))
         objective = self.target.objective
-        scale = Scale.of(self.spec, own, objective.tests, theta)
+        scale = Scale.of(self.spec, box, objective.tests, theta)
         derivative = Slopes.at(objective, self.target.form, self.start).by_model()
         judged = [
             summary
@@ -299,7 +299,7 @@ def sample(
     noise
         Noise model of the force. "iid" is independent, "ar1" of first-order autocorrelation.
     priors
-        Prior of a parameter, by default uniform over its range; `noise.sigma` and so on for the noise. Names are those
+        Prior of a parameter, by default uniform over its range; `noise.sigma` and so on for the noise. Give the names
         of the form that is sampled. The default is uniform over the box, on the parameter's own scale; for a stiffness
         k and its free length x0, uniform in k and k x0.
     tempering

@@ -145,8 +145,8 @@ class Space:
     @classmethod
     def of(cls, form: Form, noise: Noise, priors: Mapping[str, Prior]) -> Space:
         """The space of a model in its identifiable form, with priors by name; of the noise as `noise.sigma`."""
-        own = form.box
-        box = with_noise(own, noise)
+        model_box = form.box
+        box = with_noise(model_box, noise)
         names = tuple(box.names[index] for index in box.free)
         for name in priors:
             if name not in box.names:
@@ -160,7 +160,7 @@ class Space:
         pair = tuple(box.free.index(index) for index in form.mirrored)
         return cls(
             box=box,
-            n_params=len(own.names),
+            n_params=len(model_box.names),
             pair=(pair[0], pair[1]) if pair else None,
             priors=tuple(priors.get(name) for name in names),
         )
@@ -394,4 +394,4 @@ def in_chunks(function: Callable[[Floats, Floats], Floats], theta: Floats, noise
     """Results of `function` for rows of parameters and noise, computed in chunks to limit memory."""
     chunks = -(-len(theta) // _ROWS)
     pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)
-    return np.concatenate([function(np.ascontiguousarray(rows), own) for rows, own in pairs])
+    return np.concatenate([function(np.ascontiguousarray(rows), noise_rows) for rows, noise_rows in pairs])
