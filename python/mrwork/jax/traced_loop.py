@@ -107,21 +107,21 @@ class Loop(Summarised):
 
     def __call__(self, inputs: LoopInputs | None = None, *, histories: bool = True) -> LoopOutputs:
         """The results for inputs, by default its own; without `histories` the history is empty."""
-        given, hardware, steps = self.inputs if inputs is None else inputs, self.hardware, self.steps
+        inputs, hardware, steps = self.inputs if inputs is None else inputs, self.hardware, self.steps
         n_samples = len(self.time) - 1
         n_kept = power_of_two(n_samples, STRETCH)
         delay = hardware.delay_steps * (steps // hardware.steps)
         dead_zone, slope = self.shaping
         with on_processor():
             ground = stage_values(
-                given.acceleration, self.dt, hardware.sample_time / steps, n_samples * steps
+                inputs.acceleration, self.dt, hardware.sample_time / steps, n_samples * steps
             )
-            commands = given.commands
+            commands = inputs.commands
             if commands is not None:
                 sent = jnp.asarray(commands)[:n_samples]
                 commands = jnp.pad(sent, ((0, n_kept - len(sent)), (0, 0)), mode="edge")
-            found = _simulate(
-                given._replace(acceleration=None, commands=None),
+            result = _simulate(
+                inputs._replace(acceleration=None, commands=None),
                 jnp.pad(ground.ravel(), (0, 3 * steps * (n_kept - n_samples))),
                 commands,
                 {name: self.matrices[name] for name in MATRICES[3:]},
@@ -137,14 +137,14 @@ class Loop(Summarised):
                 delay=delay,
                 histories=histories,
             )
-            return LoopOutputs(found.numbers, self._history(found, n_samples) if histories else {})
+            return LoopOutputs(result.numbers, self._history(result, n_samples) if histories else {})
 
-    def _history(self, found: LoopResult, n_samples: int) -> dict[str, Array]:
+    def _history(self, result: LoopResult, n_samples: int) -> dict[str, Array]:
         """Signals by name, from the rows in the order of the core."""
         n, widths = len(self.inputs.mass), Counter(run=1, device=len(self.devices))
         widths.update(state=2 * n, floor=len(self.matrices["floors"]), storey=len(self.matrices["storeys"]))
         signals = [(name, axis) for name, axis, *_ in _rust.history_signals()]
-        rows = jnp.concatenate([found.rows[:n_samples], found.end[None]])
+        rows = jnp.concatenate([result.rows[:n_samples], result.end[None]])
         parts = jnp.split(rows, np.cumsum([widths[axis] for _, axis in signals])[:-1], axis=1)
         return {name: part for (name, axis), part in zip(signals, parts, strict=True) if widths[axis]}
 
@@ -186,9 +186,9 @@ def _simulate(
     delay: int,
     histories: bool,
 ) -> LoopResult:
-    own = {"mass": inputs.mass, "damping": inputs.damping, "stiffness": inputs.stiffness}
+    plant = {"mass": inputs.mass, "damping": inputs.damping, "stiffness": inputs.stiffness}
     run = LoopRun(
-        plant=LoopPlant.of(own | matrices),
+        plant=LoopPlant.of(plant | matrices),
         devices=with_theta(devices, inputs.theta),
         believed=believed,
         law=LAWS[law](inputs.gains),
@@ -281,7 +281,7 @@ def loop(
         )
     n_samples = max(int(motion.duration / hardware.sample_time * (1.0 + 1e-12)), 1)
     largest = np.array([device.largest_command for device in devices])
-    own = tuple(LoopDevice.of(device) for device in devices)
+    loop_devices = tuple(LoopDevice.of(device) for device in devices)
     gains, believed, shaping, commands = {}, None, (0.0, np.inf), None
     if isinstance(law, ControlLaw):
         if len(law.gain_rows(len(devices), 2 * building.n_coordinates)) != 1:
@@ -292,7 +292,7 @@ def loop(
         gains = {
             key: np.reshape(np.asarray(law.gains[key], dtype=float), shape) for key, shape in shapes.items()
         }
-        believed = believed_devices(own, law.curve)
+        believed = believed_devices(loop_devices, law.curve)
         shaping = law.shaping or shaping
     else:
         commands = law
@@ -310,7 +310,7 @@ def loop(
     return Loop(
         inputs=LoopInputs(
             gains=gains,
-            theta=tuple(each.theta for each in own),
+            theta=tuple(device.theta for device in loop_devices),
             **{name: matrices[name] for name in MATRICES[:3]},
             acceleration=np.asarray(motion.acceleration, dtype=np.float64),
             commands=commands,
@@ -321,7 +321,7 @@ def loop(
         dt=motion.dt,
         hardware=hardware,
         matrices=matrices,
-        devices=own,
+        devices=loop_devices,
         believed=believed,
         largest=largest,
         shaping=shaping,
