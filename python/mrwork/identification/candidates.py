@@ -234,13 +234,13 @@ class CandidateObjective(Summarised):
     @checked
     def theta(self, points: AnyArrayLike) -> Floats:
         """All parameters of the model in SI, shape (..., n_params), with those that are held or tied."""
-        given = np.asarray(points, dtype=np.float64)
-        _rows_of(given, self.names, "the objective takes")
-        if self.coordinates == "unit" and not np.all((given >= 0.0) & (given <= 1.0)):
+        values = np.asarray(points, dtype=np.float64)
+        _rows_of(values, self.names, "the objective takes")
+        if self.coordinates == "unit" and not np.all((values >= 0.0) & (values <= 1.0)):
             raise SettingError(
                 "a point of the unit cube has coordinates from 0 to 1; give those, see `bounds`"
             )
-        theta: Floats = self.box.theta_from(given, self.coordinates)
+        theta: Floats = self.box.theta_from(values, self.coordinates)
         ties = self.objective.compared[0].ties
         return theta if ties is None else ties.apply(theta)
 
@@ -362,26 +362,26 @@ def objective(
         raise SettingError(
             "`nuisances` have their least-squares values, which go with neither `weights` nor a `loss`; leave one out"
         )
-    given = tuple(observed(test, settings.observe) for test in as_tests(tests))
-    masked = list(given)
-    for index, mask in enumerate(_for_each(masks, None, given, "masks")):
+    unmasked = tuple(observed(test, settings.observe) for test in as_tests(tests))
+    masked = list(unmasked)
+    for index, mask in enumerate(_for_each(masks, None, unmasked, "masks")):
         if mask is not None:
-            _check_samples(mask, given[index], "masks")
-            masked[index] = replace(given[index], uncompared=spans_with(given[index].uncompared, ~mask))
+            _check_samples(mask, unmasked[index], "masks")
+            masked[index] = replace(unmasked[index], uncompared=spans_with(unmasked[index].uncompared, ~mask))
     whole = Objective.of(spec, tuple(masked), settings, threads=threads)
     compared, rho = [], loss_of(loss, loss_scale)
-    for each, own in zip(whole.compared, _for_each(weights, None, given, "weights"), strict=True):
+    for test, weight in zip(whole.compared, _for_each(weights, None, unmasked, "weights"), strict=True):
         factors = None
-        if own is not None:
-            if isinstance(own, np.ndarray):
-                _check_samples(own, each.test, "weights")
-            if np.any(np.asarray(own) < 0.0):
-                raise SettingError(f"a weight of {each.test.label} is negative; give numbers of at least 0")
-            factors = np.asarray(np.broadcast_to(own, each.test.force.shape)[each.counted])
-        compared.append(replace(each, loss=rho, weights=factors))
+        if weight is not None:
+            if isinstance(weight, np.ndarray):
+                _check_samples(weight, test.test, "weights")
+            if np.any(np.asarray(weight) < 0.0):
+                raise SettingError(f"a weight of {test.test.label} is negative; give numbers of at least 0")
+            factors = np.asarray(np.broadcast_to(weight, test.test.force.shape)[test.counted])
+        compared.append(replace(test, loss=rho, weights=factors))
     whole = replace(whole, compared=tuple(compared))
     requested = Box.of(spec).with_bounds(settings.bounds)
-    searched = search_box(spec, requested, given)
+    searched = search_box(spec, requested, unmasked)
     others = zip(searched.names, zip(searched.lower, searched.upper, strict=True), strict=True)
     box = requested.with_bounds({name: ends for name, ends in others if name not in settings.bounds})
     if (tied := ties_of(spec, settings)) is not None:
@@ -406,10 +406,10 @@ def _for_each(
     return entries or [none] * len(tests)
 
 
-def _check_samples(given: NDArray[Any], test: DamperTest, name: str) -> None:
-    if given.shape != test.force.shape:
+def _check_samples(samples: NDArray[Any], test: DamperTest, name: str) -> None:
+    if samples.shape != test.force.shape:
         raise SettingError(
-            f"`{name}` of {test.label} has shape {given.shape}; give one number for each of its {test.n_time} samples"
+            f"`{name}` of {test.label} has shape {samples.shape}; give one number for each of its {test.n_time} samples"
         )
 
 

@@ -52,10 +52,10 @@ def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
     unit = spec.command_unit or "A"
     commands = [loading_of(test, spec).command for test in tests]
     varying = [command for command in commands if isinstance(command, np.ndarray)]
-    known = [command for command in commands if not isinstance(command, np.ndarray | None)]
+    levels = [command for command in commands if not isinstance(command, np.ndarray | None)]
     if varying:
-        known += levels_of_command(np.concatenate(varying))
-    return np.array(sorted({command_level(level, unit) for level in known}))
+        levels += levels_of_command(np.concatenate(varying))
+    return np.array(sorted({command_level(level, unit) for level in levels}))
 
 
 def command_of(test: DamperTest, varying: str = "") -> object:
@@ -119,10 +119,10 @@ def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
 
 def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName | CommandLaw], commands: Floats) -> str:
     """Options that let the dampings and yield forces of a model follow these commands, beside the laws given."""
-    own = {
+    defaults = {
         parameter_name.name: "linear" if parameter_name.unit == "N s/m" or len(commands) < 3 else "quadratic"
         for parameter_name in plain.parameters
         if parameter_name.scale == "log" and parameter_name.unit in ("N", "N s/m")
     }
-    laws = " ".join(f"--law {name}={law}" for name, law in {**own, **given}.items())
+    laws = " ".join(f"--law {name}={law}" for name, law in {**defaults, **given}.items())
     return f"--model {plain.name} {laws}"

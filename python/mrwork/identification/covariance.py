@@ -180,10 +180,10 @@ def remarks_of(form: Form, theta: Floats) -> tuple[Remark, ...]:
 
     Such a parameter depends only on parameters of the form, `theta`, (n_params,), that are fixed or on a bound.
     """
-    own = [remark_of(form.box, index, float(value)) for index, value in enumerate(theta)]
+    texts = [remark_of(form.box, index, float(value)) for index, value in enumerate(theta)]
     remarks: list[Remark] = []
     for row in form.to_model.jacobian(theta):
-        used = {own[index] for index in np.flatnonzero(row)}
+        used = {texts[index] for index in np.flatnonzero(row)}
         on_bound = sorted(used - {"", "fixed"})
         remarks.append("" if "" in used else on_bound[0] if on_bound else "fixed")
     return tuple(remarks)

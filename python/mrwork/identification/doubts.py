@@ -89,10 +89,10 @@ def needless_average_warnings(objective: Objective, box: Box, theta: Floats) -> 
     ]
     if not with_average:
         return ()
-    own = [test.observation for test in objective.tests]
+    observations = [test.observation for test in objective.tests]
     for index in with_average:
-        own[index] = replace(own[index], average_seconds=0.0)
-    without = observe_tests_by(objective, own)
+        observations[index] = replace(observations[index], average_seconds=0.0)
+    without = observe_tests_by(objective, observations)
     refitted = theta
     if len(objective.tests) == 1:
         refit = find_minima(without, box, theta[None], max_iterations=_MOST_ITERATIONS)
@@ -157,13 +157,13 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
     # Their coefficients have the same names and ranges, because they are the values at the same commands.
     other = objective.on(by_values, objective.tests)
     minimum = find_minima(other, box, theta[None], max_iterations=_MOST_ITERATIONS)
-    own, misfits = float(objective(theta[None])[0]), float(other(minimum.theta)[0])
-    if not misfits < _FAR_BETTER * own:
+    reference, misfits = float(objective(theta[None])[0]), float(other(minimum.theta)[0])
+    if not misfits < _FAR_BETTER * reference:
         return ()
     named = ", ".join(f"{name}={law}" for name, law in through.items())
     return (
         "laws through the values themselves, not through their logarithms, describe the tests better: "
-        f"{100.0 * (1.0 - misfits):.2f} % against {100.0 * (1.0 - own):.2f} %; give {named} as laws",
+        f"{100.0 * (1.0 - misfits):.2f} % against {100.0 * (1.0 - reference):.2f} %; give {named} as laws",
     )
 
 
@@ -190,8 +190,8 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
     its mean square over draws has the bias and the scatter. `standard_errors` are of the requested model, (n_params,).
     """
     objective, form, theta, interior = slopes.objective, slopes.form, slopes.theta, slopes.interior
-    known = np.isfinite(standard_errors) & (standard_errors > 0.0)
-    if not known.any() or not interior:
+    finite = np.isfinite(standard_errors) & (standard_errors > 0.0)
+    if not finite.any() or not interior:
         return ()
     inverse = np.linalg.pinv(slopes.by_interior().T)
     noises = [_noise_of_motion(test) for test in objective.tests]
@@ -215,7 +215,7 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
         changes += [change for change in draws if change is not None]
         if not changes:
             continue
-        shares = np.sqrt(np.mean(np.square(changes), axis=0))[known] / standard_errors[known]
+        shares = np.sqrt(np.mean(np.square(changes), axis=0))[finite] / standard_errors[finite]
         # A mean square of n draws has a relative standard error of sqrt(2/n), a root of it half of that.
         if _estimate_coverage(shares * (1.0 + _SURELY / sqrt(2.0 * len(changes)))) >= _HELD:
             return ()
@@ -225,7 +225,7 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
     measured = any(test.velocity_source == "measured" for test in slopes.objective.tests)
     remedy = "derive the velocity from the displacement by --repair velocity, or " if measured else ""
     return (
-        f"noise of the motion dominates: it moves {np.array(names)[known][worst]} by about {shares[worst]:.2g} times "
+        f"noise of the motion dominates: it moves {np.array(names)[finite][worst]} by about {shares[worst]:.2g} times "
         f"the error that the residuals of the force give it, so that 95 % intervals hold about "
         f"{100 * _estimate_coverage(shares):.0f} % of the parameters; {remedy}measure the motion with less noise",
     )

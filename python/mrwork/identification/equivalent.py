@@ -200,11 +200,11 @@ def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, comman
     """
     values: list[float] = []
     *coefficients, rest = by_parameter(earlier, theta)
-    for (parameter, old), new, own in zip(earlier.law_pairs, spec.laws, coefficients, strict=True):
+    for (parameter, old), new, block in zip(earlier.law_pairs, spec.laws, coefficients, strict=True):
         if new == old:
-            values += list(own)
+            values += list(block)
         else:
-            column = old.values(own, commands, positive=parameter.is_positive)
+            column = old.values(block, commands, positive=parameter.is_positive)
             values += new.through(parameter, commands, column)
     box = Box.of(spec)
     return np.asarray(np.clip([*values, *rest], box.lower, box.upper))
@@ -225,13 +225,13 @@ def within_range(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
     ends = commands[[0, -1]]
     values: list[float] = []
     *coefficients, rest = by_parameter(spec, theta)
-    for (parameter, law), own in zip(spec.law_pairs, coefficients, strict=True):
+    for (parameter, law), block in zip(spec.law_pairs, coefficients, strict=True):
         if parameter.name in leaving:
-            at_ends = law.values(own, ends, positive=parameter.is_positive)
+            at_ends = law.values(block, ends, positive=parameter.is_positive)
             line = np.interp(commands, ends, np.clip(at_ends, parameter.lower, parameter.upper))
             values += law.through(parameter, commands, line)
         else:
-            values += own.tolist()
+            values += block.tolist()
     return np.array([*values, *rest])
 
 

@@ -377,8 +377,8 @@ class Fit(Plotted, WithAxes, Summarised):
         """Digest of the inputs of later verbs: model, parameters, laws, nuisance parameters and tests."""
         values = [(one.name, float(one.value), float(one.lower), float(one.upper)) for one in self.estimates]
         inputs = sorted(self.provenance.inputs.items())
-        own = () if self.own is None or self.own.own is None else (self.own.own.digest,)
-        return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs, *own)
+        equations = () if self.own is None or self.own.own is None else (self.own.own.digest,)
+        return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs, *equations)
 
     @checked
     def observed(self, test: DamperTest) -> DamperTest:
@@ -407,13 +407,13 @@ class Fit(Plotted, WithAxes, Summarised):
         tests: dict[str, list[str]] = {}
         for quality_of_test in self.quality:
             tests.setdefault(quality_of_test.recorded_in_words, []).append(quality_of_test.test)
-        said = [
-            words if len(tests) == 1 else f"{words} in {list_names(own, 3)}"
-            for words, own in tests.items()
+        parts = [
+            words if len(tests) == 1 else f"{words} in {list_names(names, 3)}"
+            for words, names in tests.items()
             if words
         ]
         alone = "equation and parameters are of the damper alone."
-        return f"The recorded force is that of the damper, {'; '.join(said)}; {alone}" if said else ""
+        return f"The recorded force is that of the damper, {'; '.join(parts)}; {alone}" if parts else ""
 
     @property
     def settings(self) -> FitSettings:
@@ -509,13 +509,13 @@ class Fit(Plotted, WithAxes, Summarised):
             TableColumn(heading="parameter", cell=attrgetter("name")),
             TableColumn(
                 heading="value",
-                cell=lambda each: each.in_words(by_interval=by_interval)[0],
+                cell=lambda estimate: estimate.in_words(by_interval=by_interval)[0],
                 key="value",
                 long_name="value of the fit",
             ),
             TableColumn(
                 heading=self.uncertainty_heading,
-                cell=lambda each: each.in_words(by_interval=by_interval)[1],
+                cell=lambda estimate: estimate.in_words(by_interval=by_interval)[1],
                 key="standard_error",
                 long_name="standard error",
             ),
@@ -636,7 +636,7 @@ _QUALITY = (
     TableColumn(heading="test", cell=attrgetter("test")),
     TableColumn(
         heading="fit",
-        cell=lambda each: f"{each.fit_percent:.2f}",
+        cell=lambda quality: f"{quality.fit_percent:.2f}",
         unit="%",
         key="fit_percent",
         long_name="fit",
@@ -644,7 +644,7 @@ _QUALITY = (
     TableColumn(unit="1", key="nrmse", long_name="error over the standard deviation of the force"),
     TableColumn(
         heading="RMSE",
-        cell=lambda each: f"{each.rmse_n:.4g}",
+        cell=lambda quality: f"{quality.rmse_n:.4g}",
         unit="N",
         key="rmse_n",
         long_name="root mean square error",

@@ -74,18 +74,18 @@ def fit_like(
     plain = damper(model) if isinstance(model, str) else model
     if loadings is not None and not loadings:
         raise SettingError("`loadings` has none; give one or more, or leave it out")
-    given = (
+    cases = (
         [*loadings]
         if loadings is not None
         else [_loading(tested, [share], command) for share in _SINES for command in _commands(spec, tested)]
     )
-    tests = tuple(_test(fit, each, number) for number, each in enumerate(given, start=1))
+    tests = tuple(_test(fit, case, number) for number, case in enumerate(cases, start=1))
     like = _with_laws(plain, spec, tests)
     # Constant commands do not show the lag of the driver.
     held = {"eta": (fit.parameters["eta"].value,) * 2} if "eta" in spec.names and "eta" in like.names else {}
     near = identify(like, tests, rng=rng, threads=threads, bounds=held)
     theta = np.array(near.theta)
-    apart = [_percent(near.spec, theta, each, test.force) for each, test in zip(given, tests, strict=True)]
+    apart = [_percent(near.spec, theta, case, test.force) for case, test in zip(cases, tests, strict=True)]
     worst = tests[int(np.argmax(apart))].name
     sentence = (
         f"it is fitted to the force of {fit.model}, not to tests, and differs from it by {np.mean(apart):.2g} % of the "

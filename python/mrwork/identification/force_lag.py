@@ -63,8 +63,8 @@ def force_lag_warnings(
     (n_params,). Nothing is examined where the lag is given or estimated, or a command varies: the coil is late too.
     """
     tests = slopes.objective.tests
-    known = any(test.observation.delay_seconds or test.observation.lag_seconds for test in tests)
-    if known or "delay" in problem.settings.nuisances or any(test.has_varying_command for test in tests):
+    has_lag = any(test.observation.delay_seconds or test.observation.lag_seconds for test in tests)
+    if has_lag or "delay" in problem.settings.nuisances or any(test.has_varying_command for test in tests):
         return ()
     if not slopes.interior:
         return ()
@@ -107,11 +107,11 @@ class _LateFit:
         step = _STEP * min(test.dt for test in objective.tests)
         later = _make_late(objective, kind, seconds + step)
         parts = []
-        for own, moved in zip(objective.compared, later.compared, strict=True):
+        for test, moved in zip(objective.compared, later.compared, strict=True):
             force, _ = moved.forces(slopes.theta[None], threads=objective.threads)
             # At the samples that are compared without the step, because a delay lowers their number.
-            (part,) = without_nuisance(force[:, own.counted], own.measured, own.nuisances)
-            parts.append(part * own.weight(len(later.compared)))
+            (part,) = without_nuisance(force[:, test.counted], test.measured, test.nuisances)
+            parts.append(part * test.weight(len(later.compared)))
         derivative = (np.concatenate(parts) - slopes.residuals) / step
         return cls(
             slopes=slopes, kind=kind, seconds=seconds, columns=np.vstack([slopes.by_interior(), derivative])
@@ -140,8 +140,8 @@ class _LateFit:
 
 def _make_late(objective: Objective, kind: Kind, seconds: float) -> Objective:
     name = f"{kind}_seconds"
-    own = [replace(test.observation, **{name: seconds}) for test in objective.tests]
-    return observe_tests_by(objective, own)
+    observations = [replace(test.observation, **{name: seconds}) for test in objective.tests]
+    return observe_tests_by(objective, observations)
 
 
 def _fit_late(on_time: Slopes, kind: Kind) -> _LateFit:
@@ -166,7 +166,7 @@ def _predict_groups(slopes: Slopes, columns: Floats, groups: Sequence[Sequence[i
     """Steps of the last column without each group of tests, (n_groups,), and misfit of the groups after these steps."""
     unit, length = scale_columns(columns)
     matrix, gradient = unit @ unit.T, unit @ slopes.residuals
-    of_tests = [residuals_by_test(each, slopes.objective.tests) for each in (unit, slopes.residuals)]
+    of_tests = [residuals_by_test(array, slopes.objective.tests) for array in (unit, slopes.residuals)]
     steps, squares = [], 0.0
     for group in groups:
         part, residuals = (np.concatenate([of_test[test] for test in group], axis=-1) for of_test in of_tests)
@@ -198,7 +198,7 @@ def _advice(
     averaged = any(test.observation.average_seconds for test in problem.objective.tests)
     words = [word for word in problem.settings.observe if word != NONE and (word != DETECT or averaged)]
     options = " ".join(f"--observe {word}" for word in (*words, f"{best.kind}={best.seconds:.3g}"))
-    before, after = (np.asarray(problem.form.to_model(each)) for each in (theta, best.slopes.theta))
+    before, after = (np.asarray(problem.form.to_model(point)) for point in (theta, best.slopes.theta))
     changed = ""
     if moved := _damping(problem):
         worst = max(moved, key=lambda index: abs(after[index] - before[index]))

@@ -70,8 +70,8 @@ def _observe_tests(
 def observe_tests_by(objective: Objective, observations: Sequence[Observation]) -> Objective:
     """The same misfit with these observation models of the tests."""
     compared = [
-        replace(test, test=replace(test.test, observation=own))
-        for test, own in zip(objective.compared, observations, strict=True)
+        replace(test, test=replace(test.test, observation=observation))
+        for test, observation in zip(objective.compared, observations, strict=True)
     ]
     return replace(objective, compared=tuple(compared))
 
@@ -126,8 +126,8 @@ class Objective(Summarised):
     @checked
     def on(self, spec: DamperSpec, tests: tuple[DamperTest, ...]) -> Objective:
         """The same misfit for another model on other tests, with the same tally and journal."""
-        own = replace(self, spec=spec, compared=_observe_tests(spec, tests, self.settings))
-        return up_to(own, self.stiffest)
+        objective = replace(self, spec=spec, compared=_observe_tests(spec, tests, self.settings))
+        return up_to(objective, self.stiffest)
 
     @checked
     def with_laws(self, spec: DamperSpec) -> Objective:
@@ -230,15 +230,15 @@ class Objective(Summarised):
 
     def _squared_nrmse(self, index: int, theta: Floats, *, threads: int) -> tuple[Floats, int]:
         """Squared NRMSE of one test, and the time steps that it took, which are counted where they are known."""
-        each = self.compared[index]
+        test = self.compared[index]
         if self.is_direct:
             run = self._simulate_test(index, theta, threads=threads)
-            return run.squared_error * each.weight(1) ** 2 / each.share, int(run.steps.sum())
+            return run.squared_error * test.weight(1) ** 2 / test.share, int(run.steps.sum())
         squared = []
         for some in np.array_split(theta, range(_ROWS, len(theta), _ROWS)):
-            residuals, failed = each.residuals(some, threads=threads)
+            residuals, failed = test.residuals(some, threads=threads)
             squared.append(np.where(failed, np.inf, np.einsum("bt,bt->b", residuals, residuals)))
-        return np.concatenate(squared) / (each.variance * each.measured.size), 0
+        return np.concatenate(squared) / (test.variance * test.measured.size), 0
 
     @checked
     def nrmse_of_tests(self, theta: _Rows) -> Floats:
@@ -258,13 +258,13 @@ class Objective(Summarised):
         return on_every_test(len(self.tests), self.threads, work)
 
     def _simulate_test(self, index: int, theta: Floats, *, threads: int) -> Misfits:
-        each = self.compared[index]
+        test = self.compared[index]
         return simulate_misfits(
             self.spec,
-            each.tie(theta),
-            each.history,
-            each.test.force,
-            first=each.test.n_settle,
+            test.tie(theta),
+            test.history,
+            test.test.force,
+            first=test.test.n_settle,
             threads=threads,
         )
 
@@ -277,9 +277,9 @@ class Objective(Summarised):
         self.tally.simulations += len(theta)
 
         def part(index: int, threads: int) -> Floats:
-            each = self.compared[index]
-            residuals, failed = each.residuals(theta, threads=threads)
-            residuals *= each.weight(len(self.compared))
+            test = self.compared[index]
+            residuals, failed = test.residuals(theta, threads=threads)
+            residuals *= test.weight(len(self.compared))
             residuals[failed] = 1.0
             return residuals
 
@@ -306,9 +306,9 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
     objective.tally.simulations += len(theta)
 
     def part(index: int, threads: int) -> tuple[Floats, Floats]:
-        each = objective.compared[index]
-        residuals, jacobian, failed = each.linearise_residuals(theta, columns, threads=threads)
-        weight = each.weight(len(objective.compared))
+        test = objective.compared[index]
+        residuals, jacobian, failed = test.linearise_residuals(theta, columns, threads=threads)
+        weight = test.weight(len(objective.compared))
         residuals *= weight
         residuals[failed] = 1.0
         return residuals, np.multiply(jacobian, weight, out=jacobian)
@@ -342,20 +342,20 @@ class NormalEquations:
         matrix = np.zeros((*included.shape, n_free, n_free))
 
         def fill(index: int, threads: int) -> None:
-            each = objective.compared[index]
+            test = objective.compared[index]
             rows = np.flatnonzero(included[:, index])
-            at_once = max(1, _BLOCK_SIZE // (each.measured.size * max(n_free, 1)))
-            scale = 1.0 / each.deviation / np.sqrt(each.measured.size)
+            at_once = max(1, _BLOCK_SIZE // (test.measured.size * max(n_free, 1)))
+            scale = 1.0 / test.deviation / np.sqrt(test.measured.size)
             for some in (rows[first : first + at_once] for first in range(0, rows.size, at_once)):
-                residuals, jacobian, failed = each.linearise_residuals(theta[some], box.free, threads=threads)
+                residuals, jacobian, failed = test.linearise_residuals(theta[some], box.free, threads=threads)
                 # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
                 with np.errstate(over="ignore", invalid="ignore"):
                     residuals *= scale
                     jacobian *= scale * slope[some][..., None]
-                    own = np.einsum("bt,bt->b", residuals, residuals)
+                    squares = np.einsum("bt,bt->b", residuals, residuals)
                     gradient[some, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
                     matrix[some, index] = jacobian @ jacobian.transpose(0, 2, 1)
-                squared[some, index] = np.where(failed, np.inf, own)
+                squared[some, index] = np.where(failed, np.inf, squares)
 
         on_every_test(len(objective.compared), objective.threads, fill)
         return cls(squared=squared, gradient=gradient, matrix=matrix)

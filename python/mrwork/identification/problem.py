@@ -216,16 +216,16 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
 
 def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) -> tuple[str, ...]:
     """A sentence where models with constant parameters are to describe several commands; else nothing."""
-    known = [test.commands[0] for test in tests if test.commands]
+    commands = [test.commands[0] for test in tests if test.commands]
     levels = sorted(
-        {(unit, command_level(value, unit)) for value, unit in known if not isinstance(value, np.ndarray)}
+        {(unit, command_level(value, unit)) for value, unit in commands if not isinstance(value, np.ndarray)}
     )
-    varying = {command.in_words for command in known if command.varies}
+    varying = {command.in_words for command in commands if command.varies}
     constant = [spec.name for spec in specs if spec.command_unit is None]
     if not constant or len(levels) + 2 * len(varying) < 2:
         return ()
     listing = [
-        f"{', '.join(f'{level:g}' for each, level in levels if each == unit)} {unit}"
+        f"{', '.join(f'{level:g}' for level_unit, level in levels if level_unit == unit)} {unit}"
         for unit in dict.fromkeys(unit for unit, _ in levels)
     ]
     if varying:
@@ -280,9 +280,9 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
         for parameter_name in plain.parameters
         if units.get(parameter_name.name) == parameter_name.unit
     ):
-        own = [parameter for parameter in model.parameters if parameter.plain_name == name]
+        parameters = [parameter for parameter in model.parameters if parameter.plain_name == name]
         old = [values[parameter.name] for parameter in earlier.parameters if parameter.plain_name == name]
-        start |= _transfer_law(own, laws[name], np.array(old), earlier_laws[name])
+        start |= _transfer_law(parameters, laws[name], np.array(old), earlier_laws[name])
     if not start:
         raise SettingError(
             f"{model.name} shares no parameter with {earlier.name}; start from a model with some of "
@@ -294,19 +294,19 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
 
 
 def _transfer_law(
-    own: Sequence[ParamSpec], law: CommandLaw, values: Floats, earlier: CommandLaw
+    parameters: Sequence[ParamSpec], law: CommandLaw, values: Floats, earlier: CommandLaw
 ) -> dict[str, float]:
-    """Start of the coefficients `own` of a law from the values of an earlier law of the same parameter."""
-    names = [parameter.name for parameter in own]
+    """Start of the coefficients, `parameters`, of a law from the values of an earlier law of the same parameter."""
+    names = [parameter.name for parameter in parameters]
     if law.nodes:
-        at_nodes = earlier.values(values, np.array(law.nodes), positive=own[0].is_positive)
+        at_nodes = earlier.values(values, np.array(law.nodes), positive=parameters[0].is_positive)
         return dict(zip(names, at_nodes.tolist(), strict=True))
     if law != earlier and not earlier.is_special_case_of(law):
         raise SettingError(
-            f"{own[0].plain_name} is {earlier} in the earlier fit and {law} now; "
+            f"{parameters[0].plain_name} is {earlier} in the earlier fit and {law} now; "
             "a start can keep a law or raise its degree"
         )
-    nominal = [parameter.nominal for parameter in own]
+    nominal = [parameter.nominal for parameter in parameters]
     return dict(zip(names, [*values.tolist(), *nominal[len(values) :]], strict=True))
 
 

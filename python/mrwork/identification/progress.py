@@ -41,11 +41,11 @@ def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> 
 
     def share() -> None:
         # An iterator of a list gives each of its items to one thread only.
-        for index, own in queue:
+        for index, n_threads in queue:
             if failures:
                 return
             try:
-                results[index] = work(index, own)
+                results[index] = work(index, n_threads)
             except BaseException as error:  # raised again on the caller's thread
                 failures[index] = error
 

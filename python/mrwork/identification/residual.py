@@ -153,8 +153,8 @@ def _linearised_without_nuisance(
     along = np.einsum("kbpt,bt->kbp", change, residuals)
     derivative = np.empty_like(slope)
     for row in range(len(force)):
-        own = columns[:, row]
-        unit, length = scale_columns(own)
+        row_columns = columns[:, row]
+        unit, length = scale_columns(row_columns)
         # Rows of the pseudo-inverse of the scaled columns.
         inverse = np.linalg.pinv(unit @ unit.T) @ unit
         projected = moved[row] - (moved[row] @ inverse.T) @ unit

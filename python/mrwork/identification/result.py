@@ -109,7 +109,7 @@ def fit_at(
     estimates, directions = fitted_parameters(problem, theta, covariance)
     tested = range_of_tests(objective.tests, spec.command_unit)
     runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
-    quality = tuple(each for _, each in runs)
+    quality = tuple(test_quality for _, test_quality in runs)
     # After Ctrl-C nothing is compiled.
     change = (
         None

@@ -219,12 +219,12 @@ class FitSettings:
         """Undo `as_record`. Missing fields have their defaults, unknown keys are ignored."""
         try:
             search = record.get("search")
-            known = {
+            values = {
                 name: built(kind, record[name])
                 for name, kind in get_type_hints(cls, include_extras=True).items()
                 if name in record and name != "search"
             }
-            return cls(search=None if search is None else _search_of_record(search), **known)
+            return cls(search=None if search is None else _search_of_record(search), **values)
         except (TypeError, ValueError, KeyError, AttributeError) as reason:
             raise RecordError(
                 f"the settings of this fit cannot be read ({reason}); run `mrwork identify` again"

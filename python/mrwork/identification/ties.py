@@ -112,8 +112,8 @@ class Ties:
     def jacobian(self, theta: Floats) -> Floats:
         """Derivatives of `apply` by the parameters that are not tied, shape (..., n_params, n_params)."""
         slopes = np.eye(len(self.names))
-        found = self._values([(theta[..., index], slope) for index, slope in enumerate(slopes)])
-        return np.stack([np.broadcast_to(slope, theta.shape) for _, slope in found], axis=-2)
+        pairs = self._values([(theta[..., index], slope) for index, slope in enumerate(slopes)])
+        return np.stack([np.broadcast_to(slope, theta.shape) for _, slope in pairs], axis=-2)
 
     def _values(self, columns: list[Value]) -> list[Value]:
         """Each parameter with its derivatives; what a candidate has for a tied one has no effect."""
@@ -143,7 +143,7 @@ def _evaluate(node: ast.expr, named: Mapping[str, Value]) -> Value:
             if (power := _number(right)) is not None:
                 return value**power, power * (value ** (power - 1.0))[..., None] * slope
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
-            both = (_evaluate(each, named) for each in (left, right))
+            both = (_evaluate(operand, named) for operand in (left, right))
             return _BINARY[type(op)](*both)
     raise _StrangeSyntaxError(ast.unparse(node))
 
@@ -181,10 +181,10 @@ def _number(node: ast.expr) -> float | None:
     return None
 
 
-def _names_in(tree: ast.expr, tied: str, known: Sequence[str]) -> set[str]:
+def _names_in(tree: ast.expr, tied: str, names: Sequence[str]) -> set[str]:
     used = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
     for name in sorted(used):
-        check_known(name, known, f"the tie of {tied} has {name!r}, which the model does not have")
+        check_known(name, names, f"the tie of {tied} has {name!r}, which the model does not have")
     if not used:
         raise SettingError(f"the tie of {tied} names no parameter; hold it by equal bounds instead")
     return used

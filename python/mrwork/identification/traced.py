@@ -100,7 +100,7 @@ class Residuals:
     def newtons(self, theta: Array, tests: Sequence[ComparedArrays]) -> list[tuple[Array, Array]]:
         """Residuals of each test [N], shape (n_counted,), zero where its simulation failed, and whether it did."""
         tied = theta if self.ties is None else self.ties.feasible(theta)
-        found = []
+        results = []
         for form, test in zip(self.tests, tests, strict=True):
             force = self.kernel(tied, test.record)
             failed = jnp.isinf(force[-1])
@@ -109,8 +109,8 @@ class Residuals:
                 force = observe(*form.observed, force)
             force = force[slice(*form.span)] if test.counted is None else force[test.counted]
             (residual,) = without_nuisance(force[None], test.measured, self.nuisances)
-            found.append((jnp.where(failed, 0.0, residual), failed))
-        return found
+            results.append((jnp.where(failed, 0.0, residual), failed))
+        return results
 
     def parts(self, theta: Array, tests: Sequence[ComparedArrays]) -> tuple[list[Array], Array]:
         """Weighted residuals of each test, as `Objective.residuals` has them, and whether any failed."""
@@ -248,8 +248,8 @@ def residuals(
     Of a point, shape (n_free,), it has the residuals of `mr.objective`, shape (n_residuals,), whose sum of squares is
     the squared misfit. In tests whose simulation fails they are 1, with derivatives of zero.
     """
-    given = objective_of(model, tests, coordinates)
-    return function_of(given, form_of(given, substeps, threads), "Residuals")
+    candidates = objective_of(model, tests, coordinates)
+    return function_of(candidates, form_of(candidates, substeps, threads), "Residuals")
 
 
 @checked
@@ -292,8 +292,8 @@ def misfit(
     >>> jax.grad(misfit)(jnp.array(misfit.start)).shape
     (4,)
     """
-    given = objective_of(model, tests, coordinates)
-    return function_of(given, Misfit(residuals=form_of(given, substeps, threads)), "Misfit")
+    candidates = objective_of(model, tests, coordinates)
+    return function_of(candidates, Misfit(residuals=form_of(candidates, substeps, threads)), "Misfit")
 
 
 def objective_of(

@@ -274,24 +274,24 @@ def judged(
         parameter_change.name
         for direction in unseen
         for parameter_change in direction.changes
-        if not held & {each.name for each in direction.changes}
+        if not held & {change.name for change in direction.changes}
     }
     counted = np.array(
         [index for index, parameter_scale in enumerate(scales) if parameter_scale.name not in held], dtype=int
     )
-    free, own = jacobian[:, counted], [scales[index] for index in counted]
+    free, free_scales = jacobian[:, counted], [scales[index] for index in counted]
     cov = covariance[np.ix_(counted, counted)]
     undetermined = ~np.isfinite(np.diag(cov)) | np.array(
-        [each.name in open_names for each in own], dtype=bool
+        [scale.name in open_names for scale in free_scales], dtype=bool
     )
     determined = ~undetermined
     rows = list(parameters)
     for number, index in enumerate(counted):
-        rows[index] = _judged(parameters[index], number, own, cov, free, undetermined)
+        rows[index] = _judged(parameters[index], number, free_scales, cov, free, undetermined)
     directions = unseen + _weak_directions(
         cov[np.ix_(determined, determined)],
         free[:, determined],
-        [each for each, is_determined in zip(own, determined, strict=True) if is_determined],
+        [scale for scale, is_determined in zip(free_scales, determined, strict=True) if is_determined],
     )
     return tuple(rows), directions
 
@@ -327,9 +327,9 @@ def _unidentifiable_direction(
             f"{join_parts([change.name for change in changes])} cannot be distinguished: {_joint_change(changes)} "
             f"does not change the force{only}"
         )
-    kept = [change.name for change in changes if change.name in held]
-    if kept:
-        sentence += f"; {join_parts(kept)} was held fixed for this reason"
+    held_names = [change.name for change in changes if change.name in held]
+    if held_names:
+        sentence += f"; {join_parts(held_names)} was held fixed for this reason"
     return Direction(
         changes=changes, effect=_effect(changes, jacobian, scales), seen=False, sentence=sentence
     )
@@ -429,13 +429,13 @@ def fitted_parameters(
     for index, (parameter, remark) in enumerate(zip(spec.parameters, remarks, strict=True)):
         tie = ties.get(parameter.name, "")
         verdict: Verdict = "tied" if tie else "fixed" if remark == "fixed" else ""
-        known = not remark and np.isfinite(errors[index])
+        has_error = not remark and np.isfinite(errors[index])
         rows.append(
             FittedParameter(
                 name=parameter.name,
                 value=float(values[index]),
                 unit=parameter.unit,
-                standard_error=float(errors[index]) if known else None,
+                standard_error=float(errors[index]) if has_error else None,
                 lower=box.lower[index],
                 upper=box.upper[index],
                 remark=remark,

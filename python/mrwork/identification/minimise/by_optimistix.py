@@ -54,12 +54,12 @@ def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | N
     candidates = np.stack([start, box.theta_from_latent(origin + scale * np.asarray(position))])
     misfits = objective(candidates)
     best = int(np.argmin(misfits))
-    found = LocalMinimum(
+    minimum = LocalMinimum(
         theta=candidates[best], misfit=float(misfits[best]), steps=int(steps), converged=bool(converged)
     )
     if on_step is not None:
-        on_step(found.steps, found.misfit)
-    return found
+        on_step(minimum.steps, minimum.misfit)
+    return minimum
 
 
 @cache
@@ -73,9 +73,9 @@ def _method(form: Residuals, box: Box) -> Callable[..., Any]:
 
     @eqx.filter_jit
     def minimise(args: Any) -> Any:
-        found: Any = optx.least_squares(
+        solution: Any = optx.least_squares(
             residuals, solver, jnp.zeros_like(args[0]), args, max_steps=_MAX_STEPS, throw=False
         )
-        return found.value, found.stats["num_steps"], found.result == optx.RESULTS.successful
+        return solution.value, solution.stats["num_steps"], solution.result == optx.RESULTS.successful
 
     return minimise

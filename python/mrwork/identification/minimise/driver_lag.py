@@ -121,12 +121,12 @@ def polish_with_wanted_lag(
     if not plain.form.box.free:
         return lagged
     objective = points.objective.on(plain.form.spec, points.objective.tests)
-    given = np.array([lagged.polished.theta, *points.theta])[:, :-1]
+    candidates = np.array([lagged.polished.theta, *points.theta])[:, :-1]
     starts = replace(
         points,
         objective=objective,
         form=plain.form,
-        theta=minima_from(objective, plain.form.box, given, mirrored=plain.form.mirrored),
+        theta=minima_from(objective, plain.form.box, candidates, mirrored=plain.form.mirrored),
         minima=True,
     )
     if _is_clear(lagged, points, starts):

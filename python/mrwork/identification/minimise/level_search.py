@@ -176,16 +176,16 @@ class _LevelSearch:
             if self.on_searched is not self.on_tests:
                 return None
             raise no_simulation(self.form.spec, result.evaluations[-1])
-        worse, own = self._worse(theta[0])
+        worse, levels = self._worse(theta[0])
         is_limited = bool(leaves_range(self.joint.spec, theta[0], self.commands))
         suspected = False
         if worse.size or is_limited:
             # More starts: each command that has such tests takes the parameters of their own fits.
-            more = self._starts(own, rng + 1)
+            more = self._starts(levels, rng + 1)
             if is_limited:
                 # No local minimisation returns from a law that is limited to its range.
                 more = np.array(
-                    [within_range(self.joint.spec, each, self.commands) for each in (theta[0], *more)]
+                    [within_range(self.joint.spec, start, self.commands) for start in (theta[0], *more)]
                 )
             result = _merge_searches(result, self._search_joint(more, rng + 1))
             theta, misfit = self._on_all_tests(result)
@@ -230,7 +230,7 @@ class _LevelSearch:
         joint = self.on_tests.nrmse_of_tests(theta[None])[:, 0]
         doubtful = far_worse(joint, np.zeros(joint.size))
         alone = _fit_each(self.problem, [self.on_tests.tests[index] for index in doubtful], self.fits)
-        worse = far_worse(joint[doubtful], np.array([each.nrmse for each in alone]))
+        worse = far_worse(joint[doubtful], np.array([fit.nrmse for fit in alone]))
         levels = []
         for fit in self.fits:
             better = [alone[index].theta for index in worse if alone[index].command == fit.command]
@@ -242,23 +242,23 @@ class _LevelSearch:
         rows = [with_other_laws(self.joint.spec, row, self.form.spec, self.commands) for row in theta]
         return _move_inside(self.form.box, np.array(rows))
 
-    def _report_level(self, command: float, fitted: str, found: Found) -> None:
+    def _report_level(self, command: float, fitted: str, state: Found) -> None:
         """Before a command is done, the best point at the first command gives the laws so far."""
 
         def best() -> Floats:
-            known = self.fits or [LevelFit(command=command, minima=found.best()[None])]
-            starts = joint_starts(self.joint.spec, known, 1, rng=self.problem.settings.rng)
+            fits = self.fits or [LevelFit(command=command, minima=state.best()[None])]
+            starts = joint_starts(self.joint.spec, fits, 1, rng=self.problem.settings.rng)
             return np.asarray(self._in_own_laws(starts)[0])
 
-        self._report(fitted, found, best)
+        self._report(fitted, state, best)
 
-    def _report_joint(self, found: Found) -> None:
+    def _report_joint(self, state: Found) -> None:
         fitted = EXCERPTS if self.on_searched is self.on_tests else f"{EXCERPTS} of some tests"
-        self._report(fitted, found, lambda: self._in_own_laws(found.best()[None])[0])
+        self._report(fitted, state, lambda: self._in_own_laws(state.best()[None])[0])
 
-    def _report(self, fitted: str, found: Found, best: Callable[[], Floats]) -> None:
-        share = (len(self.fits) + found.share) / (len(self.levels) + 1)
-        self.call.on_search(fitted, replace(found, best=best, share=share))
+    def _report(self, fitted: str, state: Found, best: Callable[[], Floats]) -> None:
+        share = (len(self.fits) + state.share) / (len(self.levels) + 1)
+        self.call.on_search(fitted, replace(state, best=best, share=share))
 
     def _fit_level(self, command: float) -> LevelFit:
         """Minima of the plain model at one command, by the search and from the minima at the nearest command."""
@@ -288,8 +288,8 @@ class _LevelSearch:
                     near,
                     settings,
                     rng=rng,
-                    on_search=lambda model, found: self._report_level(
-                        command, f"{model} {at_command}", found
+                    on_search=lambda model, state: self._report_level(
+                        command, f"{model} {at_command}", state
                     ),
                 )
             theta = search_starts(
@@ -353,29 +353,29 @@ def _fit_each(problem: Problem, tests: Sequence[DamperTest], fits: Sequence[Leve
     A test of a varying command has none, and is described as by the mean force.
     """
     (plain, box), spec = plain_of(problem.form), problem.form.spec
-    found = [_OwnFit(command=np.nan, theta=np.empty(0), nrmse=np.inf) for _ in tests]
+    own_fits = [_OwnFit(command=np.nan, theta=np.empty(0), nrmse=np.inf) for _ in tests]
     constant = [index for index, test in enumerate(tests) if command_is_constant(test, spec)]
     if not constant:
-        return found
-    own = tuple(tests[index] for index in constant)
-    near = _widen_box(search_box(plain, box, own), box)
-    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in own]
+        return own_fits
+    constant_tests = tuple(tests[index] for index in constant)
+    near = _widen_box(search_box(plain, box, constant_tests), box)
+    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in constant_tests]
     nearest = [min(fits, key=lambda fit: abs(fit.command - command)) for command in commands]
     starts = [fit.minima[np.arange(_OWN_STARTS) % len(fit.minima)] for fit in nearest]
     minima = find_minima(
-        problem.objective.on(plain, own),
+        problem.objective.on(plain, constant_tests),
         near,
         _move_inside(near, np.concatenate(starts)),
         max_iterations=_OWN_ITERATIONS,
         tolerance=_OWN_TOLERANCE,
-        shares=np.repeat(np.eye(len(own)), _OWN_STARTS, axis=0),
+        shares=np.repeat(np.eye(len(constant_tests)), _OWN_STARTS, axis=0),
     )
     misfit = minima.misfit.reshape(-1, _OWN_STARTS)
     for number, (index, fit) in enumerate(zip(constant, nearest, strict=True)):
         least = int(np.argmin(misfit[number]))
         theta = minima.theta[number * _OWN_STARTS + least]
-        found[index] = _OwnFit(command=fit.command, theta=theta, nrmse=float(misfit[number, least]))
-    return found
+        own_fits[index] = _OwnFit(command=fit.command, theta=theta, nrmse=float(misfit[number, least]))
+    return own_fits
 
 
 def worse_together(
@@ -390,7 +390,7 @@ def worse_together(
     levels = tests_by_level(spec, [test for test in tests if command_is_constant(test, spec)])
     fits = [LevelFit(command=level, minima=plain_parameters(spec, theta, level)[None]) for level in levels]
     doubtful = far_worse(joint, np.zeros(len(tests)))
-    alone[doubtful] = [each.nrmse for each in _fit_each(problem, [tests[index] for index in doubtful], fits)]
+    alone[doubtful] = [fit.nrmse for fit in _fit_each(problem, [tests[index] for index in doubtful], fits)]
     worse = far_worse(joint, alone)
     sentence = far_worse_sentence(tests, worse, joint, alone, found_again=not suspected)
     return (sentence,) if worse.size else ()

@@ -214,15 +214,15 @@ def _iterate_once(
     before = misfit[active]
     theta = np.asarray(box.theta_from_latent(tried.reshape(-1, latent.shape[1])))
     n_tried = len(_DAMPING_FACTORS)
-    own = None if shares is None else np.repeat(shares[active], n_tried, axis=0)
-    after = objective(theta, own).reshape(-1, n_tried)
+    tried_shares = None if shares is None else np.repeat(shares[active], n_tried, axis=0)
+    after = objective(theta, tried_shares).reshape(-1, n_tried)
     best = np.argmin(after, axis=1)
-    each = np.arange(active.size)
-    better = after[each, best] < before
+    rows = np.arange(active.size)
+    better = after[rows, best] < before
     moved[active] = better
     accepted = active[better]
-    latent[accepted] = tried[each, best][better]
-    misfit[accepted] = after[each, best][better]
+    latent[accepted] = tried[rows, best][better]
+    misfit[accepted] = after[rows, best][better]
     # A third of the best damping; ten times the largest that was tried where none lowered the misfit.
     factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
     damping[active] = np.maximum(damping[active] * factor, 1e-12)

@@ -110,13 +110,13 @@ def search_starts(
     number = settings.least_rounds
     while number <= settings.most_rounds:
         if rounds.n_ended:
-            given = rounds.cross_samples(samples, np.random.default_rng([rng, number]))
+            points = rounds.cross_samples(samples, np.random.default_rng([rng, number]))
             wanted = settings.starts
         else:
-            given = samples[:0] if nested is None else nested
+            points = samples[:0] if nested is None else nested
             wanted = settings.starts * number
-        chosen = _take_samples(left, max(wanted - len(given), 0))
-        starts = np.concatenate([given, samples[chosen]])
+        chosen = _take_samples(left, max(wanted - len(points), 0))
+        starts = np.concatenate([points, samples[chosen]])
         if not len(starts):
             break
         run_round(starts)

@@ -69,8 +69,8 @@ def nested_fit(
         unit = np.asarray(box.unit_from_theta(np.clip(whole, box.lower, box.upper)))
         return np.asarray(box.theta_from_unit(np.clip(unit, _OFF_FACES, 1.0 - _OFF_FACES)))
 
-    def lifted(fitted: str, found: Found) -> None:
-        on_search(fitted, replace(found, best=lambda: lift_points(found.best())[-1]))
+    def lifted(fitted: str, state: Found) -> None:
+        on_search(fitted, replace(state, best=lambda: lift_points(state.best())[-1]))
 
     deeper = nested_fit(rough, form.box, search, rng=rng, on_search=part_of(lifted, 0.0, 0.5))
     minima = search_starts(
@@ -92,17 +92,17 @@ def nested_fit(
 
 def part_of(on_search: OnSearch, before: float, share: float) -> OnSearch:
     """The callback of a search that is a share of the whole, after what is done before."""
-    return lambda fitted, found: on_search(fitted, replace(found, share=before + share * found.share))
+    return lambda fitted, state: on_search(fitted, replace(state, share=before + share * state.share))
 
 
 def doubts_about(minima: MultistartResult, nested: NestedFit | None, settings: Multistart) -> tuple[str, ...]:
     """Warnings about the minimum of a search."""
     least = float(minima.misfit[0])
     if nested is not None and least > (1.0 + settings.closeness) * nested.misfit:
-        better, own = apart(with_decimals, 100.0 * (1.0 - nested.misfit), 100.0 * (1.0 - least), 2)
+        better, percent = apart(with_decimals, 100.0 * (1.0 - nested.misfit), 100.0 * (1.0 - least), 2)
         return (
             f"the fit of {nested.model}, which this model contains, is better in the search "
-            f"({better} % against {own} %): the minimum is false; try another seed",
+            f"({better} % against {percent} %): the minimum is false; try another seed",
         )
     if minima.stop_reason == "max_rounds":
         again = int(np.count_nonzero(minima.misfit <= (1.0 + settings.closeness) * least))

@@ -51,8 +51,8 @@ def _search_points(
     """The best minima that a multistart search finds on the excerpts of `objective`, if there are any."""
     form, rng = problem.form, problem.settings.rng
 
-    def on_nested(simpler: str, found: Found) -> None:
-        call.on_search(f"{simpler} on {EXCERPTS}", found)
+    def on_nested(simpler: str, state: Found) -> None:
+        call.on_search(f"{simpler} on {EXCERPTS}", state)
 
     nested = nested_fit(objective, form.box, search, rng=rng, on_search=part_of(on_nested, 0.0, 0.5))
     minima = search_starts(

@@ -50,8 +50,8 @@ def polish(
         # The only import of JAX that pyproject.toml allows here: it takes a second to load.
         from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix as find
 
-        found = (find(objective, form.box, start, on_step=on_step) for start in starts)
-        ended = min(found, key=attrgetter("misfit"))
+        endings = (find(objective, form.box, start, on_step=on_step) for start in starts)
+        ended = min(endings, key=attrgetter("misfit"))
     else:
         ended = find_minima(
             objective,

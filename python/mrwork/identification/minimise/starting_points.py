@@ -42,7 +42,7 @@ class StartingPoints:
         box = self.form.box
         best = np.asarray(self.form.to_model(self.theta[0]))
         whole = [
-            np.array([start.get(name, own) for name, own in zip(spec.names, best, strict=True)])
+            np.array([start.get(name, value) for name, value in zip(spec.names, best, strict=True)])
             for start in given
         ]
         inside = [box.inside(np.clip(self.form.from_model(theta), box.lower, box.upper)) for theta in whole]

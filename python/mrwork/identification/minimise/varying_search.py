@@ -56,11 +56,11 @@ def scaled_laws(
     # The plain parameter of each coefficient, -1 for none.
     owner: list[int] = []
     factor: list[float] = []
-    for place, (parameter, law) in enumerate(spec.law_pairs):
+    for index, (parameter, law) in enumerate(spec.law_pairs):
         column = force if parameter.scales_with_force else np.ones_like(force)
-        own = law.through(parameter, commands, column)
-        owner += [place] * len(own)
-        factor += own
+        coefficients = law.through(parameter, commands, column)
+        owner += [index] * len(coefficients)
+        factor += coefficients
     if spec.lagged:
         owner.append(-1)
         factor.append(spec.parameters[-1].nominal)
@@ -138,7 +138,7 @@ def points_from_scaled_forces(
 
     def on_iteration(minima: LocalMinima) -> None:
         misfits = minima.misfit[np.isfinite(minima.misfit)]
-        found = Found(
+        state = Found(
             best=lambda: minima.theta[int(np.argmin(minima.misfit))],
             trace=trace,
             iteration=len(elite.trace.best) + minima.iterations,
@@ -146,7 +146,7 @@ def points_from_scaled_forces(
             median=float(np.median(misfits)),
             share=1.0,
         )
-        call.on_search(EXCERPTS, found)
+        call.on_search(EXCERPTS, state)
 
     theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
     # Long records: only a share of the misfit pays for stiffer loops, whatever it is in points.
