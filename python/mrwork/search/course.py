@@ -151,36 +151,36 @@ class State(Summarised):
         simulated = proposal.check(misfit)
         members = proposal.known.copy()
         members[proposal.changed] = simulated
-        found = (proposal.unit, simulated)
-        return self._after(found, simulated.size, proposal.population, members, optimiser)
+        points = (proposal.unit, simulated)
+        return self._after(points, simulated.size, proposal.population, members, optimiser)
 
     def with_better_members(self, proposal: Proposal, misfit: Floats, optimiser: Optimiser) -> State:
         """State after a generation in which each member, all of them simulated, replaces the old one if better."""
         simulated = proposal.check(misfit)
         better = simulated < self.misfit
-        found = (proposal.population[better], simulated[better])
+        points = (proposal.population[better], simulated[better])
         population = np.where(better[:, None], proposal.population, self.population)
         members = np.where(better, simulated, self.misfit)
-        return self._after(found, simulated.size, population, members, optimiser)
+        return self._after(points, simulated.size, population, members, optimiser)
 
     def _after(
         self,
-        found: tuple[Floats, Floats],
+        points: tuple[Floats, Floats],
         n_simulated: int,
         population: Floats,
         misfit: Floats,
         optimiser: Optimiser,
     ) -> State:
-        """State with this population, after so many simulations; `found` points with misfits may join the elite."""
+        """State with this population, after so many simulations; `points` with misfits may join the elite."""
         course, trace = self.course, self.course.trace
         leader = np.argmin(misfit)
         best_unit, best_misfit = course.best_unit, course.best_misfit
         # A strict inequality keeps the first of equal points. The first generation has a best even where all failed.
         if misfit[leader] < best_misfit or not course.generation:
             best_unit, best_misfit = population[leader], float(misfit[leader])
-        elite = np.concatenate([course.elite, found[0]])
-        elite_misfit = np.concatenate([course.elite_misfit, found[1]])
-        kept = distinct_best(elite, elite_misfit, optimiser.elite)
+        elite = np.concatenate([course.elite, points[0]])
+        elite_misfit = np.concatenate([course.elite_misfit, points[1]])
+        indices = distinct_best(elite, elite_misfit, optimiser.elite)
         evaluations = course.evaluations + n_simulated
         trace = Trace(
             evaluations=np.append(trace.evaluations, evaluations),
@@ -191,8 +191,8 @@ class State(Summarised):
             course,
             best_unit=best_unit,
             best_misfit=best_misfit,
-            elite=elite[kept],
-            elite_misfit=elite_misfit[kept],
+            elite=elite[indices],
+            elite_misfit=elite_misfit[indices],
             trace=trace,
             stop_reason=optimiser.stop.ended(
                 trace=trace.best, evaluations=evaluations, population=population, best_unit=best_unit

@@ -122,12 +122,12 @@ def _roulette(fitness: Floats, uniform: Floats) -> NDArray[np.int64]:
 
 
 def _keep_best(
-    course: Course, population: Floats, known: Floats, changed: NDArray[np.bool_], slots: NDArray[np.int64]
+    course: Course, population: Floats, misfit: Floats, changed: NDArray[np.bool_], slots: NDArray[np.int64]
 ) -> Proposal:
     """The proposal of a population with copies of the best of the run, where there is one, in these slots."""
     if np.isfinite(course.best_misfit):
-        population[slots], known[slots], changed[slots] = course.best_unit, course.best_misfit, False
-    return Proposal(population=population, known=known, changed=changed)
+        population[slots], misfit[slots], changed[slots] = course.best_unit, course.best_misfit, False
+    return Proposal(population=population, known=misfit, changed=changed)
 
 
 def relative_fitness(misfit: Floats) -> Floats:

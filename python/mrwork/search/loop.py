@@ -112,19 +112,19 @@ def misfit_under_constraints(columns: AnyArrayLike) -> Floats:
     >>> bool(found.best_unit[0] >= 0.5 and found.best_misfit < 0.3)
     True
     """
-    given = np.asarray(columns, dtype=np.float64)
-    if given.ndim != 2 or given.shape[1] < 2:
+    rows = np.asarray(columns, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] < 2:
         raise SettingError(
-            f"`columns` has the shape {given.shape}; give (m, 1 + n_constraints), a misfit and constraints g <= 0"
+            f"`columns` has the shape {rows.shape}; give (m, 1 + n_constraints), a misfit and constraints g <= 0"
         )
-    misfit, constraints = given[:, 0], given[:, 1:]
+    misfit, constraints = rows[:, 0], rows[:, 1:]
     if np.any((misfit >= INFEASIBLE) & np.isfinite(misfit)):
         raise SettingError(
             f"a misfit is {INFEASIBLE:g} or more, which is for points that miss a constraint; scale the misfits"
         )
     violation = np.maximum(constraints, 0.0).sum(axis=1)
     ranked = np.where(violation > 0.0, INFEASIBLE * (1.0 + violation), misfit)
-    return np.asarray(np.where(np.isnan(given).any(axis=1), np.inf, ranked))
+    return np.asarray(np.where(np.isnan(rows).any(axis=1), np.inf, ranked))
 
 
 @checked

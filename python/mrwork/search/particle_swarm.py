@@ -81,13 +81,13 @@ class ParticleSwarm:
     @checked
     def ask(self, state: State) -> Proposal:
         """Next position of every particle."""
-        course, own, motion = state.course, state.population, state.extra
+        course, best, motion = state.course, state.population, state.extra
         if not course.generation:
             return Proposal.of(motion.position)
-        uniform = course.streams.uniform(2, *own.shape)
+        uniform = course.streams.uniform(2, *best.shape)
         first, last = self.inertia
         done = min(course.generation / self.stop.max_generations, 1.0)
-        to_own = np.where(np.isfinite(state.misfit)[:, None], own - motion.position, 0.0)
+        to_own = np.where(np.isfinite(state.misfit)[:, None], best - motion.position, 0.0)
         to_common = np.where(np.isfinite(course.best_misfit), course.best_unit - motion.position, 0.0)
         velocity = (
             (first + (last - first) * done) * motion.velocity
@@ -103,8 +103,8 @@ class ParticleSwarm:
         motion, position = state.extra, proposal.population
         # The first generation is simulated at the initial positions and keeps the initial velocities.
         velocity = position - motion.position if state.course.generation else motion.velocity
-        told = state.with_better_members(proposal, misfit, self)
-        return replace(told, extra=Motion(position=position, velocity=velocity))
+        next_state = state.with_better_members(proposal, misfit, self)
+        return replace(next_state, extra=Motion(position=position, velocity=velocity))
 
 
 # Constriction factors of Clerc & Kennedy.

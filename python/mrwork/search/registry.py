@@ -96,9 +96,9 @@ class CMAEvolution:
                 f"this state is of generation {state.course.generation}, its library is at generation "
                 f"{strategy.countiter}; start again and tell the same misfits"
             )
-        told = state.with_generation(proposal, misfit, self)
-        strategy.tell(asked, np.where(np.isfinite(told.misfit), told.misfit, _FAILURE).tolist())
-        return replace(told, extra=(strategy, strategy.ask()))
+        next_state = state.with_generation(proposal, misfit, self)
+        strategy.tell(asked, np.where(np.isfinite(next_state.misfit), next_state.misfit, _FAILURE).tolist())
+        return replace(next_state, extra=(strategy, strategy.ask()))
 
 
 SeveralObjectives = Callable[[Floats], Floats]
@@ -156,8 +156,8 @@ def run_front(
         n_var=n_params, n_obj=n_objectives, n_ieq_constr=n_constraints, xl=0.0, xu=1.0
     )
     sampled = np.random.default_rng(rng).uniform(size=(population, n_params))
-    kept = starts[: population // 2]
-    sampled[: len(kept)] = kept
+    used_starts = starts[: population // 2]
+    sampled[: len(used_starts)] = used_starts
     algorithm: Any = library("pymoo.algorithms.moo.nsga2").NSGA2(pop_size=population, sampling=sampled)
     algorithm.setup(
         problem,
@@ -212,17 +212,17 @@ def select_nondominated(values: Floats) -> NDArray[np.int64]:
     finite = np.flatnonzero(np.isfinite(values).all(axis=1))
     if not finite.size:
         raise SettingError("no candidate has finite objectives; check the study with mrwork respond")
-    kept: list[int] = []
+    front: list[int] = []
     # In this order a row that dominates another, or is the first of equal ones, comes before it.
     for index in finite[np.lexsort(values[finite].T[::-1])]:
-        if not (values[kept] <= values[index]).all(axis=1).any():
-            kept.append(int(index))
-    return np.sort(np.array(kept, dtype=np.int64))
+        if not (values[front] <= values[index]).all(axis=1).any():
+            front.append(int(index))
+    return np.sort(np.array(front, dtype=np.int64))
 
 
 OPTIMISERS: Mapping[str, Optimiser] = {
-    each.name: each
-    for each in (
+    optimiser.name: optimiser
+    for optimiser in (
         StandardGA(),
         EfficientGA(),
         ParticleSwarm(),
@@ -233,7 +233,7 @@ OPTIMISERS: Mapping[str, Optimiser] = {
 }
 """Searches of the package by name, with their default settings."""
 
-PEERS: Mapping[str, CMAEvolution] = {each.name: each for each in (CMAEvolution(),)}
+PEERS: Mapping[str, CMAEvolution] = {optimiser.name: optimiser for optimiser in (CMAEvolution(),)}
 """Searches of other libraries by name; each library is imported when its search starts."""
 
 ALL_OPTIMISERS: Mapping[str, Optimiser] = {**OPTIMISERS, **PEERS}
