@@ -112,12 +112,12 @@ def _call(kernel: Kernel, theta: Array, record: RecordArrays, *, derivatives: bo
     """The operation: force, and derivatives, (..., n_columns, n_time), if wanted."""
     if kernel.spec.own is not None:
         columns = kernel.columns if derivatives else ()
-        own = partial(_own_force, kernel.spec, columns, kernel.substeps)
+        force = partial(_own_force, kernel.spec, columns, kernel.substeps)
         for _ in theta.shape[:-1]:
-            own = jax.vmap(own, in_axes=(0, None))
-        return own(theta, record)
+            force = jax.vmap(force, in_axes=(0, None))
+        return force(theta, record)
     leading = theta.shape[:-1]
-    alone = [each.reshape(*(1 for _ in leading), *each.shape) for each in record]
+    alone = [array.reshape(*(1 for _ in leading), *array.shape) for array in record]
     shapes = [(*leading, record.n_time)]
     if derivatives:
         shapes.append((*leading, len(kernel.columns), record.n_time))
@@ -150,7 +150,7 @@ def _differentiate(
 ) -> tuple[Array, Array]:
     theta, record = primals
     along, of_record = tangents
-    if not all(isinstance(each, SymbolicZero) for each in of_record):
+    if not all(isinstance(tangent, SymbolicZero) for tangent in of_record):
         raise SettingError(
             "the forces of mr.jax have derivatives with respect to parameters, not to the record; use mr.jax.twin"
         )
@@ -204,8 +204,8 @@ def _own_count(spec: DamperSpec, theta: Array, record: RecordArrays) -> Array:
         force, bound = simulate_one(spec, theta, record, count, bounded=True)
         wanted = jnp.where(jnp.all(jnp.isfinite(force)), bound * scale, float(FINER) * count)
         # NaN at rest stays NaN however fine the step.
-        found = whole_steps(jnp.where(jnp.isfinite(force[0]), wanted, 1.0), MOST_SUBSTEPS, jnp)
-        return jnp.where((found > count) | (found == 0), found, count), (found > count)
+        substeps = whole_steps(jnp.where(jnp.isfinite(force[0]), wanted, 1.0), MOST_SUBSTEPS, jnp)
+        return jnp.where((substeps > count) | (substeps == 0), substeps, count), (substeps > count)
 
     count, _ = lax.while_loop(lambda carry: carry[1], finer, (jnp.asarray(1), jnp.asarray(True)))
     return count

@@ -51,11 +51,11 @@ class LoopPlant(NamedTuple):
     @classmethod
     def of(cls, matrices: Mapping[str, ArrayLike]) -> LoopPlant:
         """The plant of a building's M [kg], C [N s/m], K [N/m], (n, n), influence, rows of floors and storeys."""
-        given = {name: jnp.asarray(matrix, dtype=jnp.float64) for name, matrix in matrices.items()}
-        if not given["heights"].size:
-            given["heights"] = jnp.zeros(len(given["storeys"]))
-        products = (jnp.linalg.solve(given["mass"], given[name]) for name in ("stiffness", "damping"))
-        return cls(**given, **dict(zip(("stiffness_per_mass", "damping_per_mass"), products, strict=True)))
+        arrays = {name: jnp.asarray(matrix, dtype=jnp.float64) for name, matrix in matrices.items()}
+        if not arrays["heights"].size:
+            arrays["heights"] = jnp.zeros(len(arrays["storeys"]))
+        products = (jnp.linalg.solve(arrays["mass"], arrays[name]) for name in ("stiffness", "damping"))
+        return cls(**arrays, **dict(zip(("stiffness_per_mass", "damping_per_mass"), products, strict=True)))
 
 
 MATRICES = tuple(name for name in LoopPlant._fields if not name.endswith("per_mass"))
@@ -83,7 +83,7 @@ class LoopDevice:
     @classmethod
     def of(cls, placed: Any) -> LoopDevice:
         """The dampers of a `mrwork.Device`, of whose draws the first counts."""
-        theta, row = (jnp.asarray(each, dtype=jnp.float64) for each in (placed.draws[0], placed.row))
+        theta, row = (jnp.asarray(array, dtype=jnp.float64) for array in (placed.draws[0], placed.row))
         return cls(
             spec=placed.spec, theta=theta, row=row, count=placed.count, differential=placed.differential
         )
@@ -115,14 +115,14 @@ class LoopDevice:
     def relaxation(self, p: Any, states: Array, x: Array, v: Array) -> Array:
         """Bound of the fastest relaxation of the states [1/s]."""
         twin = twin_of(self.spec)
-        found: Array = jnp.float64(0.0)
+        largest: Array = jnp.float64(0.0)
         for state, sign in zip(states if self.spec.n_states else (), (1.0, -1.0), strict=False):
             at = sign * x, sign * v
             bound = (
                 radius_of(twin.rate, p, state, *at) if twin.relaxation is None else twin.relaxation(p, *at)
             )
-            found = jnp.maximum(found, bound)
-        return found
+            largest = jnp.maximum(largest, bound)
+        return largest
 
 
 Devices = tuple[LoopDevice, ...]
@@ -302,7 +302,7 @@ def simulate(
         return lax.scan(sample, carry, at)
 
     samples = jax.tree.map(
-        lambda each: each.reshape(-1, STRETCH, *each.shape[1:]),
+        lambda array: array.reshape(-1, STRETCH, *array.shape[1:]),
         AtSample(jnp.arange(n_kept), ground, prescribed),
     )
     last, rows = lax.scan(stretch, loop.start(depth), samples)
@@ -328,7 +328,7 @@ class _Loop:
         states = tuple(device.at_rest for device in self.run.devices)
         motion = LoopState(jnp.zeros(n), jnp.zeros(n), states, Energies(zero, zero, still))
         none = jnp.zeros_like(self.signals(motion, self.stage(motion, still, zero), still, zero)[1])
-        kept = Reductions(
+        reductions = Reductions(
             signals=Extent(none, none),
             current_sum=still,
             command=Travel(*6 * [still]),
@@ -337,21 +337,21 @@ class _Loop:
             bound=zero,
             invalid=jnp.bool_(False),
         )
-        return LoopCarry(motion, still, jnp.zeros((depth, len(still))), kept)
+        return LoopCarry(motion, still, jnp.zeros((depth, len(still))), reductions)
 
     def sample(self, carry: LoopCarry, at: AtSample) -> tuple[LoopCarry, Array]:
         """A control sample: the balance of the energies, the command, and the steps until the next one."""
-        run, motion, kept, first = self.run, carry.motion, carry.kept, at.number == 0
+        run, motion, reductions, first = self.run, carry.motion, carry.kept, at.number == 0
         x, v = times(self.rows, motion.q), times(self.rows, motion.v)
         checked = at.number % jnp.maximum(_STEPS_PER_CHECK // self.steps, 1) == 0
-        kept = jax.tree.map(partial(jnp.where, checked), self.balanced(motion, kept), kept)
+        reductions = jax.tree.map(partial(jnp.where, checked), self.balanced(motion, reductions), reductions)
 
         n = self.n_driven
 
         def force_at(currents: Array) -> Array:
             if run.believed is None:
                 return self.forces(run.devices[:n], motion.states, currents, x, v)
-            return self.forces(run.believed, [each.at_rest for each in run.believed], currents, x, v)
+            return self.forces(run.believed, [device.at_rest for device in run.believed], currents, x, v)
 
         measured = Measurement(
             state=jnp.concatenate([motion.q, motion.v]),
@@ -374,20 +374,20 @@ class _Loop:
         received = jnp.where(first, command, carry.received)
         current = jnp.where(self.lagged, received, commands[self.age(0)])
         largest = jnp.concatenate([run.largest, jnp.ones_like(self.fixed)])
-        kept = kept._replace(
-            command=kept.command.with_sample(command, largest, first),
-            invalid=kept.invalid | jnp.isnan(raw).any(),
+        reductions = reductions._replace(
+            command=reductions.command.with_sample(command, largest, first),
+            invalid=reductions.invalid | jnp.isnan(raw).any(),
         )
         if self.bounded:
             relaxations = (
                 device.relaxation(device.parameters(current[i]), motion.states[i], x[i], v[i])
                 for i, device in enumerate(run.devices)
             )
-            kept = kept._replace(bound=jnp.max(jnp.stack([kept.bound, *relaxations])))
+            reductions = reductions._replace(bound=jnp.max(jnp.stack([reductions.bound, *relaxations])))
         # The ground of this sample alone has a derivative that is cheap.
         ground, offset = (run.ground, 3 * at.number * self.steps) if at.ground is None else (at.ground, 0)
         row = self.row(motion, current, command, ground[offset])
-        start = LoopCarry(motion, received, commands, kept)
+        start = LoopCarry(motion, received, commands, reductions)
         after: LoopCarry = lax.fori_loop(0, self.steps, partial(self.integrate, ground, offset), start)
         return after, row
 
@@ -417,13 +417,13 @@ class _Loop:
         after = jax.tree.map(
             lambda x, a, b, c, d: x + h / 6.0 * (a + 2.0 * (b + c) + d),
             motion,
-            *(each.rate for each in (first, second, third, fourth)),
+            *(stage.rate for stage in (first, second, third, fourth)),
         )
-        kept = carry.kept._replace(
+        reductions = carry.kept._replace(
             signals=carry.kept.signals.with_sample(self.signals(motion, first, current, a_g[0])[1]),
             current_sum=carry.kept.current_sum + current,
         )
-        return LoopCarry(after, end, carry.commands, kept)
+        return LoopCarry(after, end, carry.commands, reductions)
 
     def stage(self, at: LoopState, currents: Array, a_g: Array) -> Stage:
         """Equation of motion under coil currents."""
@@ -452,11 +452,11 @@ class _Loop:
 
     def forces(self, devices: Devices, states: Sequence[Array], currents: Array, x: Array, v: Array) -> Array:
         """Forces of devices at elongations and rates, shape (n_devices,)."""
-        each = (
+        forces = (
             device.respond(device.parameters(currents[i]), states[i], x[i], v[i])[0]
             for i, device in enumerate(devices)
         )
-        return jnp.stack(list(each))
+        return jnp.stack(list(forces))
 
     def signals(
         self, motion: LoopState, at: Stage, current: Array, a_g: Array
@@ -465,7 +465,7 @@ class _Loop:
         plant = self.run.plant
         inertia = times(plant.mass, at.rate.v + plant.influence * a_g)
         shears = times(plant.unit_drifts, inertia)
-        found = {
+        signals = {
             "displacement": times(plant.floors, motion.q),
             "acceleration": times(plant.floors, at.rate.v) + a_g,
             "drift": times(plant.storeys, motion.q),
@@ -478,7 +478,7 @@ class _Loop:
             "rate": at.elongation_rate,
             "current": current,
         }
-        return found, jnp.concatenate(list(found.values()))
+        return signals, jnp.concatenate(list(signals.values()))
 
     def row(self, motion: LoopState, current: Array, command: Array, a_g: Array) -> Array:
         """A row of the history, in the order of `_rust.history_signals`; empty where none is kept."""
@@ -497,15 +497,15 @@ class _Loop:
         # Buildings with passive elements are not simulated here.
         return jnp.concatenate([row.get(name, jnp.zeros(0)) for name, *_ in _rust.history_signals()])
 
-    def balanced(self, motion: LoopState, kept: Reductions) -> Reductions:
+    def balanced(self, motion: LoopState, reductions: Reductions) -> Reductions:
         """The largest imbalance of the energies, and the largest energy that it is compared with [J]."""
         kinetic, strain = self.held(motion)
         entered, damping, devices = motion.energies
         turned_over = jnp.abs(damping) + jnp.abs(devices).sum() + kinetic + strain
         imbalance = jnp.abs(entered - kinetic - strain - damping - devices.sum())
-        return kept._replace(
-            imbalance=jnp.maximum(kept.imbalance, imbalance),
-            turnover=jnp.maximum(kept.turnover, jnp.maximum(jnp.abs(entered), turned_over)),
+        return reductions._replace(
+            imbalance=jnp.maximum(reductions.imbalance, imbalance),
+            turnover=jnp.maximum(reductions.turnover, jnp.maximum(jnp.abs(entered), turned_over)),
         )
 
     def held(self, motion: LoopState) -> tuple[Array, Array]:
@@ -516,23 +516,23 @@ class _Loop:
     def result(self, last: LoopCarry, rows: Array, n_steps: Array | int) -> LoopResult:
         """Quantities in SI with the names of the core, a number for each floor, storey or device, and the history."""
         motion, still, zero = last.motion, jnp.zeros(len(self.run.devices)), jnp.float64(0.0)
-        kept, energies, duration = self.balanced(motion, last.kept), motion.energies, n_steps * self.h
+        reductions, energies, duration = self.balanced(motion, last.kept), motion.energies, n_steps * self.h
         named, _ = self.signals(motion, self.stage(motion, still, zero), still, zero)
-        ends = np.cumsum([len(each) for each in named.values()])[:-1]
+        ends = np.cumsum([len(signal) for signal in named.values()])[:-1]
         peaks, roots = (
-            dict(zip(named, jnp.split(each, ends), strict=True))
-            for each in (kept.signals.peak, _root(kept.signals.squares / n_steps))
+            dict(zip(named, jnp.split(values, ends), strict=True))
+            for values in (reductions.signals.peak, _root(reductions.signals.squares / n_steps))
         )
         kinetic, strain = self.held(motion)
         none, drift = jnp.zeros(0), times(self.run.plant.storeys, motion.q)
-        some = jnp.where(kept.turnover == 0.0, 1.0, kept.turnover)
-        found = {
+        some = jnp.where(reductions.turnover == 0.0, 1.0, reductions.turnover)
+        numbers = {
             **{f"peak_{name}": peak for name, peak in peaks.items()},
             **{f"rms_{name}": root for name, root in roots.items()},
             "residual_drift": drift,
-            "mean_current": kept.current_sum / n_steps,
-            "command_travel": kept.command.travel / duration,
-            "switching_rate": kept.command.changes / duration,
+            "mean_current": reductions.current_sum / n_steps,
+            "command_travel": reductions.command.travel / duration,
+            "switching_rate": reductions.command.changes / duration,
             "device_energy": energies.devices,
             # Buildings with passive elements are not simulated here.
             "peak_element_force": none,
@@ -543,15 +543,15 @@ class _Loop:
             "kinetic_energy": kinetic[None],
             "strain_energy": strain[None],
             "damping_energy": energies.damping[None],
-            "energy_error": (kept.imbalance / some)[None],
+            "energy_error": (reductions.imbalance / some)[None],
         }
         return LoopResult(
-            numbers={name: found[name] for name, *_ in _rust.run_quantities()},
+            numbers={name: numbers[name] for name, *_ in _rust.run_quantities()},
             rows=rows,
             # No sample follows: the last command is still held.
             end=self.row(motion, last.received, last.commands[0], self.run.ground[3 * n_steps - 1]),
-            bound=kept.bound,
-            invalid=kept.invalid,
+            bound=reductions.bound,
+            invalid=reductions.invalid,
         )
 
 

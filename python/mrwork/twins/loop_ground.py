@@ -29,12 +29,12 @@ def stage_values(acceleration: Any, dt: float, step: float, n_steps: int) -> Any
     number = np.searchsorted(edges, places[:-1], side="right") - 1
     # The ground is still after the last sample.
     share = np.diff(places) / length * (places[1:] <= samples[-1])
-    left = [(edges[number + 1] - each) / length for each in (places[:-1], places[1:])]
+    left = [(edges[number + 1] - ends) / length for ends in (places[:-1], places[1:])]
     first, last = share * values[:-1], share * values[1:]
-    given: dict[str, int] = {"length": n_steps} if module is jnp else {"minlength": n_steps}
-    mean = module.bincount(number, 0.5 * (first + last), **given)
+    options: dict[str, int] = {"length": n_steps} if module is jnp else {"minlength": n_steps}
+    mean = module.bincount(number, 0.5 * (first + last), **options)
     moment = first * (2.0 * left[0] + left[1]) + last * (left[0] + 2.0 * left[1])
-    half = 3.0 * mean - module.bincount(number, moment, **given)
+    half = 3.0 * mean - module.bincount(number, moment, **options)
     return module.stack([mean - half, mean, mean + half], axis=1)
 
 

@@ -315,12 +315,12 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
     """Parameters of the plain model, as `Theta` of the twin, for a command received by the coil."""
     values, start = [], 0
     for parameter, law in spec.law_pairs:
-        own = theta[start : start + law.n_coefficients]
+        coefficients = theta[start : start + law.n_coefficients]
         start += law.n_coefficients
         if law.is_constant:
-            values.append(own[0])
+            values.append(coefficients[0])
             continue
-        value = law.values(own, received, positive=parameter.is_positive, xp=jnp)
+        value = law.values(coefficients, received, positive=parameter.is_positive, xp=jnp)
         values.append(jnp.clip(value, parameter.lower, parameter.upper))
     return twin_of(spec).Theta(*values)
 

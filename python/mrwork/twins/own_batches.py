@@ -73,8 +73,8 @@ def sensitivities(
     chosen = list(range(theta.shape[1])) if columns is None else list(columns)
     directions = np.eye(theta.shape[1])[chosen]
     # A candidate is mostly simulated alone before its derivatives are wanted.
-    known = [_last_counts(spec, history).get(row.tobytes()) for row in theta]
-    substeps = _resolved(spec, theta, history, most)[2] if None in known else np.array(known, dtype=np.uint32)
+    steps = [_last_counts(spec, history).get(row.tobytes()) for row in theta]
+    substeps = _resolved(spec, theta, history, most)[2] if None in steps else np.array(steps, dtype=np.uint32)
     substeps = substeps * np.uint32(factor)
     force = np.full((len(theta), history.n_time), np.inf)
     slopes = np.full((len(theta), len(chosen), history.n_time), np.inf)
@@ -90,16 +90,16 @@ def _resolved(
 ) -> tuple[Floats, Floats, Counts]:
     """Force of each row, sub-steps that it needs, and sub-steps that it gets: 0 where it needs more than `most`."""
     force = np.full((len(theta), history.n_time), np.inf)
-    given = twin_of(spec).relaxation is not None or not spec.n_states
-    wanted = _relaxation(spec, theta, history) if given else np.ones(len(theta))
+    has_relaxation = twin_of(spec).relaxation is not None or not spec.n_states
+    wanted = _relaxation(spec, theta, history) if has_relaxation else np.ones(len(theta))
     substeps = whole_steps(wanted, most).astype(np.uint32)
     open_rows = np.flatnonzero(substeps)
     while open_rows.size:
         again = []
         for count, places in _groups(substeps[open_rows]):
             rows = open_rows[places]
-            force[rows], bound = _run(spec, theta[rows], history, count, bounded=not given)
-            if given:
+            force[rows], bound = _run(spec, theta[rows], history, count, bounded=not has_relaxation)
+            if has_relaxation:
                 continue
             finite = np.isfinite(force[rows]).all(axis=1)
             wants = np.where(finite, bound * history.dt / RESOLUTION, float(FINER * count))
@@ -145,22 +145,22 @@ def _run(
     """Forces of rows, and their derivatives in these directions, or the bound of each row [1/s], zero if not wanted."""
     n_kept = power_of_two(history.n_time, _FEWEST_SAMPLES)
     record = _record(history, n_kept)
-    each = n_kept * (spec.n_states + 2) * (1 if directions is None else 1 + len(directions))
-    at_once = max(_FEWEST_ROWS, 1 << int(np.log2(max(_MOST_NUMBERS / each, 1.0))))
+    row_size = n_kept * (spec.n_states + 2) * (1 if directions is None else 1 + len(directions))
+    at_once = max(_FEWEST_ROWS, 1 << int(np.log2(max(_MOST_NUMBERS / row_size, 1.0))))
     parts = []
     for start in range(0, len(theta), at_once):
         rows = theta[start : start + at_once]
         padding = power_of_two(len(rows), _FEWEST_ROWS) - len(rows)
         padded = np.concatenate([rows, np.repeat(rows[-1:], padding, axis=0)])
-        given = Rows(padded, record, history.n_time, substeps)
+        batch = Rows(padded, record, history.n_time, substeps)
         call: Callable[..., tuple[Array, Array]] = (
             partial(_forces, bounded=bounded)
             if directions is None
             else partial(_slopes, directions=directions)
         )
-        result = computed(partial(call, given, spec=spec, n_kept=n_kept))
-        parts.append([np.asarray(each)[: len(rows)] for each in result])
-    force, second = (np.concatenate(each) for each in zip(*parts, strict=True))
+        result = computed(partial(call, batch, spec=spec, n_kept=n_kept))
+        parts.append([np.asarray(array)[: len(rows)] for array in result])
+    force, second = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     return force[:, : history.n_time], second if directions is None else second[..., : history.n_time]
 
 
@@ -173,8 +173,8 @@ def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) 
     padded = np.concatenate([theta, np.repeat(theta[-1:], padding, axis=0)])
     command = np.asarray(record.command)
     levels = np.linspace(command.min(), command.max(), N_LEVELS if len(command) > 1 else 1)
-    given = Rows(padded, record, history.n_time, 1)
-    bound = np.asarray(computed(partial(_fastest, given, levels, spec=spec)))
+    batch = Rows(padded, record, history.n_time, 1)
+    bound = np.asarray(computed(partial(_fastest, batch, levels, spec=spec)))
     return np.asarray(bound[: len(theta)] * history.dt / RESOLUTION)
 
 

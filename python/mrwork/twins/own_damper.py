@@ -106,7 +106,7 @@ def own_damper(
     >>> mr.simulate_force(spec, spec.nominal, mr.Loading(dt=0.1, displacement=[0.0, 0.01, 0.0, -0.01, 0.0])).shape
     (5,)
     """
-    given = tuple(_parameter(key, value) for key, value in parameters.items())
+    specs = tuple(_parameter(key, value) for key, value in parameters.items())
     if (rate is None) != (states == 0):
         raise SettingError(
             f"`states` of {name} is {states}, and `rate` is {'missing' if rate is None else 'given'}; give both or "
@@ -133,9 +133,9 @@ def own_damper(
         odd=False,
         relaxes=False,
         spring=spring,
-        parameters=given,
-        plain=given,
-        laws=(CONSTANT,) * len(given),
+        parameters=specs,
+        plain=specs,
+        laws=(CONSTANT,) * len(specs),
     )
     if fault := spec.disagreement():
         raise SettingError(f"{name or 'an empty text'} {fault}")
@@ -166,17 +166,17 @@ def own_damper(
     if check.traces != given_check.traces:
         raise SettingError(f"the file of {name} was changed after it was run; run it again")
     final = tuple(
-        replace(each, scale="offset") if shifts and each.scale == "linear" else each
-        for each, shifts in zip(given, check.shifts, strict=True)
+        replace(parameter, scale="offset") if shifts and parameter.scale == "linear" else parameter
+        for parameter, shifts in zip(specs, check.shifts, strict=True)
     )
     return replace(spec, parameters=final, plain=final, odd=odd, relaxes=relaxes)
 
 
-def _parameter(name: str, given: _Given) -> ParamSpec:
-    if isinstance(given, ParamSpec):
-        lower, nominal, upper = float(given.lower), float(given.nominal), float(given.upper)
-        return replace(given, name=name, lower=lower, nominal=nominal, upper=upper)
-    unit, *ends = given
+def _parameter(name: str, entry: _Given) -> ParamSpec:
+    if isinstance(entry, ParamSpec):
+        lower, nominal, upper = float(entry.lower), float(entry.nominal), float(entry.upper)
+        return replace(entry, name=name, lower=lower, nominal=nominal, upper=upper)
+    unit, *ends = entry
     lower, nominal, upper = map(float, ends)
     return ParamSpec(
         name=name,
@@ -194,17 +194,17 @@ _ARGUMENTS = {"relaxation": "(p, displacement, velocity)"}
 
 def _refuse_arguments(role: str, function: Callable[..., Any], name: str) -> None:
     wanted = _ARGUMENTS.get(role, "(p, state, displacement, velocity)")
-    place = f" ({place_of(function)})" if place_of(function) else ""
+    location = f" ({place_of(function)})" if place_of(function) else ""
     try:
         taken = [*inspect.signature(function).parameters]
         inspect.signature(function).bind(*wanted.split(","))
     except TypeError:
         raise SettingError(
-            f"{role} of {name}{place} does not take {wanted}; write it with these arguments"
+            f"{role} of {name}{location} does not take {wanted}; write it with these arguments"
         ) from None
     if taken[-2:] in (["velocity", "displacement"], ["v", "x"]):
         raise SettingError(
-            f"{role} of {name}{place} takes {', '.join(taken[-2:])}, and is given {wanted}; exchange them"
+            f"{role} of {name}{location} takes {', '.join(taken[-2:])}, and is given {wanted}; exchange them"
         )
 
 
@@ -226,8 +226,8 @@ class _Check:
         Returns whether the opposite motion gives the opposite force, and whether states move at rest.
         """
         for role, function in functions.items():
-            place = place_of(function)
-            where = f"{role} of {self._spec.name}" + (f" ({place})" if place else "")
+            location = place_of(function)
+            where = f"{role} of {self._spec.name}" + (f" ({location})" if location else "")
             self._trace(where, role, function)
             self._look_at_rest(where, role)
         self._find_unused()
@@ -295,8 +295,8 @@ class _Check:
         equation = self._of(role)
         slopes = jax.jacfwd(equation, argnums=(0, 1))(*self._rest)
         if role == "relaxation":
-            found = [float(equation(theta, state, x, v)) for theta, state, x, v in self._points()]
-            if not all(0.0 <= finding < np.inf for finding in found):
+            bounds = [float(equation(theta, state, x, v)) for theta, state, x, v in self._points()]
+            if not all(0.0 <= bound < np.inf for bound in bounds):
                 raise SettingError(f"{where} is negative or no number at some motion; give a bound in 1/s")
         if not bool(jnp.all(jnp.isfinite(equation(*self._rest)))):
             raise SettingError(
@@ -322,8 +322,8 @@ class _Check:
             unit = rng.uniform(0.3, 0.7, len(spec.names))
             theta = np.asarray(Box.of(spec).theta_from_unit(unit)) if len(spec.names) else np.empty(0)
             x, v, state = (
-                each * rng.uniform(-1.0, 1.0, n)
-                for each, n in zip(_SPANS, (1, 1, spec.n_states), strict=True)
+                span * rng.uniform(-1.0, 1.0, n)
+                for span, n in zip(_SPANS, (1, 1, spec.n_states), strict=True)
             )
             for near in (theta, spec.nominal):
                 yield near, state, float(x[0]), float(v[0])

@@ -134,18 +134,18 @@ def respond(
             displacements = numbers[:, : len(loop.matrices["floors"])]
             bounded = np.isfinite(numbers).all(axis=1)
             bounded &= np.all(displacements < _LARGEST_DISPLACEMENT, axis=1)
-            for place, (run, finite) in enumerate(zip(members, bounded.tolist(), strict=True)):
+            for index, (run, finite) in enumerate(zip(members, bounded.tolist(), strict=True)):
                 tries[run] += not finite
-                wanted = _steps_after(loop, count, float(group.bound[place]), 0 if finite else tries[run])
+                wanted = _steps_after(loop, count, float(group.bound[index]), 0 if finite else tries[run])
                 if wanted > count:
                     finer[run] = wanted
                 elif wanted:
-                    failed = Outcome.FAILED_SAFE if group.invalid[place] else Outcome.FINISHED
+                    failed = Outcome.FAILED_SAFE if group.invalid[index] else Outcome.FINISHED
                     outcome[run], steps[run] = failed if finite else Outcome.DIVERGED, count
                     if finite:
-                        summary[run] = numbers[place]
+                        summary[run] = numbers[index]
                     if rows is not None:
-                        rows[run][:] = group.rows[place]
+                        rows[run][:] = group.rows[index]
         pending = finer
     return summary, outcome, steps, rows
 
@@ -192,8 +192,8 @@ def _groups(
 def _fastest(plant: LoopPlant) -> float:
     """The larger of the largest natural frequency [rad/s] and the largest eigenvalue of M^-1 C [1/s]."""
     stiffest, dampest = (
-        float(np.abs(np.linalg.eigvals(np.asarray(each))).max())
-        for each in (plant.stiffness_per_mass, plant.damping_per_mass)
+        float(np.abs(np.linalg.eigvals(np.asarray(matrix))).max())
+        for matrix in (plant.stiffness_per_mass, plant.damping_per_mass)
     )
     return max(math.sqrt(stiffest), dampest)
 
@@ -249,7 +249,7 @@ def _ground(motion: bytes, dt: float, step: float, n_steps: int) -> tuple[Floats
 def _run_group(
     loop: OwnLoop,
     plants: Sequence[LoopPlant],
-    given: OwnRuns,
+    batch: OwnRuns,
     members: Sequence[int],
     motion: int,
     steps: int,
@@ -257,18 +257,18 @@ def _run_group(
     histories: bool,
 ) -> tuple[Floats, LoopResult]:
     """Summaries of runs of one motion with the results, whose rows end with the end of the last sample."""
-    runs, n_samples = given.runs[members], loop.n_samples[motion]
+    runs, n_samples = batch.runs[members], loop.n_samples[motion]
     padding = power_of_two(len(runs), _FEWEST_RUNS) - len(runs)
     places = np.append(runs, np.repeat(runs[-1:], padding, axis=0), axis=0)
     candidate, draw, building = places[:, 0], places[:, 2], places[:, 3]
     delay = (loop.delay + places[:, 4].astype(np.int64)) * (steps // loop.steps)
-    shaping = np.tile([0.0, np.inf], (len(places), 1)) if given.shaping is None else given.shaping[candidate]
-    own = _Own(
+    shaping = np.tile([0.0, np.inf], (len(places), 1)) if batch.shaping is None else batch.shaping[candidate]
+    arrays = _Own(
         plant=plants[0]
         if len(plants) == 1
-        else jax.tree.map(lambda *each: jnp.stack(each)[building], *plants),
-        gains={name: jnp.asarray(gain[candidate]) for name, gain in given.gains.items()},
-        theta=tuple(jnp.asarray(theta[draw]) for theta in given.theta),
+        else jax.tree.map(lambda *leaves: jnp.stack(leaves)[building], *plants),
+        gains={name: jnp.asarray(gain[candidate]) for name, gain in batch.gains.items()},
+        theta=tuple(jnp.asarray(theta[draw]) for theta in batch.theta),
         dead_zone=jnp.asarray(shaping[:, 0]),
         furthest=jnp.asarray(np.minimum(shaping[:, 1], loop.command_rate) * loop.sample_time),
         delay=jnp.asarray(delay),
@@ -277,7 +277,7 @@ def _run_group(
     ground, record = _ground(acceleration.tobytes(), dt, loop.sample_time / steps, n_samples * steps)
     call = partial(
         _simulate,
-        own,
+        arrays,
         loop.devices,
         loop.believed,
         loop.ranges[: loop.n_commanded, 1],
@@ -294,17 +294,17 @@ def _run_group(
         depth=1 + power_of_two(-(-int(delay.max()) // steps), 1) if delay.any() else 1,
         histories=histories,
     )
-    found: Any = jax.tree.map(lambda each: np.array(each[: len(runs)]), computed(call))
-    rows = np.concatenate([found.rows[:, :n_samples], found.end[:, None]], axis=1)
+    result: Any = jax.tree.map(lambda array: np.array(array[: len(runs)]), computed(call))
+    rows = np.concatenate([result.rows[:, :n_samples], result.end[:, None]], axis=1)
     # The first signal is the record, which a step finer has other values of.
     rows[:, :, :1] = record[::steps, None]
-    summary = [found.numbers[name] for name, *_ in _rust.run_quantities()]
-    return np.concatenate(summary, axis=1), found._replace(rows=rows)
+    summary = [result.numbers[name] for name, *_ in _rust.run_quantities()]
+    return np.concatenate(summary, axis=1), result._replace(rows=rows)
 
 
 @partial(jax.jit, static_argnames=("law", "shared", "n_kept", "depth", "histories"))
 def _simulate(
-    own: _Own,
+    arrays: _Own,
     devices: Devices,
     believed: Devices | None,
     largest: Array,
@@ -320,21 +320,21 @@ def _simulate(
     depth: int,
     histories: bool,
 ) -> LoopResult:
-    def of_run(own: _Own) -> LoopResult:
+    def of_run(arrays: _Own) -> LoopResult:
         run = LoopRun(
-            plant=own.plant,
-            devices=with_theta(devices, own.theta),
+            plant=arrays.plant,
+            devices=with_theta(devices, arrays.theta),
             believed=believed,
-            law=LAWS[law](own.gains),
+            law=LAWS[law](arrays.gains),
             largest=largest,
-            dead_zone=own.dead_zone,
-            furthest=own.furthest,
-            delay=own.delay,
+            dead_zone=arrays.dead_zone,
+            furthest=arrays.furthest,
+            delay=arrays.delay,
             sample_time=sample_time,
             ground=ground,
             held=held,
         )
         return simulate(run, n_samples, steps, n_kept=n_kept, depth=depth, histories=histories, bounded=True)
 
-    axes: Any = (None if shared else 0, *(0 for _ in own[1:]))
-    return jax.vmap(of_run, in_axes=(_Own(*axes),))(own)
+    axes: Any = (None if shared else 0, *(0 for _ in arrays[1:]))
+    return jax.vmap(of_run, in_axes=(_Own(*axes),))(arrays)

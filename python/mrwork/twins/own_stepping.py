@@ -144,8 +144,8 @@ def fastest(rows: Rows, levels: Any, *, spec: DamperSpec) -> Array:
         p = parameters_at(spec, row, level)
         return jnp.max(jax.vmap(lambda motion: relaxation(p, motion[0], motion[1]))(motions))
 
-    each = jax.vmap(jax.vmap(at_level, in_axes=(None, 0)), in_axes=(0, None))(rows.theta, levels)
-    return jnp.max(each, axis=1)
+    relaxations = jax.vmap(jax.vmap(at_level, in_axes=(None, 0)), in_axes=(0, None))(rows.theta, levels)
+    return jnp.max(relaxations, axis=1)
 
 
 def _parameters(spec: DamperSpec, theta: Array, received: Array) -> Any:

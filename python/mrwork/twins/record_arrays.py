@@ -34,7 +34,7 @@ class RecordArrays(NamedTuple):
             command = np.full(1, np.nan)
         elif np.ptp(command) == 0.0:
             command = command[:1]
-        return cls(*(jnp.asarray(each) for each in (splines, facts, command)))
+        return cls(*(jnp.asarray(array) for array in (splines, facts, command)))
 
     @property
     def n_time(self) -> int:

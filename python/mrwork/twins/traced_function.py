@@ -101,10 +101,10 @@ class TracedFunction(Summarised):
         return evaluate_on_processor(evaluate, self._checked(point), data)
 
     def _checked(self, point: Any) -> Array:
-        given = point if isinstance(point, Array) else np.asarray(point)
-        if given.dtype.kind not in "iuf":
+        array = point if isinstance(point, Array) else np.asarray(point)
+        if array.dtype.kind not in "iuf":
             raise SettingError(f"the point is {type(point).__name__}; give ({len(self.names)},) numbers")
-        values: Array = jnp.asarray(given, dtype=jnp.float64 if given.dtype.kind in "iu" else None)
+        values: Array = jnp.asarray(array, dtype=jnp.float64 if array.dtype.kind in "iu" else None)
         if values.dtype != jnp.float64:
             raise SettingError(
                 f"the point has the data type {values.dtype}, and mr.jax takes float64, because derivatives of a "
