@@ -112,25 +112,25 @@ def arrangements(
     driven = [device for device in devices if device.is_commanded]
     if table.references != "none" and driven:
         names = ["best_passive", *(["best_passive_by_group"] if len(products_of(driven)) > 1 else [])]
-        known = [row.row for row in (*first, *further)]
-        references = (_added(name, known) for name in names)
+        rows = [row.row for row in (*first, *further)]
+        references = (_added(name, rows) for name in names)
         first += [replace(at_zero, row=row, law=None, added=True) for row in references if row is not None]
     return (without, *first, *further)
 
 
-def _added(name: str, known: Sequence[Row]) -> Row | None:
+def _added(name: str, rows: Sequence[Row]) -> Row | None:
     """The row of a best constant command that a study has without listing it; none if it lists one."""
     law = CONSTANT_LAWS[name]
-    if any(entry.kind == law.kind for entry in known):
+    if any(entry.kind == law.kind for entry in rows):
         return None
-    label = f"{law.title} (added)" if any(entry.label == law.title for entry in known) else law.title
+    label = f"{law.title} (added)" if any(entry.label == law.title for entry in rows) else law.title
     return Row(label=label, kind=law.kind, description=f"{name}, added")
 
 
 def _arrange_controller(
     controller: ControllerTable,
     number: int,
-    given: Mapping[str, Any] | None,
+    settings: Mapping[str, Any] | None,
     problem: DesignProblem,
     at_zero: Arrangement,
     folder: Path,
@@ -149,7 +149,7 @@ def _arrange_controller(
         title, description = user.function, f"{user.function}{of_file}, in Python"
         with keyed("user"):
             law = _load_law(user, folder)
-    elif given is None:
+    elif settings is None:
         constant, description = CONSTANT_LAWS[name], name
         title, kind = constant.title, constant.kind
         if kind == "best_passive_by_group" and len(products_of(problem.devices)) < 2:
@@ -163,7 +163,7 @@ def _arrange_controller(
         title, description = control_law(name).title, name
         kind = "actuator" if control_law(name).commands_force else "controller"
         kind = "passive" if SETTINGS[name].constant else kind
-        named = NamedLaw(table=controller, number=number, given=given, problem=limited)
+        named = NamedLaw(table=controller, number=number, given=settings, problem=limited)
     for key in controller.shaping:
         if named is None and not isinstance(law, ControlLaw):
             raise InvalidSettingError(
@@ -182,12 +182,12 @@ def _arrange_controller(
 
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
     """The design problem of a law, with the command limited as its table says."""
-    given = controller.largest_command
-    if given is None:
+    limit = controller.largest_command
+    if limit is None:
         return problem
     shares, available = sends_shares(problem.devices), largest_command(problem.devices)
     unit = "1" if shares else problem.devices[0].spec.command_unit or "A"
-    largest = number_in(given, unit) if isinstance(given, str) else given
+    largest = number_in(limit, unit) if isinstance(limit, str) else limit
     if isinstance(largest, float) and 0.0 < largest <= available:
         return problem.limited_to(largest)
     most = f"the driver of the dampers gives {available:g} at most"
@@ -224,8 +224,8 @@ def _baseline(baseline: BaselineTable, table: StudyTable, without: Arrangement, 
     bare = without.bare
     with keyed("building"):
         changed = table.building.override_with(baseline.building).build(folder)
-        known = {*changed.floor_names, *changed.storey_names}
-        missing = [name for name in (*bare.floor_names, *bare.storey_names) if name not in known]
+        names = {*changed.floor_names, *changed.storey_names}
+        missing = [name for name in (*bare.floor_names, *bare.storey_names) if name not in names]
         if missing:
             raise SettingError(
                 f"the baseline has no {missing[0]}; it may add floors and storeys to the building, not remove them"
@@ -248,16 +248,16 @@ def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mappi
     where = place if table.settings is None else place.within("settings")
     if table.gain is not None:
         if "gain" not in _names_of(kind):
-            taking = ", ".join(name for name, each in SETTINGS.items() if "gain" in _names_of(each))
+            taking = ", ".join(name for name, law in SETTINGS.items() if "gain" in _names_of(law))
             sentence = f"{table.law} has no gain of a desired force; leave it out, or choose one of {taking}"
             raise InvalidSettingError("gain", sentence)
         settings["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
-    given = given_values(kind, _with_matrices(kind, settings, where, folder), where)
+    values = given_values(kind, _with_matrices(kind, settings, where, folder), where)
     for entry in keys_of(kind):
-        if entry.is_required and entry.says.span is None and entry.name not in given:
+        if entry.is_required and entry.says.span is None and entry.name not in values:
             # Nothing in the response of the dampers tells it.
             refuse_missing(entry, where)
-    return given
+    return values
 
 
 def _names_of(kind: type[LawSettings]) -> set[str]:
@@ -275,9 +275,9 @@ def resolve_settings(table: TuneTable, place: Place, folder: Path) -> TuneTable:
     with all_mistakes() as part:
         for kind in map(SETTINGS.__getitem__, table.laws):
             with part():
-                own = {name: value for name, value in table.settings.items() if name in _names_of(kind)}
-                own = _with_matrices(kind, own, where, folder)
-                settings |= as_document(given_values(kind, own, where))
+                subset = {name: value for name, value in table.settings.items() if name in _names_of(kind)}
+                subset = _with_matrices(kind, subset, where, folder)
+                settings |= as_document(given_values(kind, subset, where))
     return replace(table, settings=settings)
 
 

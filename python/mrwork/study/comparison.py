@@ -64,7 +64,7 @@ def motion_groups(results: StudyResults) -> dict[str, list[int]]:
             members.setdefault(name, []).append(motion)
     groups = {name: motions for name, motions in members.items() if len(motions) < len(judged)}
     every = enumerate(results.motions)
-    others = [number for number, each in every if number not in judged and each.use == "training"]
+    others = [number for number, facts in every if number not in judged and facts.use == "training"]
     return {**groups, **({"training motions": others} if others else {})}
 
 
@@ -224,7 +224,7 @@ def constant_in_words(results: StudyResults, row: int) -> str:
     if (command >= (1.0 - _CONSTANT) * largest).all():
         return "coincides with passive-on"
     sent = zip(command.tolist(), dampers, strict=True)
-    words = dict.fromkeys(f"{each:.3g} {damper.command_unit}" for each, damper in sent)
+    words = dict.fromkeys(f"{value:.3g} {damper.command_unit}" for value, damper in sent)
     return f"a constant command in effect, {', '.join(words)}"
 
 
@@ -283,14 +283,14 @@ def lowers_all(changes: Mapping[str, Floats]) -> bool:
 
 def is_tied(results: StudyResults, row: int, reference: int) -> bool:
     """Whether the scores of two rows are not told apart by the motions."""
-    own, other = _scores(results, row), _scores(results, reference)
-    return len(own) > 1 and bool(ties_in_words("", own, {"": other}))
+    scores, other = _scores(results, row), _scores(results, reference)
+    return len(scores) > 1 and bool(ties_in_words("", scores, {"": other}))
 
 
 def _scores(results: StudyResults, row: int) -> list[float]:
     """Scores of a row under each record, at all its levels together, which are no evidence of their own."""
     places, judged = results.record_levels.places, results.judged_motions
-    return [results.score_under(row, tuple(own[np.isin(own, judged)].tolist())) for own in places]
+    return [results.score_under(row, tuple(motions[np.isin(motions, judged)].tolist())) for motions in places]
 
 
 def _ties(comparison: StudyComparison) -> tuple[str, ...]:
@@ -379,12 +379,12 @@ def best_cells(
     """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
     strong = set()
     for rank in RANKS:
-        candidates = [place for place, row in enumerate(rows) if results.rows[row].kind in rank.kinds]
+        candidates = [line for line, row in enumerate(rows) if results.rows[row].kind in rank.kinds]
         for cell, column in enumerate(columns, start=1):
-            known = [column[place] for place in candidates if not math.isnan(column[place])]
-            if len(known) > 1:
-                least = printed(min(known))
-                strong |= {(place, cell) for place in candidates if printed(column[place]) == least}
+            values = [column[line] for line in candidates if not math.isnan(column[line])]
+            if len(values) > 1:
+                least = printed(min(values))
+                strong |= {(line, cell) for line in candidates if printed(column[line]) == least}
     return frozenset(strong)
 
 
@@ -422,8 +422,8 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
         words=(len(quantities) + 1,) if several else (),
         strong=best_cells(results, rows, columns, signed_percent),
         alarming=frozenset(
-            (line, place)
-            for place, column in enumerate(columns, start=1)
+            (line, cell)
+            for cell, column in enumerate(columns, start=1)
             for line, mean in enumerate(column)
             if rounds_to_increase(mean)
         ),
@@ -436,10 +436,10 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
 def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
     sizes = [(changes[entry.name], entry) for entry in quantities]
-    known = [(change, entry) for change, entry in sizes if not math.isnan(change.mean)]
-    if not known:
+    sizes = [(change, entry) for change, entry in sizes if not math.isnan(change.mean)]
+    if not sizes:
         return NOTHING
-    worst, entry = max(known, key=lambda each: each[0].largest)
+    worst, entry = max(sizes, key=lambda size: size[0].largest)
     rises = rounds_to_increase(worst.largest)
     return f"{entry.short} {signed_percent(worst.largest)}, {worst.motion}" if rises else "none"
 

@@ -103,8 +103,8 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
     reaches = _reaches(results)
     if not reaches:
         return ()
-    least, most = (choose(reaches, key=lambda each: each.share) for choose in (min, max))
-    shares = dict.fromkeys(_percent(each.share) for each in (least, most))
+    least, most = (choose(reaches, key=lambda reach: reach.share) for choose in (min, max))
+    shares = dict.fromkeys(_percent(reach.share) for reach in (least, most))
     under = results.motions[most.motion].name
     if len(reaches) > 1:
         under = f"{counted(len(reaches), 'motion')}, most under {under}"
@@ -145,7 +145,7 @@ def judged_by_demand(results: StudyResults, study: Study) -> StudyResults:
 
 def _weak(results: StudyResults) -> Iterator[str]:
     """A sentence on dampers that are too weak for their building."""
-    most = max(_reaches(results), key=lambda each: each.share, default=None)
+    most = max(_reaches(results), key=lambda reach: reach.share, default=None)
     if most is None or not most.share < _WEAK:
         return
     yield (
@@ -220,8 +220,8 @@ def _reaches(results: StudyResults) -> list[_Reach]:
         shear, rows = float(shears[0, motion]), np.flatnonzero(commanded[:, motion])
         if shear > 0.0 and storeys and rows.size:
             # Passive elements of the building are behind the devices.
-            own = forces[rows, motion, : len(storeys)] * [damper.share for damper in results.dampers]
-            by_storey = {storey: own[:, np.equal(storeys, storey)].sum(axis=1) for storey in storeys}
+            by_damper = forces[rows, motion, : len(storeys)] * [damper.share for damper in results.dampers]
+            by_storey = {storey: by_damper[:, np.equal(storeys, storey)].sum(axis=1) for storey in storeys}
             # Storeys stand on each other, so that forces of others do not add to that on the base.
             on_base = by_storey.get(0, np.max([*by_storey.values()], axis=0))
             most = int(np.argmax(on_base))

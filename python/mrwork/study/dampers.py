@@ -51,28 +51,28 @@ class ChosenDamper:
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
     """The damper of a table; the path of a run is relative to `folder`."""
-    known = _known(table, folder, identified)
-    plain, unit = known.spec.without_laws, known.spec.command_unit or table.unit or "A"
-    laws, values, lag = _parameters(table, plain, known)
+    chosen = _known(table, folder, identified)
+    plain, unit = chosen.spec.without_laws, chosen.spec.command_unit or table.unit or "A"
+    laws, values, lag = _parameters(table, plain, chosen)
     if missing := [name for name in plain.names if name not in values]:
         raise SettingError(f"[[damper]] has no {', '.join(missing)} of {plain.name}; add to its parameters")
     spec = plain.with_current_laws(laws, unit=unit, lagged=lag is not None)
-    _refuse_unless_passive(table, spec, known.source)
+    _refuse_unless_passive(table, spec, chosen.source)
     if table.unit is not None and table.unit != unit and spec.follows_command:
-        sentence = f"the command of this damper ({known.source}) is in {unit}; leave unit out"
+        sentence = f"the command of this damper ({chosen.source}) is in {unit}; leave unit out"
         raise InvalidSettingError("unit", sentence)
-    largest = _command_given(table, "largest_command", unit) or known.largest_command
+    largest = _command_given(table, "largest_command", unit) or chosen.largest_command
     if not largest and spec.follows_command:
         raise SettingError(
             f"[[damper]] has no largest_command; give the largest command of the driver [{unit}]"
         )
     return replace(
-        known,
+        chosen,
         spec=spec,
         theta=np.array([*chain(*(values[name] for name in plain.names)), *([] if lag is None else [lag])]),
         largest_command=largest or 1.0,
-        rated_force=table.rated_force or known.rated_force,
-        rated_stroke=table.rated_stroke or known.rated_stroke,
+        rated_force=table.rated_force or chosen.rated_force,
+        rated_stroke=table.rated_stroke or chosen.rated_stroke,
     )
 
 
@@ -114,15 +114,15 @@ def _known(table: DamperTable, folder: Path, identified: Identified) -> ChosenDa
 
 def _command_given(table: DamperTable, key: str, unit: CommandUnit) -> float | None:
     """A command of the table in the unit of the damper; `None` if it has none."""
-    given: float | str | None = getattr(table, key)
-    if isinstance(given, str):
-        number = number_in(given, unit)
+    command: float | str | None = getattr(table, key)
+    if isinstance(command, str):
+        number = number_in(command, unit)
         if isinstance(number, str):
             raise InvalidSettingError(key, f"{key} {number}")
-        given = number
-    if given is not None and not (0.0 < given < inf or (key == "command" and given == 0.0)):
-        raise InvalidSettingError(key, f"{key} is {given:g}; give a positive number [{unit}]")
-    return given
+        command = number
+    if command is not None and not (0.0 < command < inf or (key == "command" and command == 0.0)):
+        raise InvalidSettingError(key, f"{key} is {command:g}; give a positive number [{unit}]")
+    return command
 
 
 def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) -> None:
@@ -159,9 +159,9 @@ def _preset(table: DamperTable, name: str) -> Preset:
     models = damper_models() if table.model is None else (_model(table.model),)
     having = [spec for spec in models if name in spec.presets]
     with keyed("preset"):
-        known = sorted({preset for spec in models for preset in spec.presets})
+        presets = sorted({preset for spec in models for preset in spec.presets})
         there = "there are" if table.model is None else f"{table.model} has"
-        check_known(name, known, f"no published set is called {name!r}", otherwise=there)
+        check_known(name, presets, f"no published set is called {name!r}", otherwise=there)
         if len(having) > 1:
             several = " and ".join(spec.name for spec in having)
             raise SettingError(f"{name!r} is a set of {several}; choose one with model")
@@ -179,20 +179,20 @@ def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> Fitte
 
 
 def _parameters(
-    table: DamperTable, plain: DamperSpec, known: ChosenDamper
+    table: DamperTable, plain: DamperSpec, chosen: ChosenDamper
 ) -> tuple[dict[str, CommandLaw], dict[str, tuple[float, ...]], float | None]:
     """Laws of the parameters, their coefficients, and the rate of the lag: as known, with changes that are given."""
-    laws, values, lag = dict(known.spec.laws_by_name), dict[str, tuple[float, ...]](), table.lag
-    if known.theta.size:
+    laws, values, lag = dict(chosen.spec.laws_by_name), dict[str, tuple[float, ...]](), table.lag
+    if chosen.theta.size:
         # Coefficients in the order of the parameters, then the rate of the lag.
-        numbers = iter(known.theta.tolist())
+        numbers = iter(chosen.theta.tolist())
         values = {name: tuple(islice(numbers, law.n_coefficients)) for name, law in laws.items()}
         lag = next(numbers, None) if lag is None else lag
     has = f"{plain.name} has no parameter"
-    for name, given in (table.parameters or {}).items():
+    for name, value in (table.parameters or {}).items():
         with keyed("parameters", name):
             check_known(name, plain.names, f"{has} {name!r}", otherwise="it has")
-            values[name] = given if isinstance(given, tuple) else (given,)
+            values[name] = value if isinstance(value, tuple) else (value,)
             count, most = len(values[name]), MOST_DEGREE + 1
             if not 1 <= count <= most:
                 raise SettingError(f"{name} has {count} coefficients; give 1 to {most}")
@@ -223,8 +223,8 @@ class OtherSet:
 
 def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> tuple[OtherSet, ...]:
     """The sets that every run of the tables has, and that the tables do not refuse."""
-    own = (table.run for table in tables if isinstance(table.run, str) and table.like is None)
-    runs = {folder / run: identified(folder / run) for run in own}
+    names = (table.run for table in tables if isinstance(table.run, str) and table.like is None)
+    runs = {folder / run: identified(folder / run) for run in names}
     sets = []
     for wanted in next((run.others for run in runs.values() if run.others), ()):
         fitted = {

@@ -31,20 +31,20 @@ def _verdicts(studies: Sequence[StudyComparison]) -> Iterator[Verdict]:
     """The first row of each rank, and whether the leading row is worse than each set's own references."""
     first = studies[0]
     labels = [row.label for row in first.results.rows]
-    for place, (rank, rows) in enumerate(first.ranks):
+    for index, (rank, rows) in enumerate(first.ranks):
         if len(rows) > 1:
-            leaders = [study.ranks[place][1][0] for study in studies]
+            leaders = [study.ranks[index][1][0] for study in studies]
             yield Verdict(
                 subject=f"lowest score of {rank.title}",
                 answers=tuple(labels[row] for row in leaders),
                 values=tuple(study.results.score(row) for study, row in zip(studies, leaders, strict=True)),
             )
-    for title, own in (
+    for title, candidates in (
         ("the building without dampers", [study.uncontrolled for study in studies]),
         ("the best passive damper", [study.passive for study in studies]),
     ):
-        row, references = first.leading, [each for each in own if each is not None]
-        if row is None or row in own or not references:
+        row, references = first.leading, [reference for reference in candidates if reference is not None]
+        if row is None or row in candidates or not references:
             continue
         pairs = [*zip(studies, references, strict=True)]
         changes = {"score": [pair.results.score(row) - pair.results.score(other) for pair, other in pairs]}
@@ -70,7 +70,7 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
         if device.tested is not None and device.tested.velocity > 0.0
     }
     reach = {
-        (row, motion): max(demands[number].demand.velocity / own.velocity for number, own in tested.items())
+        (row, motion): max(demands[number].demand.velocity / span.velocity for number, span in tested.items())
         for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
         if tested and row < len(study.arrangements) and study.arrangements[row].law is not None
         if (demands := results.demands(row, motion))
@@ -94,7 +94,7 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
     assert responses.histories is not None
     (history,) = responses.histories
     apart: list[tuple[SetsApart, str]] = []
-    for number, own in tested.items():
+    for number, span in tested.items():
         x, v, sent = (
             np.ascontiguousarray(history.numbers[name][:, number])
             for name in ("deformation", "rate", "command")
@@ -110,9 +110,9 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
                 if spec.command_unit is not None:
                     loading = replace(loading, command=sent, command_unit=spec.command_unit)
                 forces.append(simulate_force(spec, theta, loading))
-        found = sets_apart(own, x, v, sent, np.array(forces)) if forces else None
-        apart += [] if found is None else [(found, device.name)]
+        gap = sets_apart(span, x, v, sent, np.array(forces)) if forces else None
+        apart += [] if gap is None else [(gap, device.name)]
     if not apart:
         return ""
-    found, name = max(apart, key=lambda each: each[0].percent)
-    return f"{found.in_words}, {name} under {results.motions[motion].name} with {results.rows[row].label}"
+    gap, name = max(apart, key=lambda pair: pair[0].percent)
+    return f"{gap.in_words}, {name} under {results.motions[motion].name} with {results.rows[row].label}"

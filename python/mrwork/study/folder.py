@@ -41,12 +41,12 @@ def _describe_changes(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
     """Changes of every row, the rows of each rank together, the lowest score first."""
     results = comparison.results
     for rank, rows in comparison.ranks:
-        for place, row in enumerate(rows, start=1):
+        for position, row in enumerate(rows, start=1):
             described: dict[str, Any] = {
                 "controller": results.rows[row].label,
                 "kind": results.rows[row].kind,
                 "rank": rank.name,
-                "place": place,
+                "place": position,
                 "score": results.score(row),
             }
             references = {"uncontrolled": comparison.uncontrolled, "best_passive": comparison.passive}
@@ -234,7 +234,7 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
     """
     quantities, demands = results.quantities, results.demands(row, motion)
     run = quantities.at(row, motion)
-    known = not demands or any(demand.outside.known or demand.outside.exceedances for demand in demands)
+    is_known = not demands or any(demand.outside.known or demand.outside.exceedances for demand in demands)
     return {
         "controller": results.rows[row].label,
         "kind": results.rows[row].kind,
@@ -247,7 +247,7 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
         "outside_tested_range": tuple(
             dict.fromkeys(name for demand in demands for name in demand.outside.names)
         )
-        if known
+        if is_known
         else None,
         "exceedances": tuple(map(asdict, worst_by_quantity(demands))),
         "demand": asdict(covering([demand.demand for demand in demands])) if demands else None,
@@ -263,12 +263,12 @@ def design_document(study: Study) -> dict[str, Any]:
     """Settings that laws lacked, designs of weights and linear loops as a JSON object; empty where there are none."""
     document: dict[str, Any] = {
         "settings": [
-            {"controller": label, "notes": each.in_words, "settings": dict(each.settings)}
-            for label, each in study.taken_settings
+            {"controller": label, "notes": taken.in_words, "settings": dict(taken.settings)}
+            for label, taken in study.taken_settings
         ],
         "weights": [
-            {"controllers": labels, "notes": (*each.in_words, each.advice), **each.document()}
-            for labels, each in study.designs
+            {"controllers": labels, "notes": (*weights.in_words, weights.advice), **weights.document()}
+            for labels, weights in study.designs
         ],
         "loops": [
             {"controller": label, "notes": notes, "margins": law.margins and asdict(law.margins)}
@@ -300,16 +300,16 @@ def _every_criterion(numbers: Mapping[str, float] | None) -> dict[str, float]:
 
 def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
-    known, quantities = criteria(), results.quantities
+    entries, quantities = criteria(), results.quantities
     units = {quantity.name: quantity.unit for quantity in results.labelled.declared}
-    heads = [f"{entry.name} [{units[entry.name]}]" for entry in known]
+    heads = [f"{entry.name} [{units[entry.name]}]" for entry in entries]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     outcomes = outcome_names(quantities.outcome[:, :, 0])
     scores = [results.scores(row) for row in range(len(results.rows))]
     for row, motion in np.argwhere(quantities.done[:, :, 0]).tolist():
         facts = results.motions[motion]
         error, score = quantities.energy_error[row, motion, 0], scores[row][motion]
-        values = (results.labelled.numbers[entry.name][row, motion, 0] for entry in known)
+        values = (results.labelled.numbers[entry.name][row, motion, 0] for entry in entries)
         labels = [results.rows[row].label, facts.name, facts.use, str(outcomes[row, motion])]
         lines.append([*labels, _cell(error, 3), _cell(score, 6), *map(_cell, values)])
     return csv_text(lines)

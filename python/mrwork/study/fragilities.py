@@ -151,28 +151,28 @@ class Fragility(Summarised):
         unresolved = sum(crossing.unresolved for crossing in self.crossings)
         beyond, unknown = self.levels[self.outside > 0.0], 100.0 * float(np.isnan(self.medians).mean())
         above, below = np.array([crossing.ends for crossing in self.crossings]).T
-        said = []
+        notes = []
         if unresolved:
-            said.append(
+            notes.append(
                 f"{counted(unresolved, 'record')} ended at a run that could not be resolved, and count as above"
             )
         if beyond.size:
-            said.append(f"from {_in_g(beyond.min())} g on dampers go beyond their tests: extrapolated")
+            notes.append(f"from {_in_g(beyond.min())} g on dampers go beyond their tests: extrapolated")
         if not self.bound and above.max() <= below.min():
-            said.append(
+            notes.append(
                 "one intensity separates all records, so that the dispersion is not known: give finer levels"
             )
         if self.bound == "not determined":
             reason = "each record reaches the limit at its lowest level or never, and not more often at higher levels"
             if ((above > 0.0) & np.isfinite(below)).any():
                 reason = "the search for the largest likelihood has not converged"
-            said.append(f"{reason}, so that median and dispersion are not determined: give further levels")
+            notes.append(f"{reason}, so that median and dispersion are not determined: give further levels")
         elif unknown > 0.0 and not (self.band[0] > 0.0 and math.isfinite(self.band[1])):
-            said.append(
+            notes.append(
                 f"{significant(unknown, 2)} % of the draws of the bootstrap do not determine the median, so that the "
                 "band has an open end: give further levels"
             )
-        return tuple(said)
+        return tuple(notes)
 
     def _summary(self) -> Summary:
         return Summary(
@@ -255,7 +255,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
     @property
     def reference(self) -> str:
         """Label of what others are compared with: the best constant command, else the building without dampers."""
-        kinds = {each.kind: label for label, each in [*self.rows.items()][::-1]}
+        kinds = {row.kind: label for label, row in [*self.rows.items()][::-1]}
         return kinds.get("best_passive") or kinds.get("uncontrolled") or next(iter(self.rows))
 
     @property
@@ -287,20 +287,20 @@ class Fragilities(Plotted, WithAxes, Summarised):
             f"{count} records are few: a band between them holds the median in {shortest(100.0 * holds, 3)} % of "
             f"cases at most, not in {100.0 * self.level:.0f} %; give {needed} or more"
         )
-        said: dict[str, list[str]] = {}
+        by_caution: dict[str, list[str]] = {}
         for label, row in self.rows.items():
             for caution in row.cautions:
-                said.setdefault(caution, []).append(label)
+                by_caution.setdefault(caution, []).append(label)
         asked = criterion_named(self.criterion).question(self.limit)
-        of_rows = (f"{'; '.join(labels)}: {caution}" for caution, labels in said.items())
+        of_rows = (f"{'; '.join(labels)}: {caution}" for caution, labels in by_caution.items())
         return (*((asked,) if asked else ()), *((few,) if holds < self.level else ()), *of_rows)
 
     @checked
     def in_words(self, against: str | None = None) -> tuple[str, ...]:
         """A sentence on the median of each other arrangement against one, by default the `reference`."""
         base = self[self.reference if against is None else against]
-        kept = [row for row in self.rows.values() if row is not base and row.kind not in _BARE]
-        return tuple(self._against(entry, base) for entry in kept)
+        rows = [row for row in self.rows.values() if row is not base and row.kind not in _BARE]
+        return tuple(self._against(entry, base) for entry in rows)
 
     def _against(self, one: Fragility, base: Fragility) -> str:
         ratio, (low, high) = self.ratio(one.label, base.label)
@@ -397,8 +397,8 @@ def fragility(
             "runs would look safe; finish it with --resume"
         )
     scales = None if results.building is None else results.building.scales
-    given = limit if limit is not None else results.limit or COLLAPSE
-    ((name, value),) = limit_of(given, results.command_unit, scales).items()
+    limits = limit if limit is not None else results.limit or COLLAPSE
+    ((name, value),) = limit_of(limits, results.command_unit, scales).items()
     at = results.record_levels
     n_records, n_levels = at.places.shape
     if n_records < _FEWEST or n_levels < _FEWEST:
@@ -409,9 +409,9 @@ def fragility(
     there = at.places >= 0
     responses = results.labelled.up_to_collapse(name)[:, :, 0]
     outside = np.zeros(responses.shape)
-    for place, demands in results.demanded.items():
-        outside[place] = any(demand.outside.exceedances for demand in demands)
-    responses, outside = (np.where(there, each[:, at.places], np.nan) for each in (responses, outside))
+    for run, demands in results.demanded.items():
+        outside[run] = any(demand.outside.exceedances for demand in demands)
+    responses, outside = (np.where(there, array[:, at.places], np.nan) for array in (responses, outside))
     return _fragilities(
         {
             row.label: (row.kind, *of_row)
@@ -481,9 +481,9 @@ def fragilities_of(
     by_label = {label: np.asarray(response, dtype=float) for label, response in responses.items()}
     shapes = {label.shape for label in by_label.values()}
     if at.ndim != 1 or len(shapes) != 1 or len(shape := shapes.pop()) != 2 or shape[1] != at.size:
-        told = ", ".join(f"{label} {each.shape}" for label, each in by_label.items())
+        text = ", ".join(f"{label} {response.shape}" for label, response in by_label.items())
         raise SettingError(
-            f"`responses` have the shapes {told or 'of nothing'}; give (n_records, n_levels) for each label, the same "
+            f"`responses` have the shapes {text or 'of nothing'}; give (n_records, n_levels) for each label, the same "
             f"for all, with `levels` of shape (n_levels,)"
         )
     if min(shape) < _FEWEST or not (np.all(np.diff(at) > 0.0) and at[0] > 0.0):
@@ -496,11 +496,11 @@ def fragilities_of(
         raise SettingError(
             f"`records` has {counted(len(names), 'name')}, and `responses` {shape[0]} rows; give as many"
         )
-    known = np.zeros(shape)
+    outside = np.zeros(shape)
     return _fragilities(
         {
-            label: ("uncontrolled" if label == "uncontrolled" else "controller", each, known)
-            for label, each in by_label.items()
+            label: ("uncontrolled" if label == "uncontrolled" else "controller", response, outside)
+            for label, response in by_label.items()
         },
         at,
         criterion,
@@ -531,12 +531,12 @@ def _fragilities(
 
     Both arrays are over record and level; NaN is where there is no run.
     """
-    weights, found = drawn_weights(len(records), seed), {}
+    weights, by_label = drawn_weights(len(records), seed), {}
     for label, (kind, responses, outside) in rows.items():
         there = ~np.isnan(outside)
         crossings = tuple(
-            _crossing(record, levels[own], line[own], limit)
-            for record, own, line in zip(records, there, responses, strict=True)
+            _crossing(record, levels[mask], line[mask], limit)
+            for record, mask, line in zip(records, there, responses, strict=True)
         )
         above, below = np.array([crossing.ends for crossing in crossings]).T
         (median, *medians), (dispersion, *_) = lognormal_of(above, below, weights)
@@ -544,7 +544,7 @@ def _fragilities(
         ends = _known_ends(drawn, levels)
         if dispersion == 0.0 and 0.0 < median < math.inf:
             ends = np.where((drawn > 0.0) & (drawn < np.inf), _middle(above, below, weights[1:]), ends)
-        found[label] = Fragility(
+        by_label[label] = Fragility(
             label=label,
             kind=kind,
             measure=measure,
@@ -560,7 +560,7 @@ def _fragilities(
             responses=responses,
         )
     return Fragilities(
-        criterion=criterion, limit=limit, unit=unit, level=level, rows=found, study_warnings=study_warnings
+        criterion=criterion, limit=limit, unit=unit, level=level, rows=by_label, study_warnings=study_warnings
     )
 
 
@@ -636,7 +636,7 @@ def _band(low: Floats, high: Floats, level: float, n_records: int) -> tuple[floa
     """
     reach = scipy.stats.t.ppf(0.5 + level / 2.0, n_records - 1) * math.sqrt(n_records / (n_records - 1.0))
     tail = float(scipy.stats.norm.sf(reach))
-    lower, upper = (np.quantile(*each, method="inverted_cdf") for each in ((low, tail), (high, 1.0 - tail)))
+    lower, upper = (np.quantile(*pair, method="inverted_cdf") for pair in ((low, tail), (high, 1.0 - tail)))
     return float(lower), float(upper)
 
 
@@ -664,9 +664,9 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     dispersions = np.zeros(len(weights))
     # A level that separates them all is the median only if records lie between it and the majority.
     at, share = medians[:, None], (weights * (below <= medians[:, None])).sum(axis=1) / weights.sum(axis=1)
-    known = above == below
-    higher = (counts & (known | (at < below)) & np.isfinite(below)).any(axis=1)
-    lower = (counts & (known | (above < at)) & (above > 0.0)).any(axis=1)
+    exact = above == below
+    higher = (counts & (exact | (at < below)) & np.isfinite(below)).any(axis=1)
+    lower = (counts & (exact | (above < at)) & (above > 0.0)).any(axis=1)
     medians = np.where(~higher & (share < 0.5), np.inf, np.where(~lower & (share > 0.5), 0.0, medians))
     open_ = highest > lowest
     has_maximum = open_ & (
@@ -686,7 +686,7 @@ def _rises(above: Floats, below: Floats, weights: Floats) -> NDArray[np.bool_]:
     one_sided = ((below, (above == 0.0) & np.isfinite(below)), (above, (above > 0.0) & np.isinf(below)))
     with np.errstate(divide="ignore", invalid="ignore"):
         upper, lower = (
-            weights[:, own] @ np.log(ends[own]) / weights[:, own].sum(axis=1) for ends, own in one_sided
+            weights[:, mask] @ np.log(ends[mask]) / weights[:, mask].sum(axis=1) for ends, mask in one_sided
         )
     return np.asarray(upper - lower > 1e-12 * np.maximum(np.abs(upper), np.abs(lower)))
 
@@ -698,58 +698,58 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> Floats:
     ends = np.concatenate([low[np.isfinite(low)], high[np.isfinite(high)]])
     centre, scale = float(ends.mean()), float(ends.std()) or 1.0
     low, high = (low - centre) / scale, (high - centre) / scale
-    # z = slope * x - place.
-    slope, place = np.ones(len(weights)), np.zeros(len(weights))
-    total, gradient, curvature = _likelihood(low, high, weights, slope, place)
+    # z = slope * x - offset.
+    slope, offset = np.ones(len(weights)), np.zeros(len(weights))
+    total, gradient, curvature = _likelihood(low, high, weights, slope, offset)
     for _ in range(_STEPS):
         step = np.linalg.solve(curvature + 1e-12 * np.eye(2), gradient[..., None])[..., 0]
         length = np.abs(step).max(axis=1)
-        converged = (np.abs(step) < _CONVERGED * np.stack([slope, 1.0 + np.abs(place)], axis=1)).all(axis=1)
+        converged = (np.abs(step) < _CONVERGED * np.stack([slope, 1.0 + np.abs(offset)], axis=1)).all(axis=1)
         if length.max() < 1e-10:
             break
         step *= np.minimum(1.0, _LONGEST * np.maximum(1.0, slope) / np.maximum(length, 1e-300))[:, None]
         factor = np.ones(len(weights))
         for _ in range(40):
-            new_slope, new_place = slope + factor * step[:, 0], place + factor * step[:, 1]
+            new_slope, new_offset = slope + factor * step[:, 0], offset + factor * step[:, 1]
             usable = new_slope > 0.0
-            new = _likelihood(low, high, weights, np.where(usable, new_slope, slope), new_place)
+            new = _likelihood(low, high, weights, np.where(usable, new_slope, slope), new_offset)
             worse = ~usable | (new[0] < total - 1e-12 * np.abs(total))
             if not worse.any():
                 break
             factor = np.where(worse, 0.5 * factor, factor)
         keep = ~worse
-        slope, place = np.where(keep, new_slope, slope), np.where(keep, new_place, place)
-        total, gradient, curvature = _likelihood(low, high, weights, slope, place)
-    return np.where(converged, [np.exp(centre + scale * place / slope), scale / slope], np.nan)
+        slope, offset = np.where(keep, new_slope, slope), np.where(keep, new_offset, offset)
+        total, gradient, curvature = _likelihood(low, high, weights, slope, offset)
+    return np.where(converged, [np.exp(centre + scale * offset / slope), scale / slope], np.nan)
 
 
 def _likelihood(
-    low: Floats, high: Floats, weights: Floats, slope: Floats, place: Floats
+    low: Floats, high: Floats, weights: Floats, slope: Floats, offset: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Logarithm of the likelihood of each row of weights, its gradient in slope and place, and minus its curvature."""
-    (xa, za, da), (xb, zb, db) = (_at_end(x, slope, place) for x in (low, high))
+    """Logarithm of the likelihood of each row of weights, its gradient in slope and offset, and minus its curvature."""
+    (xa, za, da), (xb, zb, db) = (_at_end(x, slope, offset) for x in (low, high))
     # Where the intensity is known the likelihood is its density, slope times the density of z.
-    known, steepness = low == high, slope[:, None]
+    exact, steepness = low == high, slope[:, None]
     # In the upper tail the difference of the complements is exact.
     ndtr = scipy.special.ndtr
     p = np.maximum(np.where(za > 0.0, ndtr(-za) - ndtr(-zb), ndtr(zb) - ndtr(za)), _TINY)
     with np.errstate(invalid="ignore"):
         ua, ub = (np.where(density > 0.0, z * density, 0.0) for z, density in ((za, da), (zb, db)))
-        by_slope = np.where(known, 1.0 / steepness - za * xa, (xb * db - xa * da) / p)
-    by_place = np.where(known, za, (da - db) / p)
-    logs = np.where(known, np.log(steepness) - 0.5 * za * za, np.log(p))
+        by_slope = np.where(exact, 1.0 / steepness - za * xa, (xb * db - xa * da) / p)
+    by_offset = np.where(exact, za, (da - db) / p)
+    logs = np.where(exact, np.log(steepness) - 0.5 * za * za, np.log(p))
     second = ((xa * xa * ua - xb * xb * ub) / p, (xb * ub - xa * ua) / p, (ua - ub) / p)
-    first = (by_slope * by_slope, by_slope * by_place, by_place * by_place)
+    first = (by_slope * by_slope, by_slope * by_offset, by_offset * by_offset)
     of_known = (steepness**-2 + xa * xa, -xa, np.ones_like(za))
     a, b, c = (
-        (weights * np.where(known, alone, one - two)).sum(axis=1)
+        (weights * np.where(exact, alone, one - two)).sum(axis=1)
         for alone, one, two in zip(of_known, first, second, strict=True)
     )
-    gradient = np.stack([(weights * by_slope).sum(axis=1), (weights * by_place).sum(axis=1)], axis=1)
+    gradient = np.stack([(weights * by_slope).sum(axis=1), (weights * by_offset).sum(axis=1)], axis=1)
     return (weights * logs).sum(axis=1), gradient, np.array([[a, b], [b, c]]).transpose(2, 0, 1)
 
 
-def _at_end(x: Floats, slope: Floats, place: Floats) -> tuple[Floats, Floats, Floats]:
+def _at_end(x: Floats, slope: Floats, offset: Floats) -> tuple[Floats, Floats, Floats]:
     """An end of each interval, its normal coordinate for each draw, and the density there; an open end has x = 0."""
-    z = slope[:, None] * x - place[:, None]
+    z = slope[:, None] * x - offset[:, None]
     return np.where(np.isfinite(x), x, 0.0), z, np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)

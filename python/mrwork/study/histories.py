@@ -53,13 +53,13 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         history.device_energy[:, : len(devices)].sum(axis=1)
         + history.element_energy[:, arrangement.passive_devices].sum(axis=1),
     )
-    kept = {
+    numbers = {
         signal.name: history.numbers[signal.name][:, places[signal.axis]]
         if signal.own_axes
         else history.numbers[signal.name]
         for signal in _kept_signals()
     }
-    return RunHistory(time=history.time, numbers={**kept, "energy": np.stack(energies, axis=1)})
+    return RunHistory(time=history.time, numbers={**numbers, "energy": np.stack(energies, axis=1)})
 
 
 class Histories:

@@ -24,10 +24,10 @@ def laws_text() -> str:
             lines += heading_lines("", prose)[1:]
         if spec.switches:
             lines.append("  It switches, so its score has no gradient.")
-        own = [key for key in keys[spec.name] if key not in shared]
+        unique = [key for key in keys[spec.name] if key not in shared]
         if elsewhere := [key.name for key in keys[spec.name] if key in shared]:
             lines += heading_lines("", f"settings described below: {', '.join(elsewhere)}")[1:]
-        blocks.append("\n".join([*lines, *(["  settings", *_indented(key_lines(own))] if own else [])]))
+        blocks.append("\n".join([*lines, *(["  settings", *_indented(key_lines(unique))] if unique else [])]))
     blocks.append("\n".join(["Settings of several laws", *key_lines(shared)]))
     heading = "designed: table among the settings of a law with weights"
     lines = _indented(key_lines(keys_in_words(WeightWishes)))

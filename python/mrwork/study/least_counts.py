@@ -94,7 +94,7 @@ class DamperCounts(Plotted, Summarised):
             for row in self.rows
             if not row.keeps
         )
-        own = self.places if self.by == "storey" and len(self.places) > 1 else ("in each place",)
+        heads = self.places if self.by == "storey" and len(self.places) > 1 else ("in each place",)
         return Summary(
             title=f"Least dampers that keep {name[:1].lower()}{name[1:]} within {self.in_words(self.limit)}",
             facts=(
@@ -102,11 +102,11 @@ class DamperCounts(Plotted, Summarised):
                 ("without dampers", self.in_words(self.bare)),
             ),
             cautions=["the building keeps the limit without dampers."] if self.bare <= self.limit else (),
-            columns=("arrangement", *own, "dampers", criterion(self.criterion).short),
+            columns=("arrangement", *heads, "dampers", criterion(self.criterion).short),
             rows=[
                 (
                     row.label,
-                    *(str(count) if row.keeps else "-" for count in row.counts[: len(own)]),
+                    *(str(count) if row.keeps else "-" for count in row.counts[: len(heads)]),
                     str(row.dampers) if row.keeps else "not kept",
                     self.in_words(row.value),
                 )
@@ -149,8 +149,8 @@ class _Trials:
                 self.on_progress(replace(progress, label=f"{_counts_in_words(counts)}, {progress.label}"))
 
         study = counted_study(self.study, counts)
-        kept = tuple(arrangement for arrangement in study.arrangements if arrangement.row.kind in _KINDS)
-        study = designed(replace(study, arrangements=kept), on_progress=report)
+        compared = tuple(arrangement for arrangement in study.arrangements if arrangement.row.kind in _KINDS)
+        study = designed(replace(study, arrangements=compared), on_progress=report)
         results = run_study(study, on_progress=report, threads=self.threads)
         taken = [
             arrangement.taken.runs for arrangement in study.arrangements if arrangement.taken is not None
@@ -172,20 +172,20 @@ class _Trials:
             # Without any damper the row is the building itself.
             return any(counts) and self.values(counts)[row] <= self.limit
 
-        def with_own(counts: tuple[int, ...], place: int, count: int) -> bool:
-            return keeps((*counts[:place], count, *counts[place + 1 :]))
+        def with_own(counts: tuple[int, ...], index: int, count: int) -> bool:
+            return keeps((*counts[:index], count, *counts[index + 1 :]))
 
         every = range(len(commanded(self.study.devices)))
         below, count = 0, 1
         while not keeps((count,) * len(every)):
             if count == most:
                 alike = [value for value in self.tried.values() if value.uniform is not None]
-                return min(alike, key=lambda each: each.values[row]).counts
+                return min(alike, key=lambda value: value.values[row]).counts
             below, count = count, min(2 * count, most)
         counts = (_bisect(lambda count: keeps((count,) * len(every)), below, count),) * len(every)
-        for place in sorted(every, key=lambda place: -storeys[place]) if storeys and len(every) > 1 else ():
-            own = _bisect(partial(with_own, counts, place), -1, counts[place])
-            counts = (*counts[:place], own, *counts[place + 1 :])
+        for index in sorted(every, key=lambda index: -storeys[index]) if storeys and len(every) > 1 else ():
+            fewest = _bisect(partial(with_own, counts, index), -1, counts[index])
+            counts = (*counts[:index], fewest, *counts[index + 1 :])
         return counts
 
 
@@ -235,13 +235,13 @@ def damper_counts(
     >>> study = mr.read_study("study.toml")  # doctest: +SKIP
     >>> mr.study.damper_counts(study, limit={"peak_drift_ratio": "1 %"})  # doctest: +SKIP
     """
-    given = study.limit if limit is None else limit
-    if not given:
+    limits = study.limit if limit is None else limit
+    if not limits:
         raise SettingError(
             'the study has no limit; give one, as report.limit = { peak_drift_ratio = "1 %" }, or drift_limit of '
             "[building]"
         )
-    ((name, value),) = limit_of(given, study.command_unit, Scales.of(study.building)).items()
+    ((name, value),) = limit_of(limits, study.command_unit, Scales.of(study.building)).items()
     if quantity_named(criterion(name).quantity).axis == "device":
         raise SettingError(
             f"{name} is of the dampers; give a limit on the building, as peak_drift or peak_acceleration"
@@ -250,12 +250,12 @@ def damper_counts(
     if not devices or not devices[0].is_commanded:
         raise SettingError("the study has no damper that follows a command; give a [[damper]]")
     trials = _Trials(study=study, criterion=name, limit=value, threads=threads, on_progress=on_progress)
-    kept = [arrangement.row for arrangement in study.arrangements if arrangement.row.kind in _KINDS]
-    storeys = [study.building.storey_name(each.storey) for each in study.table.damper[: len(devices)]]
+    compared = [arrangement.row for arrangement in study.arrangements if arrangement.row.kind in _KINDS]
+    storeys = [study.building.storey_name(damper.storey) for damper in study.table.damper[: len(devices)]]
     places = [study.building.storey_names.index(storey) for storey in storeys] if by == "storey" else []
     rows = []
     try:
-        for number, row in enumerate(kept[1:], start=1):
+        for number, row in enumerate(compared[1:], start=1):
             counts = trials.least(number, most, places)
             reached = trials.values(counts)[number]
             sizes = (2 if device.differential else 1 for device in devices)

@@ -69,17 +69,17 @@ def simulate_criteria(
     if yields and len(realisations) > 1 and (realisations.stiffness != 1.0).any():
         count = len(realisations)
 
-        def alone(place: int) -> Runs:
+        def alone(index: int) -> Runs:
             def on_part(done: int, of: int) -> None:
                 if on_block is not None:
-                    on_block(place * of + done, count * of)
+                    on_block(index * of + done, count * of)
 
             return simulate_criteria(
                 arrangement,
                 law,
                 motions,
                 hardware,
-                realisations.alone(place),
+                realisations.alone(index),
                 largest_commands=largest_commands,
                 shaping=shaping,
                 threads=threads,
@@ -124,9 +124,9 @@ def simulate_criteria(
 
 def scales_of(arrangement: Arrangement) -> Scales:
     """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change."""
-    own, storeys = arrangement.building, arrangement.places["storey"]
+    frame, storeys = arrangement.building, arrangement.places["storey"]
     heights, yields, loads = (
-        each[storeys] if each.size else each for each in (own.heights, own.yield_drifts, own.loads)
+        array[storeys] if array.size else array for array in (frame.heights, frame.yield_drifts, frame.loads)
     )
     return Scales(
         weight=Scales.of(arrangement.bare).weight, heights=heights, yield_drifts=yields, loads=loads

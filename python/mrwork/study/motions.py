@@ -150,7 +150,7 @@ def _warnings(ground: GroundMotion, table: MotionTable) -> tuple[str, ...]:
     if table.is_synthetic:
         return ()
     factor = max(map(abs, _several(table.factor)), default=0.0) or 1.0
-    is_scaled = any(each is not None for each in (table.pga, table.sa, table.scale_to))
+    is_scaled = any(value is not None for value in (table.pga, table.sa, table.scale_to))
     return examined(replace(ground, acceleration=factor * ground.acceleration), scaled=is_scaled)
 
 
@@ -159,12 +159,12 @@ _Grounds = list[tuple[GroundMotion, Path | None]]
 
 def _grounds(table: MotionTable, folder: Path, seed: int) -> _Grounds:
     """The ground motions that a table names, gives or draws, with their files."""
-    given, seed, step = table.file, seed + table.seed, table.dt or _SYNTHETIC_STEP
-    if isinstance(given, str):
+    file, seed, step = table.file, seed + table.seed, table.dt or _SYNTHETIC_STEP
+    if isinstance(file, str):
         with keyed("file"):
-            return _read_record(table, folder / given)
-    if isinstance(given, GroundMotion):
-        return [(replace(given, name=table.name or given.name), None)]
+            return _read_record(table, folder / file)
+    if isinstance(file, GroundMotion):
+        return [(replace(file, name=table.name or file.name), None)]
     if table.suite is not None:
         with keyed("suite"):
             drawn = suite(**table.suite.of(suite), rng=seed, dt=step, name=table.name)
@@ -192,11 +192,11 @@ def _read_record(table: MotionTable, file: Path) -> _Grounds:
 
 def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
     """Refuse a training motion that is a test motion, or a copy of one under another name."""
-    tests, training = ([each for each in bare if each.table.use == use] for use in ("test", "training"))
+    tests, training = ([motion for motion in bare if motion.table.use == use] for use in ("test", "training"))
     for test, other in product(tests, training):
         names = f"training motion {other.ground.name!r} and test motion {test.ground.name!r}"
         remedy = "controllers must be judged on motions that they were not tuned on; leave one out"
-        channels = [(each.file, each.table.column, each.table.channel) for each in (test, other)]
+        channels = [(motion.file, motion.table.column, motion.table.channel) for motion in (test, other)]
         with keyed("motion", test.number):
             if test.file is not None and channels[0] == channels[1]:
                 raise SettingError(f"{names} are of one file, {test.file.name}; {remedy}")
@@ -254,25 +254,25 @@ def _scale(
         damping = aims.target.damping
         period = None if table.scale_to == "pga" else aims.target_period or aims.first_period
         motion = scaled_to_target(motion, aims.target, by=table.scale_to, period=period)
-    found = Intensity(measure="pga", value=motion.peak)
+    intensity = Intensity(measure="pga", value=motion.peak)
     if period is not None:
-        found = spectral_intensity(motion, period, damping)
+        intensity = spectral_intensity(motion, period, damping)
     factors, values = _several(table.factor), _several(table.pga) or _several(table.sa)
     if not factors and not values:
-        yield motion, found, None
+        yield motion, intensity, None
     for factor in factors:
         name = motion.name if len(factors) == 1 else f"{motion.name} x {factor:g}"
         yield (
             replace(scaled(motion, factor), name=name),
-            replace(found, value=abs(factor) * found.value),
+            replace(intensity, value=abs(factor) * intensity.value),
             factor,
         )
     for value in values:
         level = f"{'' if table.sa is None else 'Sa '}{value / STANDARD_GRAVITY:.3g} g"
         name = motion.name if len(values) == 1 else f"{motion.name}, {level}"
-        ground = replace(scaled_from(motion, found, value), name=name, groups=(*motion.groups, level))
-        yield ground, replace(found, value=value), None
+        ground = replace(scaled_from(motion, intensity, value), name=name, groups=(*motion.groups, level))
+        yield ground, replace(intensity, value=value), None
 
 
-def _several(given: float | tuple[float, ...] | None) -> tuple[float, ...]:
-    return () if given is None else given if isinstance(given, tuple) else (given,)
+def _several(value: float | tuple[float, ...] | None) -> tuple[float, ...]:
+    return () if value is None else value if isinstance(value, tuple) else (value,)

@@ -145,11 +145,11 @@ def designed(
         course=Course(on_progress),
     )
 
-    def arranged(each: Arrangement) -> Arrangement:
-        if each.named is None:
-            return each
-        law, taken = trials.design(each.named)
-        return replace(each, law=law, taken=taken, named=None)
+    def arranged(arrangement: Arrangement) -> Arrangement:
+        if arrangement.named is None:
+            return arrangement
+        law, taken = trials.design(arrangement.named)
+        return replace(arrangement, law=law, taken=taken, named=None)
 
     with study.place.prefix_errors(SettingError):
         made = replace(study, arrangements=tuple(read_each(arranged, study.arrangements)))
@@ -200,24 +200,24 @@ class _Trials:
         """The problem with the motion that the response of its dampers lets expect."""
         whole, (_, _, expected) = self.problem.whole, self._response
         amplitude, velocity = (
-            (round_to(_SMALLEST * each), round_to(each)) for each in (expected.stroke, expected.rate)
+            (round_to(_SMALLEST * value), round_to(value)) for value in (expected.stroke, expected.rate)
         )
         return replace(whole, amplitude=whole.amplitude or amplitude, velocity=whole.velocity or velocity)
 
     def _take(self, named: NamedLaw, problem: DesignProblem, beside: str) -> TakenSettings:
         """The settings that a law lacks; `beside` says what else was taken for it."""
-        kind, given, missing = SETTINGS[named.table.law], named.given, named.missing
+        kind, settings, missing = SETTINGS[named.table.law], named.given, named.missing
         if not missing:
             return TakenSettings(settings={}, origin=(beside,), remedy="")
         taken, says = dict[str, Any](), list[str]()
         # Of a regulator without R.
         if WEIGHT in [entry.name for entry in missing]:
-            if "designed" in given:
+            if "designed" in settings:
                 taken, says = {WEIGHT: 1.0}, ["control_weight, R as designed"]
-            elif not kind.weight_names() & given.keys():
+            elif not kind.weight_names() & settings.keys():
                 taken, says = dict(kind.weighed_by_default), ["equal weights of all drifts"]
         _, _, magnitudes = self._response
-        magnitudes = replace(magnitudes, cost=kind.cost({**given, **taken}, magnitudes))
+        magnitudes = replace(magnitudes, cost=kind.cost({**settings, **taken}, magnitudes))
         scanned: dict[str, Floats] = {}
         for entry in missing:
             span = entry.says.span
@@ -235,14 +235,14 @@ class _Trials:
                 steps = np.linspace(lower, upper, _LEVELS) if linear else np.geomspace(lower, upper, _STEPS)
                 scanned[entry.name] = np.array([round_to(step) for step in steps])
         if scanned:
-            chosen, sentence = self._scan(named, {**given, **taken}, scanned, problem)
+            chosen, sentence = self._scan(named, {**settings, **taken}, scanned, problem)
             taken |= chosen
             says.append(sentence)
         return TakenSettings(
             settings=taken,
             runs=len(next(iter(scanned.values()), ())) * len(problem.motions),
             origin=tuple([*says, beside] if beside else says),
-            remedy=f"settings = {toml_value(as_document(given) | taken)}",
+            remedy=f"settings = {toml_value(as_document(settings) | taken)}",
         )
 
     def _scan(

@@ -35,7 +35,7 @@ def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Place
                 ("damper", number, "row"),
                 "row is of one place, and [places] compares several; give an angle",
             )
-    own = Counter(bare.storey_name(damper.storey) for damper in dampers)
+    tally = Counter(bare.storey_name(damper.storey) for damper in dampers)
     with keyed("places", "storeys"):
         names = list(dict.fromkeys(bare.storey_name(storey) for storey in places.storeys or ()))
     names = names or list(bare.drift_names)
@@ -57,8 +57,8 @@ def placements_of(table: StudyTable, bare: Building) -> tuple[Placed, list[Place
             f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have {have}; "
             f"give {remedy}",
         )
-    given = {name: own[name] if len(dampers) > 1 else number for name in bare.storey_names if own[name]}
-    return given, placements
+    placed = {name: tally[name] if len(dampers) > 1 else number for name in bare.storey_names if tally[name]}
+    return placed, placements
 
 
 def _spread(names: Sequence[str], number: int, most: int) -> Iterator[dict[str, int]]:

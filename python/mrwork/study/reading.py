@@ -133,16 +133,16 @@ def study_of_tables(
     file: StudyFile | None = None,
 ) -> Study:
     """The study of tables, which may hold values that no file can; names of files are relative to `folder`."""
-    found = _Found(
+    inputs = _Found(
         folder=folder / str(document.get("folder", "")),
         identified=cache(identified),
         seed=seed,
         on_python=on_python,
     )
-    place = replace(place, on_table=found.look_up)
+    place = replace(place, on_table=inputs.look_up)
     table = read_table(StudyTable, document, place)
     with place.prefix_errors(SettingError):
-        made = _study_of(table, found)
+        made = _study_of(table, inputs)
         questions = (*place.questions, *_questions(table, made.limit, place))
     return replace(made, file=file, place=place.kept, questions=tuple(dict.fromkeys(questions)))
 
@@ -158,9 +158,9 @@ def counted_study(study: Study, counts: Sequence[int]) -> Study:
     A [[damper]] of 0 is left out.
     """
     driven, rest = study.table.damper[: len(counts)], study.table.damper[len(counts) :]
-    own = [replace(device, count=count) for device, count in zip(driven, counts, strict=True) if count]
+    dampers = [replace(device, count=count) for device, count in zip(driven, counts, strict=True) if count]
     return replace(
-        _with_dampers(study, [*own, *rest]),
+        _with_dampers(study, [*dampers, *rest]),
         motions=study.motions,
         detailed=study.detailed,
         histories=(),
@@ -177,25 +177,25 @@ def _with_dampers(study: Study, dampers: Sequence[DamperTable]) -> Study:
     )
 
 
-def _study_of(table: StudyTable, found: _Found) -> Study:
+def _study_of(table: StudyTable, inputs: _Found) -> Study:
     """The study of a table and of what it names: how that goes together, then its laws."""
-    bare, hardware = found.bare, replace(table.hardware, seed=found.seed)
+    bare, hardware = inputs.bare, replace(table.hardware, seed=inputs.seed)
     assert bare is not None
-    free = (one for damper, one in zip(table.damper, found.dampers, strict=True) if damper.command is None)
+    free = (one for damper, one in zip(table.damper, inputs.dampers, strict=True) if damper.command is None)
     command_unit = joined_units(one.spec.command_unit for one in free if one.spec.follows_command) or "A"
     period = None if table.target is None else table.target.given.get("period")
-    aims = Aims(building=bare, target=found.target, target_period=period)
+    aims = Aims(building=bare, target=inputs.target, target_period=period)
     with all_mistakes() as part:
         with part():
-            building, devices = equip_building(bare, table.damper, found.dampers)
+            building, devices = equip_building(bare, table.damper, inputs.dampers)
             # Dampers that a law commands come first, whatever their order in the file.
             order = sorted(range(len(devices)), key=lambda number: not devices[number].is_commanded)
             if order != list(range(len(devices))):
                 devices = tuple(devices[number] for number in order)
                 table = replace(table, damper=tuple(table.damper[number] for number in order))
-                found = replace(found, dampers=[found.dampers[number] for number in order])
+                inputs = replace(inputs, dampers=[inputs.dampers[number] for number in order])
         with part():
-            motions = motions_of_study(found.records, aims)
+            motions = motions_of_study(inputs.records, aims)
         with part(), keyed("report", "limit"):
             limit: Mapping[str, float] = {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
             if table.report.limit is not None:
@@ -242,7 +242,7 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
         reference_peaks=reference_peaks if devices else None,
         **expected,
     )
-    compared = arrangements(table, bare, problem, found.folder, hardware, found.settings)
+    compared = arrangements(table, bare, problem, inputs.folder, hardware, inputs.settings)
     labels = [test.row.label for test in compared]
     refuse_same(labels, "controller", "arrangements", "label")
     with keyed("report", "controllers"):
@@ -250,8 +250,8 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
             check_known(label, labels, f"no arrangement is called {label!r}")
     study = Study(
         table=table,
-        folder=found.folder.resolve(),
-        identified=found.identified,
+        folder=inputs.folder.resolve(),
+        identified=inputs.identified,
         building=bare,
         arrangements=compared,
         motions=motions,
@@ -260,15 +260,15 @@ def _study_of(table: StudyTable, found: _Found) -> Study:
         limit=limit,
         hardware=hardware,
         devices=devices,
-        described=_facts(bare, devices, found.dampers, hardware),
+        described=_facts(bare, devices, inputs.dampers, hardware),
         detailed=detailed,
         histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
             table.report.histories
         ],
         problem=problem,
-        tunes=tuple(found.tunes),
-        realisations=realisations_of(table, devices, found.folder, found.identified),
-        other_sets=other_sets(table.damper, found.folder, found.identified),
+        tunes=tuple(inputs.tunes),
+        realisations=realisations_of(table, devices, inputs.folder, inputs.identified),
+        other_sets=other_sets(table.damper, inputs.folder, inputs.identified),
         suite=checked_suite,
     )
     if all(test.named is None for test in compared):
@@ -294,7 +294,7 @@ def _design_motions(
     They are the training motions, or all where there are none; with a `design_level` the motions of it.
     """
     chosen = tuple(motion for motion in motions if motion.use == "training") or tuple(motions)
-    levels = tuple(law.level_in_words for law in sorted(chosen, key=lambda each: each.level))
+    levels = tuple(law.level_in_words for law in sorted(chosen, key=lambda motion: motion.level))
     levels, several = tuple(dict.fromkeys(levels)), max(Counter(law.record for law in chosen).values()) > 1
     wanted = table.design_level
     if wanted is None:
@@ -313,8 +313,8 @@ def _questions(table: StudyTable, limit: Mapping[str, float], place: Place) -> I
     """Sentences on unusual limits of criteria."""
     limits: list[tuple[KeyPath, str, float | str]] = [
         (("tune", number, "constraints", name), name, value)
-        for number, each in enumerate(table.tune)
-        for name, value in (each.constraints or {}).items()
+        for number, tune in enumerate(table.tune)
+        for name, value in (tune.constraints or {}).items()
     ]
     if table.report.limit is not None:
         limits += [(("report", "limit"), name, value) for name, value in limit.items()]

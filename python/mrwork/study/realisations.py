@@ -46,7 +46,7 @@ class Realisations(Summarised):
             damping=self.damping[here],
             delay=self.delay[here],
             seed=self.seed[here],
-            theta=tuple(each[here] if len(each) > 1 else each for each in self.theta),
+            theta=tuple(draws[here] if len(draws) > 1 else draws for draws in self.theta),
         )
 
     @property
@@ -71,29 +71,29 @@ def realisations_of(
     table: StudyTable, devices: Sequence[Device], folder: Path, identified: Identified
 ) -> Realisations | None:
     """The realisations of what a study does not know exactly: a Latin hypercube, and posterior draws."""
-    given = table.uncertainty
-    if given is None:
+    spread = table.uncertainty
+    if spread is None:
         return None
-    n, theta, parts = given.realisations, list[Floats](), [given.stiffness, given.damping, given.delay]
-    unit = latin_hypercube(Streams(rng=given.seed), n, 4)
+    n, theta, parts = spread.realisations, list[Floats](), [spread.stiffness, spread.damping, spread.delay]
+    unit = latin_hypercube(Streams(rng=spread.seed), n, 4)
     order = np.argsort(np.argsort(unit[:, 3], kind="stable"))
-    for number, (each, device) in enumerate(zip(table.damper, devices, strict=True)):
-        if not given.damper or each.run is None:
+    for number, (damper, device) in enumerate(zip(table.damper, devices, strict=True)):
+        if not spread.damper or damper.run is None:
             theta.append(device.draws[:1])
             continue
-        fit = fitted_of(each, folder, identified)
+        fit = fitted_of(damper, folder, identified)
         rows = fit.draws()
         if rows is None:
             run, remedy = "a fit", "give the folder of its run with the draws that mrwork sample adds"
-            if isinstance(each.run, str):
-                run, remedy = each.run, f"run mrwork sample {each.run} first"
+            if isinstance(damper.run, str):
+                run, remedy = damper.run, f"run mrwork sample {damper.run} first"
             raise InvalidSettingError(
                 ("damper", number, "run"),
                 f"{run} has no posterior draws, and [uncertainty] asks for them; {remedy}, or set damper = false there",
             )
         # Equally spread over the chains, in a random order, which is the same for all devices of one run.
         chosen = rows[np.linspace(0, len(rows) - 1, n).round().astype(np.int64)[order]]
-        theta.append(np.stack([_with_parameters(each, fit, row, folder) for row in chosen]))
+        theta.append(np.stack([_with_parameters(damper, fit, row, folder) for row in chosen]))
         parts.append(1.0)
     if not any(parts):
         raise InvalidSettingError(
@@ -102,9 +102,9 @@ def realisations_of(
             "run that has posterior draws",
         )
     return Realisations(
-        stiffness=1.0 + given.stiffness * (2.0 * unit[:, 0] - 1.0),
-        damping=1.0 + given.damping * (2.0 * unit[:, 1] - 1.0),
-        delay=given.delay * unit[:, 2],
+        stiffness=1.0 + spread.stiffness * (2.0 * unit[:, 0] - 1.0),
+        damping=1.0 + spread.damping * (2.0 * unit[:, 1] - 1.0),
+        delay=spread.delay * unit[:, 2],
         seed=np.arange(n, dtype=np.int64),
         theta=tuple(theta),
     )

@@ -93,8 +93,8 @@ class MotionFacts:
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
         """The facts of a motion of a study."""
-        own = ("name", "peak", "duration", "source", "changes", "groups")
-        facts = {name: getattr(motion.ground, name) for name in own}
+        names = ("name", "peak", "duration", "source", "changes", "groups")
+        facts = {name: getattr(motion.ground, name) for name in names}
         intensity = motion.intensity or Intensity(measure="pga", value=motion.ground.peak)
         of_study = {name: getattr(motion, name) for name in ("synthetic", "use", "record", "copy_of")}
         return MotionFacts(**facts, **of_study, intensity=intensity, level=motion.level_in_words)
@@ -382,11 +382,11 @@ class StudyResults(Plotted, Summarised):
         """Every criterion of a run that finished, by default of the nominal one."""
         if not self.quantities.finished[row, motion, realisation]:
             return None
-        found = self.labelled.at(row, motion, realisation)
+        values = self.labelled.at(row, motion, realisation)
         return {
-            entry.name: float(found[entry.name])
+            entry.name: float(values[entry.name])
             for entry in criteria()
-            if not (entry.optional and math.isnan(found[entry.name]))
+            if not (entry.optional and math.isnan(values[entry.name]))
         }
 
     @arguments.checked
@@ -663,8 +663,8 @@ _MOTIONS_SHOWN: Final = 5
 def criterion_band(results: StudyResults, row: int, motion: int, name: str) -> RealisationBand | None:
     """Band of a criterion of a row under a motion; `None` for a row without realisations, or if it is not known."""
     realised = results.realised
-    known = results.n_realisations and realised.done[row, motion].all()
-    return _band(realised.numbers[name][row, motion], realised.finished[row, motion]) if known else None
+    is_known = results.n_realisations and realised.done[row, motion].all()
+    return _band(realised.numbers[name][row, motion], realised.finished[row, motion]) if is_known else None
 
 
 def bands_over(results: StudyResults, row: int, reference: int | None) -> dict[str, RealisationBand]:
@@ -678,8 +678,8 @@ def bands_over(results: StudyResults, row: int, reference: int | None) -> dict[s
     both = realised.part([row, reference], motions)
     if not both.done.all():
         return {}
-    own, other = both.of_row(0), both.of_row(1)
-    ratios = {**own.over(other), "score": own.scores(other)}
+    runs, other = both.of_row(0), both.of_row(1)
+    ratios = {**runs.over(other), "score": runs.scores(other)}
     bands = {name: _band(ratio[0].mean(axis=0), both.finished) for name, ratio in ratios.items()}
     return {name: band for name, band in bands.items() if band is not None}
 
@@ -720,7 +720,7 @@ class StepChange:
 
 def largest_step_changes(results: StudyResults) -> tuple[StepChange, ...]:
     """The largest change of each row that was repeated with half the step."""
-    found: list[StepChange] = []
+    worst: list[StepChange] = []
     repeated = np.asarray(results.quantities.done[:, :, 1:].any(axis=2))
     for row in np.flatnonzero(repeated.any(axis=1)).tolist():
         changes = {
@@ -733,7 +733,7 @@ def largest_step_changes(results: StudyResults) -> tuple[StepChange, ...]:
             for name, change in (of_run or {}).items()
             if not (criterion(name).counted or math.isnan(change))
         ]
-        change, name, motion = max(compared, key=lambda each: each[0], default=(0.0, "", 0))
+        change, name, motion = max(compared, key=lambda item: item[0], default=(0.0, "", 0))
         unfinished = tuple(motion for motion, of_run in changes.items() if of_run is None)
-        found.append(StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=unfinished))
-    return tuple(found)
+        worst.append(StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=unfinished))
+    return tuple(worst)

@@ -212,12 +212,12 @@ class _StudyRuns:
 
     def _simulate_realised(self, row: int) -> None:
         """Criteria of a row with the realisations of the study."""
-        study, each = self.study, self.rows[row]
-        assert each.law is not None
+        study, arrangement = self.study, self.rows[row]
+        assert arrangement.law is not None
         simulate = partial(
             simulate_criteria,
-            each,
-            each.law,
+            arrangement,
+            arrangement.law,
             study.grounds,
             study.hardware,
             study.realisations,
@@ -280,7 +280,7 @@ class _StudyRuns:
     def _stored(self, motions: Sequence[int], runs: Runs) -> list[int]:
         """Motions of which the study keeps the history of a run; one without an end has numbers that are not finite."""
         ended = zip(motions, runs.finished[0, :, 0], strict=True)
-        return [each for each, finished in ended if finished and each in self.study.histories]
+        return [motion for motion, finished in ended if finished and motion in self.study.histories]
 
 
 def _batches(study: Study, arrangement: Arrangement) -> list[tuple[list[int], bool]]:

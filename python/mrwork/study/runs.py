@@ -66,8 +66,8 @@ _FURTHER = (
 
 def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
     """Quantities of the runs of a study."""
-    kept = (*(quantity for quantity in run_quantities() if quantity.name not in _LEFT_OUT), *_FURTHER)
-    return tuple(replace(entry, unit=in_command_unit(entry.unit, command_unit)) for entry in kept)
+    quantities = (*(quantity for quantity in run_quantities() if quantity.name not in _LEFT_OUT), *_FURTHER)
+    return tuple(replace(entry, unit=in_command_unit(entry.unit, command_unit)) for entry in quantities)
 
 
 def study_criteria(command_unit: str) -> tuple[Quantity, ...]:
@@ -230,7 +230,7 @@ class Runs(Labelled, WithAxes, Summarised):
     @staticmethod
     def from_record(record: Mapping[str, Any], axes: Axes, declared: Sequence[Quantity]) -> Runs:
         """The runs of a line of a journal."""
-        numbers = {name: array_of(each) for name, each in record["numbers"].items()}
+        numbers = {name: array_of(column) for name, column in record["numbers"].items()}
         outcome = np.array(record["outcome"], dtype=np.uint8)
         return Runs._of(axes, declared, numbers, outcome)
 
@@ -238,10 +238,10 @@ class Runs(Labelled, WithAxes, Summarised):
     def from_arrays(named: NamedArrays, declared: Sequence[Quantity], realisation: str = "") -> Runs:
         """The runs of a file; runs of one `realisation` have no axis for it."""
         labels = {axis: tuple(map(str, label.values)) for axis, label in named.labels.items()}
-        own = dict.fromkeys(axis for quantity in declared for axis in quantity.own_axes)
-        axes = {axis: labels.get(axis, ()) for axis in ("row", "motion", "realisation", *own)}
+        extra_axes = dict.fromkeys(axis for quantity in declared for axis in quantity.own_axes)
+        axes = {axis: labels.get(axis, ()) for axis in ("row", "motion", "realisation", *extra_axes)}
         numbers = {name: array.values for name, array in named.arrays.items()}
-        codes = {"": NOT_RUN} | {each.name.lower(): int(each) for each in Outcome}
+        codes = {"": NOT_RUN} | {member.name.lower(): int(member) for member in Outcome}
         outcome = np.array([codes[name] for name in numbers["outcome"].ravel()], dtype=np.uint8)
         axes["realisation"] = axes["realisation"] or (realisation,)
         return Runs._of(axes, declared, numbers, outcome)
@@ -252,12 +252,12 @@ class Runs(Labelled, WithAxes, Summarised):
     ) -> Runs:
         """Runs with these numbers; a quantity that was not declared when they were written is unknown."""
         empty = Runs.empty(axes, declared)
-        known = {
+        arrays = {
             name: number.reshape(empty.numbers[name].shape)
             for name, number in numbers.items()
             if name in empty.numbers
         }
-        return replace(empty, numbers={**empty.numbers, **known}, outcome=outcome.reshape(empty.shape))
+        return replace(empty, numbers={**empty.numbers, **arrays}, outcome=outcome.reshape(empty.shape))
 
     def _named_arrays(self) -> NamedArrays:
         first = tuple(self.axes)[:_N_FIRST]
@@ -282,8 +282,8 @@ class Runs(Labelled, WithAxes, Summarised):
 def outcome_names(outcomes: NDArray[np.uint8]) -> NDArray[np.str_]:
     """Names of outcomes as files have them, empty where nothing was simulated."""
     names = np.full(NOT_RUN + 1, "", dtype="U12")
-    for each in Outcome:
-        names[each] = each.name.lower()
+    for outcome in Outcome:
+        names[outcome] = outcome.name.lower()
     return names[outcomes]
 
 
@@ -296,18 +296,18 @@ def runs_of(responses: Responses, arrangement: Arrangement, law: StudyLaw, axes:
     dampers, strokes, elements = _device_labels(arrangement)
 
     def fill(name: str, columns: Floats, labels: Sequence[str] | None = None) -> None:
-        known = np.where(ended.reshape(-1, *[1] * (columns.ndim - 1)), columns, np.nan)
+        numbers = np.where(ended.reshape(-1, *[1] * (columns.ndim - 1)), columns, np.nan)
         if labels is None:
-            runs.numbers[name][...] = known.reshape(runs.numbers[name].shape)
+            runs.numbers[name][...] = numbers.reshape(runs.numbers[name].shape)
         else:
             places = [axes["device"].index(label) for label in labels]
-            runs.numbers[name][..., places] = known.reshape(*runs.shape, len(places))
+            runs.numbers[name][..., places] = numbers.reshape(*runs.shape, len(places))
 
     fill("steps", responses.steps.astype(np.float64))
     # Least strokes of others would depend on which histories are kept.
     if responses.histories is not None and knows_least_strokes(arrangement):
         deformations = (history.deformation[:, : len(dampers)] for history in responses.histories)
-        least = [[least_stroke(each) for each in columns.T] for columns in deformations]
+        least = [[least_stroke(deformation) for deformation in columns.T] for columns in deformations]
         fill("least_stroke", np.array(least), dampers)
     fill("peak_stroke", responses.peak_drift[:, arrangement.strokes], strokes)
     for name, source in _OF_ELEMENTS.items():
@@ -335,8 +335,8 @@ def _device_labels(arrangement: Arrangement) -> tuple[list[str], list[str], list
     building = arrangement.building
     groups = (
         [device.name for device in arrangement.devices],
-        [building.storey_names[place] for place in arrangement.strokes],
-        [building.elements[place].name for place in arrangement.passive_devices],
+        [building.storey_names[index] for index in arrangement.strokes],
+        [building.elements[index].name for index in arrangement.passive_devices],
     )
     taken: dict[str, int] = {}
 

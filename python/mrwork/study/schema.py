@@ -209,14 +209,14 @@ class TuneTable(Stated):
             yield "tail", f'{sentence}; leave it out, or give risk = "cvar"'
         if len(self.objectives) == 1:
             yield "objectives", "objectives takes two criteria or more, each once; leave it out for a score"
-        known = [entry.name for entry in criteria()]
-        for each in ("criteria", "objectives", "constraints"):
-            for name in getattr(self, each) or ():
-                if name not in known:
-                    yield each, f"no criterion is called {name!r}{suggestion(name, known)}"
-                elif each != "constraints" and criterion(name).of_command:
+        names = [entry.name for entry in criteria()]
+        for setting in ("criteria", "objectives", "constraints"):
+            for name in getattr(self, setting) or ():
+                if name not in names:
+                    yield setting, f"no criterion is called {name!r}{suggestion(name, names)}"
+                elif setting != "constraints" and criterion(name).of_command:
                     yield (
-                        each,
+                        setting,
                         f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints",
                     )
 
@@ -347,8 +347,8 @@ class DamperTable(Stated):
         if self.angle is not None and self.angle >= _UPRIGHT:
             angle = f"{self.angle:g} rad, {math.degrees(self.angle):.4g} deg"
             yield "angle", f'angle is {angle}; give one below 90 deg, as "38 deg"'
-        for name, given in (("amplitude", self.amplitude), ("velocity", self.velocity)):
-            if given is not None and (len(given) != 2 or given[0] > given[1]):
+        for name, span in (("amplitude", self.amplitude), ("velocity", self.velocity)):
+            if span is not None and (len(span) != 2 or span[0] > span[1]):
                 yield name, f"{name} takes the smallest and the largest value, as [0.001, 0.01]"
 
     @staticmethod
@@ -423,8 +423,8 @@ class ControllerTable(Stated):
     @property
     def shaping(self) -> tuple[str, ...]:
         """Keys that shape the command of the law."""
-        given = {"dead_zone": self.dead_zone > 0.0, "command_slope": math.isfinite(self.command_slope)}
-        return tuple(name for name, is_given in given.items() if is_given)
+        keys = {"dead_zone": self.dead_zone > 0.0, "command_slope": math.isfinite(self.command_slope)}
+        return tuple(name for name, is_given in keys.items() if is_given)
 
     @staticmethod
     def _meant_by(name: str, table: Mapping[str, Any]) -> str:
@@ -564,10 +564,10 @@ class MotionTable(Stated):
         ways = (self.file, self.acceleration, self.synthetic, self.suite)
         if sum(way is not None for way in ways) != 1:
             yield (), "[[motion]] needs either a file, samples, a synthetic motion or a suite"
-        given = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
-        if len(given) > 1 and given != ["factor", "scale_to"]:
+        keys = [name for name in ("factor", "pga", "sa", "scale_to") if getattr(self, name) is not None]
+        if len(keys) > 1 and keys != ["factor", "scale_to"]:
             says = "a motion is scaled by factor, pga, sa or scale_to, of which only scale_to takes a factor, too"
-            yield given[1], f"{says}; keep one of {list_names(given)}"
+            yield keys[1], f"{says}; keep one of {list_names(keys)}"
         made, of_samples = self.is_synthetic, self.file is None and not self.is_synthetic
         for unread, reason, names in (
             (self.sa is None, "is of sa, which this motion does not have", ("sa_period", "sa_damping")),

@@ -77,25 +77,25 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
     if facts is None or len(results.storey_names) > _MOST_STOREYS:
         return None
     of_row = {row: [quantity.of_runs(results, row) for quantity in STOREY_QUANTITIES] for row in rows}
-    known = [
+    numbers = [
         number
         for number, quantity in enumerate(STOREY_QUANTITIES)
         if any(values[number] is not None for values in of_row.values())
         and (quantity.name not in _OF_YIELD or facts.yield_drifts)
     ]
-    if not known:
+    if not numbers:
         return None
     lines: list[tuple[str, ...]] = []
     headings = {}
     for row, values in of_row.items():
         headings[len(lines)] = results.rows[row].label
         for storey, name in enumerate(results.storey_names):
-            cells = (values[number] for number in known)
+            cells = (values[number] for number in numbers)
             means = (None if cell is None else float(cell[:, storey].mean()) for cell in cells)
             lines.append((name, *(significant(mean, 3) for mean in means)))
     return Table(
         label="Storeys",
-        columns=("", *(STOREY_QUANTITIES[number].heading for number in known)),
+        columns=("", *(STOREY_QUANTITIES[number].heading for number in numbers)),
         rows=tuple(lines),
         headings=headings,
         note="Means of the peaks under the judged motions. Shear: inertia of all above, which frame, dampers and "
@@ -122,8 +122,8 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
             for row, peaks in over.items()
             if (peaks > limit).any()
         ]
-        kept = [results.rows[row].label for row, peaks in over.items() if (peaks <= limit).all()]
-        parts = [f"kept by {', '.join(kept)}"] if kept else []
+        labels = [results.rows[row].label for row, peaks in over.items() if (peaks <= limit).all()]
+        parts = [f"kept by {', '.join(labels)}"] if labels else []
         parts += [f"exceeded by {'; '.join(broken)}"] if broken else []
         yield f"The drift limit of {limit:g} % is {', '.join(parts)}."
     finite = {row: peaks[np.isfinite(peaks)].max(initial=0.0) for row, peaks in over.items()}
@@ -151,11 +151,11 @@ def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator
     scales, worst = facts.scales if facts.loads else replace(facts.scales, loads=above), (0.0, "")
     if len(scales.loads) != len(facts.heights):
         return
-    for row, each in enumerate(results.rows):
+    for row, entry in enumerate(results.rows):
         drifts, shears = DRIFT.of_runs(results, row), SHEAR.of_runs(results, row)
         if drifts is not None and shears is not None:
             under = scales.divide(drifts / DRIFT.factor, "stability", shears / SHEAR.factor)
-            worst = max(worst, (float(under.max()), each.label))
+            worst = max(worst, (float(under.max()), entry.label))
     coefficient, label = worst
     if facts.loads and coefficient > _MOST:
         yield (

@@ -79,8 +79,8 @@ class MotionOfStudy:
     @property
     def level(self) -> float:
         """Its factor, if it was scaled by one, else its intensity [m/s^2]."""
-        found = self.ground.peak if self.intensity is None else self.intensity.value
-        return found if self.factor is None else self.factor
+        intensity = self.ground.peak if self.intensity is None else self.intensity.value
+        return intensity if self.factor is None else self.factor
 
     @property
     def level_in_words(self) -> str:
@@ -205,7 +205,7 @@ class Arrangement:
     @property
     def passive_devices(self) -> list[int]:
         """Places of the passive elements that are devices: storeys that yield are parts of the frame."""
-        return [place for place, element in enumerate(self.building.elements) if not element.in_stiffness]
+        return [index for index, element in enumerate(self.building.elements) if not element.in_stiffness]
 
 
 def commands_force(law: StudyLaw | None) -> bool:
@@ -334,7 +334,7 @@ class Study(Summarised):
 
     def check_readings(self) -> None:
         """Refuse settings of the hardware that no law reads."""
-        own = any(isinstance(arrangement.law, UserLaw) for arrangement in self.arrangements)
+        has_user_law = any(isinstance(arrangement.law, UserLaw) for arrangement in self.arrangements)
         laws = [law for _, law in self.laws]
         tuned = [control_law(name) for tune in self.tunes for name in tune.laws]
         models = any(spec.needs_model for spec in tuned)
@@ -344,8 +344,8 @@ class Study(Summarised):
         with keyed("hardware"):
             refuse_unread(
                 self.hardware,
-                accelerations=own or reading or models,
-                drifts=own,
+                accelerations=has_user_law or reading or models,
+                drifts=has_user_law,
                 forecasts=models or any(law.forecasts_ground for law in laws),
             )
 
@@ -364,20 +364,20 @@ class Study(Summarised):
         >>> study = mr.read_study("study.toml")  # doctest: +SKIP
         >>> study.of_use("training").grounds  # doctest: +SKIP
         """
-        kept = [number for number, motion in enumerate(self.motions) if motion.use == use]
-        if not kept:
+        numbers = [number for number, motion in enumerate(self.motions) if motion.use == use]
+        if not numbers:
             raise SettingError(
                 f"study {self.title!r}: no motion is for {use}; give one of its motions use = {use!r}"
             )
-        peaks = [self.motions[number].ground.peak for number in kept]
-        detailed = self.detailed if self.detailed in kept else kept[int(np.argmax(peaks))]
+        peaks = [self.motions[number].ground.peak for number in numbers]
+        detailed = self.detailed if self.detailed in numbers else numbers[int(np.argmax(peaks))]
         stored = {detailed if number == self.detailed else number for number in self.histories}
         return replace(
             self,
-            is_whole=self.is_whole and len(kept) == len(self.motions),
-            motions=tuple(self.motions[number] for number in kept),
-            detailed=kept.index(detailed),
-            histories=tuple(kept.index(number) for number in sorted(stored) if number in kept),
+            is_whole=self.is_whole and len(numbers) == len(self.motions),
+            motions=tuple(self.motions[number] for number in numbers),
+            detailed=numbers.index(detailed),
+            histories=tuple(numbers.index(number) for number in sorted(stored) if number in numbers),
         )
 
     @checked
@@ -429,7 +429,7 @@ class Study(Summarised):
     @property
     def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
         """Headings and sentences: of motions and target, of settings taken, of each design, of each law on its gain."""
-        taken = ((f"Settings of {label}", each.in_words) for label, each in self.taken_settings)
+        taken = ((f"Settings of {label}", settings.in_words) for label, settings in self.taken_settings)
         designs = (
             (f"Weights of {', '.join(labels)}", (*weights.in_words, weights.advice))
             for labels, weights in self.designs
@@ -516,16 +516,16 @@ def fingerprint_of(study: Study) -> dict[str, object]:
 
 def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
     """Digest of all inputs of the runs of an arrangement, except the hardware."""
-    law, own = arrangement.law, list[object]()
+    law, inputs = arrangement.law, list[object]()
     if isinstance(law, ControlLaw):
         numbers = sorted({**law.gains, **law.tables}.items())
-        own = [law.name, [(name, _digest(array)) for name, array in numbers], law.shaping]
-        own += [] if law.curve is None else [law.curve[0], _digest(law.curve[1])]
-        own += [] if law.model is None else [_digest_of_loop(law.model.building, law.model.devices)]
+        inputs = [law.name, [(name, _digest(array)) for name, array in numbers], law.shaping]
+        inputs += [] if law.curve is None else [law.curve[0], _digest(law.curve[1])]
+        inputs += [] if law.model is None else [_digest_of_loop(law.model.building, law.model.devices)]
     elif law is not None:
-        own = [law.name, law.source, law.n_memory, law.rms_time]
+        inputs = [law.name, law.source, law.n_memory, law.rms_time]
     loop = _digest_of_loop(arrangement.building, arrangement.devices)
-    return digest_of(loop, *own, *map(_digest_of_motion, motions))
+    return digest_of(loop, *inputs, *map(_digest_of_motion, motions))
 
 
 def _digest_of_loop(building: Building, devices: Sequence[Device]) -> str:

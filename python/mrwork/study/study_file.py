@@ -128,8 +128,8 @@ def _put_building(table: dict[str, Any], name: str, put: _Put) -> None:
 def _put_motion(table: dict[str, Any], name: str, put: _Put) -> None:
     value, samples = table.get("file"), table.pop("acceleration", None)
     if isinstance(value, GroundMotion):
-        own, groups = table.get("group", []), list(value.groups)
-        groups = [*(own if isinstance(own, list) else [own]), *groups]
+        group, groups = table.get("group", []), list(value.groups)
+        groups = [*(group if isinstance(group, list) else [group]), *groups]
         table |= {"name": table.get("name", value.name), "dt": value.dt}
         table |= {"group": groups} if groups else {}
         samples = value.acceleration.tolist()

@@ -120,11 +120,11 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     unit = results.command_unit
     several, under = len(motions) > 1, results.motions[motions[0]].name
     runs = np.ix_(list(rows), list(motions))
-    known = {name: _known(results, name)[runs] for name, *_ in _VALUES}
+    numbers = {name: _known(results, name)[runs] for name, *_ in _VALUES}
     values = [
-        each for each in _VALUES if not (criterion(each[0]).optional and np.isnan(known[each[0]]).all())
+        value for value in _VALUES if not (criterion(value[0]).optional and np.isnan(numbers[value[0]]).all())
     ]
-    columns = [(factor * np.median(known[name], axis=1)).tolist() for name, _, factor in values]
+    columns = [(factor * np.median(numbers[name], axis=1)).tolist() for name, _, factor in values]
     heads = tuple(
         f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})".removesuffix(
             " (1)"
@@ -138,8 +138,8 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         label=f"Criteria, median of {judged_in_words(results)}" if several else f"{under}: criteria",
         columns=("", *heads),
         rows=tuple(
-            (results.rows[row].label, *(significant(column[place], 3) for column in columns))
-            for place, row in enumerate(rows)
+            (results.rows[row].label, *(significant(column[index], 3) for column in columns))
+            for index, row in enumerate(rows)
         ),
         strong=best_cells(results, rows, columns[:of_building]),
         note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
@@ -166,8 +166,8 @@ def bands_of_study(results: StudyResults, rows: Sequence[int]) -> Table:
         label=f"Over {results.n_realisations} realisations: median, 90 % band of the score and of ratios over i = 0",
         columns=("", "Score", *(criterion(name).short for name in SCORE)),
         rows=tuple(
-            (results.rows[row].label, *(_band(own.get(name)) for name in ("score", *SCORE)))
-            for row, own in zip(rows, bands, strict=True)
+            (results.rows[row].label, *(_band(by_name.get(name)) for name in ("score", *SCORE)))
+            for row, by_name in zip(rows, bands, strict=True)
         ),
         note=f"Median, and the ends between which {100.0 * BAND:.0f} % of the {results.n_realisations} realisations "
         "lie; each number is a mean over the motions, over i = 0 in the same realisation. All rows have the same "
@@ -290,8 +290,8 @@ def _tables(comparison: StudyComparison) -> Iterator[Table]:
             yield change_table(comparison, reference, begun)
     if len(results.motions) <= MOST_IN_DETAIL:
         for motion in range(len(results.motions)):
-            if own := [row for row in rows if simulated[row, motion]]:
-                yield value_table(results, (motion,), own)
+            if motion_rows := [row for row in rows if simulated[row, motion]]:
+                yield value_table(results, (motion,), motion_rows)
     elif begun:
         yield value_table(results, results.judged_motions, begun)
     ranked = [row for _, ranked in comparison.ranks for row in ranked]
