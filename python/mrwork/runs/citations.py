@@ -73,9 +73,9 @@ def _parts(folder: Path) -> Iterator[tuple[str, Reference]]:
             facts = {"title": Path(name).name, "howpublished": "test record", "note": f"SHA-256 {digest}"}
             yield f"record: {name}", _misc(f"record-{digest[:8]}", facts)
     results = run.document(RESULTS) if is_file(run.path / RESULTS) else {}
-    for each in results.get("motions", ()):
-        if not each.get("synthetic"):
-            name, source = str(each["name"]), str(each.get("source"))
+    for motion in results.get("motions", ()):
+        if not motion.get("synthetic"):
+            name, source = str(motion["name"]), str(motion.get("source"))
             facts = {"title": name, "howpublished": "ground motion", "note": source}
             yield f"record: {name}", _misc(f"motion-{name}", facts)
 
@@ -106,8 +106,8 @@ def _texts(document: object) -> Iterator[str]:
         for key, value in document.items():
             yield from (str(key), *_texts(value))
     elif isinstance(document, list):
-        for each in document:
-            yield from _texts(each)
+        for item in document:
+            yield from _texts(item)
 
 
 @cache

@@ -100,21 +100,21 @@ def refuse_bounds(fit: Fit) -> None:
     A better fit may lie beyond such a bound, and not beyond the model's own.
     """
     admissible = Box.of(fit.spec)
-    for index, (each, own) in enumerate(zip(fit.estimates, fit.spec.parameters, strict=True)):
-        if not each.at_bound:
+    for index, (estimate, spec) in enumerate(zip(fit.estimates, fit.spec.parameters, strict=True)):
+        if not estimate.at_bound:
             continue
-        end = each.remark.removeprefix("at ")
-        given, widest = (each.lower, own.lower) if end == "lower bound" else (each.upper, own.upper)
-        if given != widest:
+        end = estimate.remark.removeprefix("at ")
+        edge, widest = (estimate.lower, spec.lower) if end == "lower bound" else (estimate.upper, spec.upper)
+        if edge != widest:
             is_at = f"the {end} that was given"
-        elif own.coefficient is not None and not bound_at(admissible, index, each.value):
+        elif spec.coefficient is not None and not bound_at(admissible, index, estimate.value):
             is_at = "the end of the range in which its law was searched"
         else:
             continue
         raise SettingError(
-            f"{each.name} is at {of_unit(each.value, each.unit)}, {is_at}, and a better fit may lie beyond; fit again "
-            f"by mrwork identify with a wider --bound {each.name}=LOWER:UPPER, the model admits {own.lower:g} to "
-            f"{own.upper:g}, or with --fix {each.name}={each.value:.6g}, and export that"
+            f"{estimate.name} is at {of_unit(estimate.value, estimate.unit)}, {is_at}, and a better fit may lie "
+            f"beyond; fit again by mrwork identify with a wider --bound {estimate.name}=LOWER:UPPER, the model admits "
+            f"{spec.lower:g} to {spec.upper:g}, or with --fix {estimate.name}={estimate.value:.6g}, and export that"
         )
 
 

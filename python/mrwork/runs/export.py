@@ -88,19 +88,19 @@ def export(
     >>> import mrwork as mr
     >>> mr.export("out/rig", "opensees", "damper.tcl", command="0.5 A", error=0.01)  # doctest: +SKIP
     """
-    place = Path(output)
-    check_output(place, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
+    path = Path(output)
+    check_output(path, replace=replace, otherwise="replace it by `--replace`, in Python `replace=True`")
     content = exported(
         run,
         to,
         command=command,
         error=error,
         time_step=time_step,
-        tcl=place.suffix != ".py",
+        tcl=path.suffix != ".py",
     )
-    with replacing(place) as stream:
+    with replacing(path) as stream:
         stream.write(content)
-    return place
+    return path
 
 
 def exported(
@@ -113,8 +113,8 @@ def exported(
     tcl: bool,
 ) -> bytes:
     """Content of the file that `export` writes."""
-    given = {"command": command, "error": error, "time_step": time_step}
-    for name, value in given.items():
+    options = {"command": command, "error": error, "time_step": time_step}
+    for name, value in options.items():
         if value is not None and name not in _OPTIONS[to]:
             takes = [key_name for key_name, names in _OPTIONS.items() if name in names]
             raise SettingError(
@@ -173,7 +173,7 @@ def matlab_names(names: Iterable[str]) -> dict[str, str]:
     return valid_names
 
 
-def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
+def _matlab_of_fit(fit: Fit, path: Path | None) -> bytes:
     """Parameters, laws and, of a run folder, the tests with their measured and simulated forces."""
     spec = fit.spec
     parameters = {
@@ -222,7 +222,7 @@ def _matlab_of_fit(fit: Fit, place: Path | None) -> bytes:
             "A law by values goes on along its tangents beyond its commands; every parameter that follows the command "
             "is limited to the admissible range of the model."
         )
-    content["tests"] = _cells([*map(_as_recorded, fit.quality)]) if place is None else _tests(place)
+    content["tests"] = _cells([*map(_as_recorded, fit.quality)]) if path is None else _tests(path)
     return _file(content)
 
 
@@ -236,9 +236,9 @@ def _as_recorded(quality: FitQuality) -> dict[str, Any]:
     }
 
 
-def _tests(place: Path) -> Any:
+def _tests(path: Path) -> Any:
     try:
-        opened = reopen(place)
+        opened = reopen(path)
     except MrworkError as reason:
         warnings.warn(f"the file has no tests with their forces: {reason}", MrworkWarning, stacklevel=5)
         return _cells([])
@@ -254,8 +254,8 @@ def _tests(place: Path) -> Any:
 def _group(arrays: NamedArrays) -> dict[str, Any]:
     """A struct with the labels along each axis, and with every array."""
     labels = {name: _array(name, label, ()) for name, label in arrays.labels.items()}
-    own = {name: _array(name, each, each.axes) for name, each in {**arrays.along, **arrays.arrays}.items()}
-    return {"title": arrays.title, "labels": _rename_keys(labels), **_rename_keys(own)}
+    data = {name: _array(name, item, item.axes) for name, item in {**arrays.along, **arrays.arrays}.items()}
+    return {"title": arrays.title, "labels": _rename_keys(labels), **_rename_keys(data)}
 
 
 def _array(name: str, array: NamedArray, axes: tuple[str, ...]) -> dict[str, Any]:

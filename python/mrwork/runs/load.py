@@ -126,15 +126,15 @@ def load(
     (99.41, True)
     >>> mr.load("out/study").to_pandas()["peak_drift"]  # doctest: +SKIP
     """
-    place = Path(run)
+    path = Path(run)
     with reading_changed(changed):
-        stored = read_run(place)
+        stored = read_run(path)
         if trust and isinstance(stored, Fit) and stored.spec.own is not None:
             stored.spec.own.trust()
-        held = with_additions(RunFolder.open(place), stored) if isinstance(stored, Fit) else stored
+        held = with_additions(RunFolder.open(path), stored) if isinstance(stored, Fit) else stored
     if kind is not None and not isinstance(held, kind):
         raise RecordError(
-            f"{place} is read back as `{type(held).__name__}`, and `{kind.__name__}` was expected; give the folder of "
+            f"{path} is read back as `{type(held).__name__}`, and `{kind.__name__}` was expected; give the folder of "
             "one, or leave `kind` out"
         )
     return held
@@ -160,26 +160,24 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
     >>> mr.load(mr.save(fit, "out/bingham"), mr.StoredRun).fit.model  # doctest: +SKIP
     'bingham'
     """
-    place = Path(folder)
+    path = Path(folder)
     if isinstance(result, Fit):
-        destination = Destination(path=place, kind=FIT_RUN)
+        destination = Destination(path=path, kind=FIT_RUN)
         if destination.run() is not None:
-            raise OutputError(f"{place} has a run, which is not replaced; choose another folder")
+            raise OutputError(f"{path} has a run, which is not replaced; choose another folder")
         with RunAtWork(destination) as work:
             write_run(work, fit=result, manifest=manifest_of(result, result.status))
-        return place
-    with adding(place, DRAWS):
-        run = RunFolder.open(place, FIT_RUN)
+        return path
+    with adding(path, DRAWS):
+        run = RunFolder.open(path, FIT_RUN)
         fit = fit_of(run)
         made_of = result.provenance and result.provenance.inputs
         if (result.model, result.names, made_of) != (fit.model, fit.spec.names, fit.provenance.inputs):
-            raise RecordError(
-                f"{place} has another fit than the draws; save their fit in a folder, then them"
-            )
+            raise RecordError(f"{path} has another fit than the draws; save their fit in a folder, then them")
         if run.file(DRAWS).exists():
-            raise OutputError(f"{place} has draws, which are not replaced; choose another folder")
-        add_to_run(place, {DRAWS: draws_content(result)})
-    return place
+            raise OutputError(f"{path} has draws, which are not replaced; choose another folder")
+        add_to_run(path, {DRAWS: draws_content(result)})
+    return path
 
 
 def read_run(place: Path) -> Fit | StudyResults:

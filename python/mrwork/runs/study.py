@@ -214,9 +214,9 @@ def study_of(
         "places": places,
         "target": target,
     }
-    given = {name: _plain(value) for name, value in stated.items() if value is not None}
+    tables = {name: _plain(value) for name, value in stated.items() if value is not None}
     place = Place(origin="study_of", arguments=_ARGUMENTS)
-    return reading.study_of_tables(given, place, Path(), fitted_damper, seed)
+    return reading.study_of_tables(tables, place, Path(), fitted_damper, seed)
 
 
 def _law_table(law: str | Table | Command | UserLaw) -> Table:
@@ -225,8 +225,8 @@ def _law_table(law: str | Table | Command | UserLaw) -> Table:
     if isinstance(settings := table.get("settings"), LawSettings):
         table["settings"] = given_in(settings)
     if isinstance(law, UserLaw):
-        kept = {"memory": law.n_memory} | ({} if law.rms_time is None else {"rms_time": law.rms_time})
-        table = {"law": law.command, "label": law.name, "user": kept}
+        options = {"memory": law.n_memory} | ({} if law.rms_time is None else {"rms_time": law.rms_time})
+        table = {"law": law.command, "label": law.name, "user": options}
     user = table.get("user", {})
     if callable(table.get("law")) and isinstance(user, Mapping):
         user = {"function": table.pop("law"), **user}
@@ -239,9 +239,9 @@ def _law_table(law: str | Table | Command | UserLaw) -> Table:
 def _plain(value: Any) -> Any:
     """A value as the reader of tables takes it: names of files as texts, arrays as lists."""
     if isinstance(value, Mapping):
-        return {str(name): _plain(each) for name, each in value.items()}
+        return {str(name): _plain(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(each) for each in value]
+        return [_plain(item) for item in value]
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     if hasattr(value, "__array__"):
