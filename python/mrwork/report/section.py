@@ -142,12 +142,12 @@ _LONG = 150
 
 def first_sentences(warnings: Sequence[str], most: int) -> tuple[str, ...]:
     """Warnings as short sentences for the front of a page, which has a section with all of them in full."""
-    said = []
+    sentences = []
     for warning in warnings[:most]:
         shown = re.split("[:;] ", warning)[0] if len(warning) > _LONG else warning
-        said.append(f"{shown[:1].upper()}{shown[1:].removesuffix('.')}.")
+        sentences.append(f"{shown[:1].upper()}{shown[1:].removesuffix('.')}.")
     more = len(warnings) - most
-    return (*said, *([f"{more} more in the section on warnings."] if more > 0 else []))
+    return (*sentences, *([f"{more} more in the section on warnings."] if more > 0 else []))
 
 
 def warning_section(warnings: Sequence[str]) -> Section | None:

@@ -52,18 +52,18 @@ def tests_section(
         panels = _test_panels(f"t{number + 1}", prediction, unit)
         if number == worst:
             panels += residual_panels(prediction, unit)
-        found = sorted(test.findings, key=lambda finding: finding.severity != "warning")
+        findings = sorted(test.findings, key=lambda finding: finding.severity != "warning")
         blocks.append(
             Group(
                 title=f"{role}: {test.name}" if role else test.name,
                 synthetic=test.synthetic,
                 prose=(_conditions(test, fit.quality[number]),),
                 panels=panels,
-                points=tuple(f"{finding.severity}: {finding.message}" for finding in found),
+                points=tuple(f"{finding.severity}: {finding.message}" for finding in findings),
             )
         )
     one = f"fit {numbers.format_fixed(fit.fit_percent, 2)} %, RMSE {numbers.significant(fit.rmse_n, 3)} N"
-    said, records = (
+    text, records = (
         (one, "the record") if len(predictions) == 1 else (spread.in_words, f"{len(predictions)} records")
     )
     counts = Counter[str](
@@ -73,7 +73,7 @@ def tests_section(
     parts = [numbers.counted(counts[kind], noun) for kind, noun in kinds.items() if counts[kind]]
     return Section(
         title="Agreement with the fitted tests",
-        summary=f"{said}; the checks of {records} found {', '.join(parts) or 'nothing to report'}.",
+        summary=f"{text}; the checks of {records} found {', '.join(parts) or 'nothing to report'}.",
         groups=(Group(table=_agreement_table(fit, predictions)), *overview, *blocks),
     )
 
@@ -112,10 +112,10 @@ def _norm(letter: str) -> Markup:
 def excitation(test: DamperTest) -> list[str]:
     """Command, amplitude and frequency of a test, as far as these are known."""
     motion = ((test.amplitude, 1e3, "mm"), (test.frequency, 1.0, "Hz"))
-    known = [
+    values = [
         f"{numbers.shortest(value * factor)} {unit}" for value, factor, unit in motion if value is not None
     ]
-    return [test.command_in_words, *known] if test.commands else known
+    return [test.command_in_words, *values] if test.commands else values
 
 
 def _conditions(test: DamperTest, quality: FitQuality) -> str:
@@ -224,7 +224,7 @@ class _HalfCycles:
     @property
     def in_words(self) -> str:
         """Least and largest amplitude, as in "13 to 15 mm"."""
-        ends = dict.fromkeys(numbers.shortest(1e3 * each, 2) for each in np.quantile(self.amplitude, (0, 1)))
+        ends = dict.fromkeys(numbers.shortest(1e3 * end, 2) for end in np.quantile(self.amplitude, (0, 1)))
         return f"{' to '.join(ends)} mm"
 
     @property
@@ -244,7 +244,7 @@ def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
     """A table of the errors by classes of amplitude, and what it shows; `None` where no half cycle is compared."""
     every = _half_cycles(predictions)
     number = _classes(every.amplitude)
-    chosen = [number == each for each in np.unique(number)]
+    chosen = [number == index for index in np.unique(number)]
     classes = [
         _HalfCycles(amplitude=every.amplitude[of], sums=every.sums[:, of])
         for of in chosen
@@ -255,7 +255,7 @@ def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
     shares = [
         f"{numbers.percent(law_class.relative)} % in those of {law_class.in_words}" for law_class in classes
     ]
-    largest, worst = classes[-1], max(classes, key=lambda each: each.relative)
+    largest, worst = classes[-1], max(classes, key=lambda cycles: cycles.relative)
     times = numbers.shortest(worst.relative / largest.relative, 2)
     prose = (
         f"In half cycles of {worst.in_words} the error over the force is {times} times that in those of "
@@ -286,11 +286,11 @@ def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
     return page_table(
         "Errors by amplitude of the half cycles",
         (
-            column("amplitude", lambda each: "all" if each is every else each.in_words),
-            column("half cycles", lambda each: numbers.format_fixed(each.amplitude.size, 0)),
-            column("samples", lambda each: numbers.format_fixed(float(each.sums[0].sum()), 0)),
-            column("RMSE", lambda each: numbers.format_fixed(each.rmse, decimals), "N"),
-            column("RMSE / RMS force", lambda each: numbers.percent(each.relative), "%"),
+            column("amplitude", lambda row: "all" if row is every else row.in_words),
+            column("half cycles", lambda row: numbers.format_fixed(row.amplitude.size, 0)),
+            column("samples", lambda row: numbers.format_fixed(float(row.sums[0].sum()), 0)),
+            column("RMSE", lambda row: numbers.format_fixed(row.rmse, decimals), "N"),
+            column("RMSE / RMS force", lambda row: numbers.percent(row.relative), "%"),
         ),
         rows,
         note="The amplitude is half the displacement from one reversal to the next; the motion before the first "
@@ -336,8 +336,8 @@ def _held_out_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None
             "Neither the fit nor its calibration has seen these tests; one that is predicted again counts once.",
         ),
     )
-    said = f"{run.held_out.spread.in_words}."
-    return Section(title="Held-out tests", summary=said, groups=(group,))
+    text = f"{run.held_out.spread.in_words}."
+    return Section(title="Held-out tests", summary=text, groups=(group,))
 
 
 HELD_OUT = SectionKind(

@@ -38,7 +38,7 @@ def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | Non
     conditions = [
         (prediction.test.name, ", ".join(excitation(prediction.test))) for prediction in bands.predictions
     ]
-    names = [f"{name} ({known})" if known else name for name, known in conditions]
+    names = [f"{name} ({condition})" if condition else name for name, condition in conditions]
     prose = (
         "The prediction band (light blue) should contain the stated share of a measurement. It is "
         f"{bands.calibration.basis}: {'; '.join(names or bands.calibration.tests)}. It is valid for excitations and "
@@ -77,26 +77,26 @@ def _verdict(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
     narrow = [f"{100 * level:g} %" for level, (least, _) in _NOMINAL.items() if means[level] < least]
     wide = [f"{100 * level:g} %" for level, (_, most) in _NOMINAL.items() if means[level] > most]
     too_narrow = "too narrow: the errors of these tests differ more than a few tests can show"
-    found = (narrow, too_narrow), (wide, "wider than necessary for tests like these")
-    said = [f"The {list_names(levels)} bands are {words}." for levels, words in found if levels]
+    verdicts = (narrow, too_narrow), (wide, "wider than necessary for tests like these")
+    texts = [f"The {list_names(levels)} bands are {words}." for levels, words in verdicts if levels]
     if len(tests) < _FEW_TESTS:
-        said.append(f"{len(tests)} tests are too few to tell whether the bands have their nominal coverage.")
-    elif not said:
-        said.append(f"On average over {len(tests)} tests the bands have about their nominal coverage.")
-    return " ".join(said)
+        texts.append(f"{len(tests)} tests are too few to tell whether the bands have their nominal coverage.")
+    elif not texts:
+        texts.append(f"On average over {len(tests)} tests the bands have about their nominal coverage.")
+    return " ".join(texts)
 
 
 def _left_out_panels(bands: StoredBands, unit: str) -> tuple[Panel, ...]:
     """Loops of the tests that their bands cover least, with these bands."""
     shares = {test: row[_LEVEL].samples.coverage for test, row in bands.by_test.items()}
-    known = [
+    predictions = [
         prediction
         for prediction in bands.predictions
         if prediction.test.label in shares and bands.others(prediction)
     ]
     panels = []
     for number, prediction in enumerate(
-        sorted(known, key=lambda each: shares[each.test.label])[:_LEFT_OUT], 1
+        sorted(predictions, key=lambda prediction: shares[prediction.test.label])[:_LEFT_OUT], 1
     ):
         test = prediction.test
         calibration = calibrate(bands.others(prediction), held_out=bands.calibration.held_out)

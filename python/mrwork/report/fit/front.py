@@ -55,15 +55,15 @@ class _Evidence:
     def in_words(self) -> str:
         """The verdict, a sentence or two."""
         spread, count = self.spread, self.spread.n_tests
-        said = f"{self.opening} to {format_fixed(spread.median_percent, 1)} %"
+        text = f"{self.opening} to {format_fixed(spread.median_percent, 1)} %"
         if count > 1:
-            said += f" in the median, the worst, {spread.worst_test}, to {format_fixed(spread.worst_percent, 1)} %"
-        return f"{said}. {self.remark}".rstrip()
+            text += f" in the median, the worst, {spread.worst_test}, to {format_fixed(spread.worst_percent, 1)} %"
+        return f"{text}. {self.remark}".rstrip()
 
 
 def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
     """The best evidence that a run has: tests that it has not seen, else the fitted ones."""
-    own = _Evidence(
+    evidence = _Evidence(
         title="Fitted tests",
         opening=f"Nothing was held out: the model describes {_tests(len(predictions))} that it was fitted to,",
         drawn=predictions,
@@ -98,8 +98,8 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
         chosen = "model was" if ranking.unit is None else "laws were"
         percent = format_fixed(ranking.chosen_standing.left_out_percent, 1)
         left_out = f"Fits to other tests predict tests left out to {percent} %; the {chosen} chosen by it"
-        return replace(own, opening=f"{left_out}, so expect less. {own.opening}", remark="")
-    return own
+        return replace(evidence, opening=f"{left_out}, so expect less. {evidence.opening}", remark="")
+    return evidence
 
 
 def _tests(count: int) -> str:
@@ -141,8 +141,8 @@ def fit_lead(run: StoredRun, predictions: Sequence[Prediction]) -> Lead:
 
 def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evidence) -> tuple[Number, ...]:
     fit, spread, bands = run.fit, evidence.spread, run.bands
-    own = spread_of(predictions)
-    worst = "" if own.n_tests == 1 else f", worst {format_fixed(own.worst_percent, 1)} %"
+    fit_spread = spread_of(predictions)
+    worst = "" if fit_spread.n_tests == 1 else f", worst {format_fixed(fit_spread.worst_percent, 1)} %"
     covered = "not calibrated" if bands is None else coverage_summary(bands)
     steps = f"after {fit.refinement_steps} refinement step{'' if fit.refinement_steps == 1 else 's'}"
     reason = "; ".join(filter(None, (steps, fit.status_reason)))
@@ -153,7 +153,7 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
             title="Fit to its own tests",
             value=format_fixed(fit.fit_percent, 1),
             unit="%",
-            note=f"{_tests(own.n_tests)}{worst}; NRMSE {fit.nrmse:.3g}, RMSE {fit.rmse_n:.3g} N",
+            note=f"{_tests(fit_spread.n_tests)}{worst}; NRMSE {fit.nrmse:.3g}, RMSE {fit.rmse_n:.3g} N",
         ),
         Number(
             title="Prediction bands",
@@ -190,7 +190,7 @@ def _loops(evidence: _Evidence, unit: str, *, height: float) -> Iterator[Panel]:
 
 def _law_panels(fit: Fit, height: float) -> Iterator[Panel]:
     """Laws of at most six parameters, and fits to the tests at each command, which know nothing of the law."""
-    shown = [each for each in fit.spec.plain if each.name in fit.spec.following][:_LAWS]
+    shown = [parameter for parameter in fit.spec.plain if parameter.name in fit.spec.following][:_LAWS]
     count = len(fit.single_commands)
     for number, parameter in enumerate(shown):
         with style.drawn_in_style():
@@ -210,36 +210,36 @@ def _cautions(run: StoredRun, evidence: _Evidence, predictions: Sequence[Predict
     """Where the fit does not hold, what misleads most first; what does not fit is counted."""
     fit = run.fit
     doubtful = [estimate.name for estimate in fit.estimates if estimate.verdict not in (*FINE, "negligible")]
-    said = [*fit.warnings[0 if fit.status in _BANNER else 1 :]]
+    sentences = [*fit.warnings[0 if fit.status in _BANNER else 1 :]]
     if evidence.drawn is predictions and len(predictions) == 1:
-        said.append("One test cannot show how the damper behaves under another motion or command.")
+        sentences.append("One test cannot show how the damper behaves under another motion or command.")
     if doubtful:
-        said.append(
+        sentences.append(
             f"Do not use the values of {list_names(doubtful, 6)} by themselves: the tests do not determine them."
         )
     if any(prediction.test.synthetic for prediction in predictions):
-        said.append("Synthetic tests are simulated by a model: they show that the chain works, no more.")
-    return (f"Not beyond the tested ranges: {fit.tested.in_words}.", *first_sentences(said, _CAUTIONS))
+        sentences.append("Synthetic tests are simulated by a model: they show that the chain works, no more.")
+    return (f"Not beyond the tested ranges: {fit.tested.in_words}.", *first_sentences(sentences, _CAUTIONS))
 
 
 def _advice(run: StoredRun) -> tuple[str, ...]:
     """What to do next, the most useful first."""
-    said = []
+    sentences = []
     if (gap := run.fit.tested.gap) is not None:
-        said.append(
+        sentences.append(
             f"Test at a command between {gap[0]:g} and {gap[1]:g} {run.fit.tested.command_unit}: no test shows the "
             "laws there."
         )
     if run.bands is None:
-        said.append(
+        sentences.append(
             "`mrwork calibrate RUN TESTS` with tests of other motions: the error on tests that it has not seen, and "
             "bands."
         )
     elif run.bands.calibration.held_out == UNSEEN:
-        said.append("`mrwork predict RUN TESTS --level 0.9` with tests kept for test.")
+        sentences.append("`mrwork predict RUN TESTS --level 0.9` with tests kept for test.")
     if run.draws is None and run.profiles is None:
-        said.append("`mrwork profile RUN`: an interval of each parameter.")
+        sentences.append("`mrwork profile RUN`: an interval of each parameter.")
     if run.plan is None:
-        said.append("`mrwork plan RUN`: the next test that narrows a band most.")
-    said.append('In a study of a building: `run = "RUN"` of its `[[damper]]`.')
-    return tuple(said[:3])
+        sentences.append("`mrwork plan RUN`: the next test that narrows a band most.")
+    sentences.append('In a study of a building: `run = "RUN"` of its `[[damper]]`.')
+    return tuple(sentences[:3])

@@ -137,15 +137,15 @@ def _plain(value: object) -> str:
     if isinstance(value, float):
         return numbers.shortest(value, 6)
     if isinstance(value, Mapping):
-        given = {
+        entries = {
             name: entry for name, entry in value.items() if entry is not None and entry not in ({}, [], ())
         }
-        if not given:
+        if not entries:
             return ", ".join(value)
-        nested = any(isinstance(entry, Mapping) for entry in given.values())
-        if nested and len(given) > 1 and len(set(map(_plain, given.values()))) == 1:
-            return f"{_plain(next(iter(given.values())))} for each of {len(given)}"
-        parts = [f"{name}{':' if nested else ''} {_plain(entry)}" for name, entry in given.items()]
+        nested = any(isinstance(entry, Mapping) for entry in entries.values())
+        if nested and len(entries) > 1 and len(set(map(_plain, entries.values()))) == 1:
+            return f"{_plain(next(iter(entries.values())))} for each of {len(entries)}"
+        parts = [f"{name}{':' if nested else ''} {_plain(entry)}" for name, entry in entries.items()]
         # Of many, which `fit.json` has all, the first ones.
         more = len(parts) - _SETTINGS_SHOWN
         shown = ("; " if nested else ", ").join(parts[:_SETTINGS_SHOWN])

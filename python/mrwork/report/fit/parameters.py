@@ -60,7 +60,7 @@ def _parameter_table(fit: Fit) -> Table:
         pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]
     else:
         pairs = [_value_and_interval(estimate) for estimate in estimates]
-    values, errors = ([pair[place] for pair in pairs] for place in (0, 1))
+    values, errors = ([pair[index] for pair in pairs] for index in (0, 1))
     verdicts = [estimate.verdict for estimate in estimates]
     reasons = [_reason(estimate) for estimate in estimates]
     shares = ((estimate.standard_error, estimate.value) for estimate in estimates)
@@ -86,7 +86,7 @@ def _parameter_table(fit: Fit) -> Table:
         ("Reason", reasons if any(reasons) else [], True),
     ]
     shown = [column for column in columns if column[1]]
-    place = next((place for place, column in enumerate(shown) if column[0] == "Verdict"), 0)
+    index = next((index for index, column in enumerate(shown) if column[0] == "Verdict"), 0)
     return Table(
         label="Parameters",
         columns=tuple(heading for heading, *_ in shown),
@@ -94,7 +94,7 @@ def _parameter_table(fit: Fit) -> Table:
         words=tuple(number for number, (*_, words) in enumerate(shown) if words and number),
         strong=frozenset((row, 1) for row in range(len(estimates))),
         alarming=frozenset(
-            (row, place) for row, verdict in enumerate(verdicts) if place and verdict not in FINE
+            (row, index) for row, verdict in enumerate(verdicts) if index and verdict not in FINE
         ),
         note=caution(fit),
     )
@@ -162,9 +162,7 @@ def _summary(fit: Fit) -> str:
     judged = [estimate for estimate in fit.estimates if estimate.verdict not in ("", "fixed", "tied")]
     if not judged:
         return f"{len(fit.estimates)} parameters."
-    names = {
-        word: [each.name for each in judged if each.verdict == word] for word in get_args(Verdict) if word
-    }
+    names = {word: [row.name for row in judged if row.verdict == word] for word in get_args(Verdict) if word}
     certain = names.pop("identifiable")
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
     parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]

@@ -111,14 +111,14 @@ def _prose(draws: Draws) -> tuple[str, ...]:
 @style.drawn_in_style()
 def _trace_figure(name: str, chain: Floats) -> Figure:
     """Quantiles of the walkers over the steps kept, and two of them, of draws (n_walkers, n_kept)."""
-    kept = np.unique(np.linspace(0, chain.shape[1] - 1, _POINTS).astype(int))
-    lower, median, upper = np.quantile(chain[:, kept], [0.05, 0.5, 0.95], axis=0)
+    steps = np.unique(np.linspace(0, chain.shape[1] - 1, _POINTS).astype(int))
+    lower, median, upper = np.quantile(chain[:, steps], [0.05, 0.5, 0.95], axis=0)
     figure, axes = small_axes()
-    axes.fill_between(kept, lower, upper, color=style.BAND, linewidth=0)
+    axes.fill_between(steps, lower, upper, color=style.BAND, linewidth=0)
     for walker in chain[[0, -1]]:
-        axes.plot(kept, walker[kept], color=style.DATA, linewidth=0.6)
-    axes.plot(kept, median, color=style.MODEL, linewidth=1.3)
-    axes.set_xlim(0, max(int(kept[-1]), 1))
+        axes.plot(steps, walker[steps], color=style.DATA, linewidth=0.6)
+    axes.plot(steps, median, color=style.MODEL, linewidth=1.3)
+    axes.set_xlim(0, max(int(steps[-1]), 1))
     _finish(axes, name, "Draw")
     return figure
 

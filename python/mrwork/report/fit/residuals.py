@@ -40,14 +40,14 @@ def residual_section(predictions: Sequence[Prediction]) -> Section:
     correlated = sum(not test.is_white for test in tests)
     repeating = [test.repeating for test in tests if not test.is_white and np.isfinite(test.repeating)]
     places = _places(tests)
-    said = list(places)
+    findings = list(places)
     if correlated:
-        known = [f"correlated on {tests_of(correlated, len(tests))}"]
+        parts = [f"correlated on {tests_of(correlated, len(tests))}"]
         if repeating:
-            known.append(
+            parts.append(
                 f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle"
             )
-        said.insert(0, "; ".join(known))
+        findings.insert(0, "; ".join(parts))
         first = (
             "Residuals are correlated from sample to sample: standard errors and bands that count every sample as "
             "independent are too narrow; prediction bands are calibrated on tests that the fit has not seen. "
@@ -66,7 +66,7 @@ def residual_section(predictions: Sequence[Prediction]) -> Section:
         )
     return Section(
         title="Residuals",
-        summary=f"{'; those '.join(said) or 'consistent with white noise'}.",
+        summary=f"{'; those '.join(findings) or 'consistent with white noise'}.",
         groups=(Group(prose=(first, *places.values(), _variance(tests)), table=_table(predictions, tests)),),
     )
 
@@ -86,13 +86,13 @@ def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
             "At reversals of the motion the force of the model does not change sides as the damper's does.",
         ),
     )
-    found = {}
+    places = {}
     for where, excesses, meaning in kinds:
         if ratios := [excesse.ratio for excesse in excesses if excesse.is_found]:
             times = f"{shortest(max(ratios), 2)} times as large as elsewhere"
             several = f"up to {times} on {tests_of(len(ratios), len(tests))}"
-            found[f"{where} are {several if len(tests) > 1 else times}"] = meaning
-    return found
+            places[f"{where} are {several if len(tests) > 1 else times}"] = meaning
+    return places
 
 
 def _variance(tests: Sequence[ResidualTests]) -> str:
@@ -127,18 +127,18 @@ def _table(predictions: Sequence[Prediction], tests: Sequence[ResidualTests]) ->
         "Tests of the residuals",
         (
             TableColumn(heading="test", cell=lambda row: name_of(row[0].test)),
-            column("lag-1 autocorr.", lambda each: format_fixed(each.lag_one, 3)),
-            column("Ljung-Box p", lambda each: probability(each.ljung_box_p)),
+            column("lag-1 autocorr.", lambda test: format_fixed(test.lag_one, 3)),
+            column("Ljung-Box p", lambda test: probability(test.ljung_box_p)),
             column(
                 "effective samples",
-                lambda each: f"{format_fixed(each.n_effective, 0)} of {format_fixed(each.n_time, 0)}",
+                lambda test: f"{format_fixed(test.n_effective, 0)} of {format_fixed(test.n_time, 0)}",
             ),
-            column("repeats each cycle", lambda each: percent(each.repeating), unit="%"),
-            column("RMS after steps / elsewhere", lambda each: _ratio(each.after_steps)),
-            column("RMS at reversals / elsewhere", lambda each: _ratio(each.at_reversals)),
-            column("Breusch-Pagan p", lambda each: probability(each.breusch_pagan_p)),
-            column("RMS fast / slow", lambda each: format_fixed(each.fast_to_slow, 2)),
-            column("excess kurtosis", lambda each: format_fixed(each.excess, 1)),
+            column("repeats each cycle", lambda test: percent(test.repeating), unit="%"),
+            column("RMS after steps / elsewhere", lambda test: _ratio(test.after_steps)),
+            column("RMS at reversals / elsewhere", lambda test: _ratio(test.at_reversals)),
+            column("Breusch-Pagan p", lambda test: probability(test.breusch_pagan_p)),
+            column("RMS fast / slow", lambda test: format_fixed(test.fast_to_slow, 2)),
+            column("excess kurtosis", lambda test: format_fixed(test.excess, 1)),
         ),
         zip(predictions, tests, strict=True),
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
@@ -232,9 +232,9 @@ def quantile_figure(prediction: Prediction) -> Figure:
     residual = np.sort(prediction.residual)
     share = (np.arange(residual.size) + 0.5) / residual.size
     ends = [normal.inv_cdf(share[0]), normal.inv_cdf(share[-1])]
-    below = [normal.cdf(each) for each in np.linspace(ends[0], ends[1], _QUANTILES)]
+    below = [normal.cdf(value) for value in np.linspace(ends[0], ends[1], _QUANTILES)]
     drawn = np.unique(np.searchsorted(share, below).clip(0, residual.size - 1))
-    expected = [normal.inv_cdf(each) for each in share[drawn]]
+    expected = [normal.inv_cdf(value) for value in share[drawn]]
     standardised = (residual[drawn] - residual.mean()) / (float(np.std(residual)) or 1.0)
     figure, axes = column_axes()
     axes.plot(ends, ends, color=style.FAINT_INK, linewidth=1.0, label="normal")

@@ -39,10 +39,10 @@ def search_section(fit: Fit) -> Section:
         ("Simulated candidates", numbers.format_fixed(fit.evaluations, 0)),
         ("Duration", f"{numbers.significant(fit.seconds, 3)} s"),
     )
-    said = f"; {best} of {ends.size} local minimisations ended at the least misfit" if ends.size else ""
+    text = f"; {best} of {ends.size} local minimisations ended at the least misfit" if ends.size else ""
     return Section(
         title="Search",
-        summary=f"{fit.status_in_words}{said}.",
+        summary=f"{fit.status_in_words}{text}.",
         groups=(Group(panels=tuple(filter(None, (course, waterfall_panel(fit)))), facts=facts),),
     )
 

@@ -76,13 +76,13 @@ def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figu
 def _signals(history: RunHistory, part: slice) -> History:
     """A part of a stored history, as `mr.plots` draws one: what the energies have as one array by their names."""
     numbers = {name: values[part] for name, values in history.numbers.items()}
-    given, kinetic, strain, _, devices = numbers.pop("energy").T
+    input_energy, kinetic, strain, _, devices = numbers.pop("energy").T
     # What storeys that yield take up counts as damping.
     numbers |= {
-        "input_energy": given,
+        "input_energy": input_energy,
         "device_energy": devices[:, None],
-        "element_energy": np.empty((len(given), 0)),
-        "damping_energy": given - devices - kinetic - strain,
+        "element_energy": np.empty((len(input_energy), 0)),
+        "damping_energy": input_energy - devices - kinetic - strain,
     }
     return History(time=history.time[part], numbers=numbers)
 
@@ -163,7 +163,7 @@ def device_section(
     if not shown:
         return None
     unit = style.force_unit(max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)).symbol
-    largest = max(float(each[:, 0].max()) for _, run in shown for each in (run.current, run.command)) or 1.0
+    largest = max(float(curve[:, 0].max()) for _, run in shown for curve in (run.current, run.command)) or 1.0
     device, unit_of_command = results.device_names[0], results.dampers[0].command_unit
     what = "current" if unit_of_command == "A" else "voltage"
     groups, balances = [], []
@@ -237,7 +237,7 @@ def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequen
     summary = ""
     if comparison.leading is not None and math.isfinite(results.score(comparison.leading)):
         spread = results.spread(comparison.leading)
-        mean, least, most = (format_fixed(each, 3) for each in (spread.mean, spread.least, spread.most))
+        mean, least, most = (format_fixed(value, 3) for value in (spread.mean, spread.least, spread.most))
         leading = results.rows[comparison.leading].label
         summary = f"the score of {leading} is {mean}, under single motions {least} to {most}."
     return Section(title="Spread over motions", summary=summary, groups=tuple(groups))
@@ -267,13 +267,13 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
 _MOTIONS = (
     TableColumn(heading="motion", cell=attrgetter("name")),
     TableColumn(
-        heading="use", cell=lambda each: f"{each.use}{', synthetic' if each.synthetic else ''}", words=True
+        heading="use", cell=lambda facts: f"{facts.use}{', synthetic' if facts.synthetic else ''}", words=True
     ),
-    TableColumn(heading="groups", cell=lambda each: ", ".join(each.groups), words=True),
-    TableColumn(heading="peak", cell=lambda each: significant(each.peak, 4), unit="m/s²"),
-    TableColumn(heading="duration", cell=lambda each: significant(each.duration, 4), unit="s"),
+    TableColumn(heading="groups", cell=lambda facts: ", ".join(facts.groups), words=True),
+    TableColumn(heading="peak", cell=lambda facts: significant(facts.peak, 4), unit="m/s²"),
+    TableColumn(heading="duration", cell=lambda facts: significant(facts.duration, 4), unit="s"),
     TableColumn(heading="source", cell=attrgetter("source"), words=True),
-    TableColumn(heading="changes", cell=lambda each: "; ".join(each.changes), words=True),
+    TableColumn(heading="changes", cell=lambda facts: "; ".join(facts.changes), words=True),
 )
 
 

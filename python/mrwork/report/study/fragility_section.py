@@ -21,20 +21,20 @@ _PANEL, _COLUMNS = (2.5, 2.3), 3
 
 
 @style.drawn_in_style()
-def ida_figure(found: Fragilities) -> Figure:
+def ida_figure(fragilities: Fragilities) -> Figure:
     """Intensity over the response, a panel for each arrangement."""
-    count = min(len(found.rows), _DRAWN)
+    count = min(len(fragilities.rows), _DRAWN)
     figure, panels = grid_of_axes(count, _COLUMNS, _PANEL)
-    ida(found, panels, rows=range(count))
+    ida(fragilities, panels, rows=range(count))
     return figure
 
 
 @style.drawn_in_style()
-def fragility_figure(found: Fragilities) -> Figure:
+def fragility_figure(fragilities: Fragilities) -> Figure:
     """Probability that the limit is reached over intensity, a curve for each arrangement."""
-    count = min(len(found.rows), _DRAWN)
+    count = min(len(fragilities.rows), _DRAWN)
     figure, axes = column_axes(left=0.75, top=0.34 + 0.18 * ((count - 1) // _COLUMNS))
-    draw_fragility(found, axes, rows=range(count))
+    draw_fragility(fragilities, axes, rows=range(count))
     axes.set_ylabel("Probability")
     return figure
 
@@ -42,38 +42,38 @@ def fragility_figure(found: Fragilities) -> Figure:
 def fragilities_of_page(results: StudyResults) -> Fragilities | None:
     """Fragilities at the limit of the study; `None` without several records at several levels, or a limit."""
     at, facts = results.record_levels, results.building
-    known = results.limit or (facts is not None and facts.heights)
+    limit = results.limit or (facts is not None and facts.heights)
     few = len(at.records) < _RECORDS or at.levels.size < _LEVELS or len(at.measures) > 1
-    if few or not known or not results.complete:
+    if few or not limit or not results.complete:
         return None
     return fragility(results)
 
 
-def fragility_section(results: StudyResults, found: Fragilities) -> Section:
+def fragility_section(results: StudyResults, fragilities: Fragilities) -> Section:
     """Median intensities at the limit of the study, with both figures."""
-    at, (table,) = results.record_levels, found._summary().shown_tables
+    at, (table,) = results.record_levels, fragilities._summary().shown_tables
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
     curves = panel(
         "fragility",
-        f"Probability that {found.limit_in_words}",
-        fragility_figure(found),
-        f"Probability over {at.measure} that {found.limit_in_words}, {words}",
+        f"Probability that {fragilities.limit_in_words}",
+        fragility_figure(fragilities),
+        f"Probability over {at.measure} that {fragilities.limit_in_words}, {words}",
         "Points are shares of the records; the bars at one half are bands of the medians.",
     )
     lines = panel(
         "ida",
         "Incremental dynamic analysis",
-        ida_figure(found),
-        f"{at.measure} over {found.title} of {words}",
+        ida_figure(fragilities),
+        f"{at.measure} over {fragilities.title} of {words}",
         "Thin: a record each. Thick: 16, 50 and 84 % of the records lie below. Dashed: the limit.",
     )
     return Section(
         title="Records at several levels",
-        summary=f"the {at.measure} at which {found.limit_in_words}, of {words}.",
+        summary=f"the {at.measure} at which {fragilities.limit_in_words}, of {words}.",
         groups=(
             Group(
-                points=found.in_words(),
-                table=replace(table, note=" ".join(f"{caution}." for caution in found.cautions)),
+                points=fragilities.in_words(),
+                table=replace(table, note=" ".join(f"{caution}." for caution in fragilities.cautions)),
             ),
             Group(panels=(curves,)),
             Group(panels=(lines,), layout="whole"),

@@ -45,7 +45,7 @@ _ACTIVE = ("law", "actuator", "other_device")
 _ENOUGH, _MOST_FLOORS = 3, 100
 
 
-def study_lead(comparison: StudyComparison, found: Fragilities | None = None) -> Lead:
+def study_lead(comparison: StudyComparison, fragilities: Fragilities | None = None) -> Lead:
     """The front of the page of a study, with the fragilities of its records at several levels."""
     results = comparison.results
     drawn = drawn_rows(comparison)
@@ -64,7 +64,7 @@ def study_lead(comparison: StudyComparison, found: Fragilities | None = None) ->
         title=results.title,
         subject=_subject(results),
         synthetic=any(motion.synthetic for motion in results.motions),
-        verdict=f"{_verdict(comparison)}{'' if found is None else _medians(comparison, found)}{placed}",
+        verdict=f"{_verdict(comparison)}{'' if fragilities is None else _medians(comparison, fragilities)}{placed}",
         banner=""
         if results.complete
         else f"This study was interrupted: {results.done} of {results.total} runs are done. Run it with --resume to "
@@ -76,7 +76,7 @@ def study_lead(comparison: StudyComparison, found: Fragilities | None = None) ->
                 *off_balance,
                 *results.warnings(),
                 *([few] if 0 < count < _ENOUGH else []),
-                *(() if found is None else found.cautions),
+                *(() if fragilities is None else fragilities.cautions),
             ],
             _CAUTIONS,
         ),
@@ -97,7 +97,7 @@ def _subject(results: StudyResults) -> str:
     storeys = (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
-    damping = f", damping {_least_to_most(ratios, lambda each: format_fixed(each, 1))} %" if ratios else ""
+    damping = f", damping {_least_to_most(ratios, lambda ratio: format_fixed(ratio, 1))} %" if ratios else ""
     mass = significant(1e-3 * sum(facts.masses), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
     drifts = [1e3 * drift for drift in facts.yield_drifts if drift]
@@ -107,19 +107,19 @@ def _subject(results: StudyResults) -> str:
 
 
 def _least_to_most(
-    values: Sequence[float], shown: Callable[[float], str] = lambda each: significant(each, 3)
+    values: Sequence[float], shown: Callable[[float], str] = lambda value: significant(value, 3)
 ) -> str:
     """The least and the most of numbers; once where both look alike."""
     return " to ".join(dict.fromkeys((shown(min(values)), shown(max(values)))))
 
 
-def _medians(comparison: StudyComparison, found: Fragilities) -> str:
+def _medians(comparison: StudyComparison, fragilities: Fragilities) -> str:
     """The median intensities of the leading arrangement and of what it is compared with."""
     rows = (comparison.leading, comparison.passive, comparison.uncontrolled)
     labels = dict.fromkeys(comparison.results.rows[row].label for row in rows if row is not None)
-    shown = [label for label in labels if label in found.rows] or [*found.rows][:1]
-    medians = ", ".join(f"{found[label].brief} with {label}" for label in shown)
-    return f" Median {found[shown[0]].measure} at which {found.limit_in_words}: {medians}."
+    shown = [label for label in labels if label in fragilities.rows] or [*fragilities.rows][:1]
+    medians = ", ".join(f"{fragilities[label].brief} with {label}" for label in shown)
+    return f" Median {fragilities[shown[0]].measure} at which {fragilities.limit_in_words}: {medians}."
 
 
 def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
@@ -172,14 +172,14 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
     # The best constant command first.
     references = comparison.references[::-1]
     # The peak drift ratio, mean over the judged motions, where heights are known.
-    known = results.building is not None and results.building.has_ratios
+    has_ratios = results.building is not None and results.building.has_ratios
     peaks = results.labelled.numbers["peak_drift_ratio"][:, list(results.judged_motions), 0].mean(axis=1)
 
     def cells(row: int) -> tuple[str, ...]:
         return (
             _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 34)),
             format_fixed(results.score(row), 3),
-            *([significant(100.0 * peaks[row], 3)] if known else []),
+            *([significant(100.0 * peaks[row], 3)] if has_ratios else []),
             *(
                 NOTHING if row == reference else signed_percent(comparison.tables[row, reference][name].mean)
                 for reference in references
@@ -189,14 +189,14 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
         )
 
     more = len(set(laws) - set(drawn))
-    own = ("Drift ratio (%)",) if known else ()
+    ratio_head = ("Drift ratio (%)",) if has_ratios else ()
     heads = [f"Against {results.rows[reference].label.partition(',')[0]} (%)" for reference in references]
     return Table(
         label="What each law is worth",
-        columns=("", "Score", *own, *(("Drift", "Acc.") * len(references)), "Verdict"),
+        columns=("", "Score", *ratio_head, *(("Drift", "Acc.") * len(references)), "Verdict"),
         rows=tuple(map(cells, drawn)),
-        words=(2 + len(own) + 2 * len(references),),
-        over=(("", 2 + len(own)), *((head, 2) for head in heads), ("", 1)) if heads else (),
+        words=(2 + len(ratio_head) + 2 * len(references),),
+        over=(("", 2 + len(ratio_head)), *((head, 2) for head in heads), ("", 1)) if heads else (),
         note=f"{counted(more, 'more law')} below, in grey above." if more else "",
     )
 
@@ -215,7 +215,7 @@ _SHAPES = {
 
 def _line(stroke: Stroke) -> Markup:
     """The line of a row as the figures draw it, with its marker."""
-    dashes = () if isinstance(stroke.pattern, str) else (f"{3 * each:g}" for each in stroke.pattern[1])
+    dashes = () if isinstance(stroke.pattern, str) else (f"{3 * dash:g}" for dash in stroke.pattern[1])
     line = (
         f'<svg class="line" viewBox="0 0 26 8" aria-hidden="true"><path d="M 1 4 H 25" style="stroke: {stroke.colour}; '
         f'stroke-width: {1.6 * stroke.width:.2g}; stroke-dasharray: {" ".join(dashes) or "none"}"/>'
@@ -273,7 +273,7 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
 
 def _advice(comparison: StudyComparison) -> tuple[str, ...]:
     results = comparison.results
-    said = (
+    advice = (
         (
             isinstance(results, TunedStudy),
             "`mrwork respond chosen.toml`, in this folder: the study with these settings.",
@@ -289,4 +289,4 @@ def _advice(comparison: StudyComparison) -> tuple[str, ...]:
         ),
         (True, "`mrwork tune STUDY`: settings of the laws from training motions, judged on test motions."),
     )
-    return tuple(sentence for lacks, sentence in said if lacks)[:_ADVICE]
+    return tuple(sentence for lacks, sentence in advice if lacks)[:_ADVICE]

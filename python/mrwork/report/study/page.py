@@ -60,13 +60,13 @@ def _balance_table(results: StudyResults, listed: Sequence[int]) -> Table:
     finished = results.quantities.finished[:, :, 0]
 
     def cells(row: int) -> tuple[str, ...]:
-        taken, given, errors, steps = (
+        taken, input_energy, errors, steps = (
             quantities[name][row, finished[row], 0]
             for name in ("device_energy", "input_energy", "energy_error", "steps")
         )
         return (
             results.rows[row].label,
-            percent(float(np.mean(ratio(np.nansum(taken, axis=1), given)))),
+            percent(float(np.mean(ratio(np.nansum(taken, axis=1), input_energy)))),
             significant(float(errors.max()), 2),
             format_fixed(float(steps.max()), 0),
         )
@@ -85,13 +85,13 @@ _DEMAND = ("stroke", "velocity", "frequency", "command", "force", "mean power")
 
 def demand_section(results: StudyResults) -> Section | None:
     """The largest demand of all runs on one damper at each place, and the ranges it was tested in."""
-    demands = [each for of_run in results.demanded.values() for each in of_run]
+    demands = [demand for of_run in results.demanded.values() for demand in of_run]
     if not demands:
         return None
     ranges: list[tuple[str, OperatingRange | None]] = []
     for device in results.dampers:
-        own = [demand.demand for demand in demands if demand.device == device.name]
-        ranges += [(device.name, covering(own)), ("tested", device.tested)]
+        device_demands = [demand.demand for demand in demands if demand.device == device.name]
+        ranges += [(device.name, covering(device_demands)), ("tested", device.tested)]
     outside = sorted({name for demand in demands for name in demand.outside.names})
     known = any(demand.outside.known for demand in demands)
     summary = f"outside the tested range in {', '.join(outside)}." if outside else "within the tested range."
@@ -120,7 +120,7 @@ def step_section(results: StudyResults, shown: ShownRows) -> Section | None:
     if not changes:
         return None
     worst = max(
-        (change for change in changes if change.criterion), key=lambda each: each.change, default=None
+        (change for change in changes if change.criterion), key=lambda change: change.change, default=None
     )
     return Section(
         title="Half the step",
@@ -148,14 +148,14 @@ def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[
         return None
     panels = []
     for quantity in (SHEAR, OVERTURNING):
-        known = [row for row in drawn if quantity.of_runs(results, row) is not None]
-        if known:
+        rows = [row for row in drawn if quantity.of_runs(results, row) is not None]
+        if rows:
             panels.append(
                 panel(
                     quantity.name.replace("_", "-"),
                     f"{quantity.title} of storeys",
-                    profile_figure(results, quantity.name, known),
-                    f"{quantity.title} of each storey, {len(known)} arrangements, mean over {judged_in_words(results)}",
+                    profile_figure(results, quantity.name, rows),
+                    f"{quantity.title} of each storey, {len(rows)} arrangements, mean over {judged_in_words(results)}",
                 )
             )
     return Section(
@@ -181,8 +181,8 @@ def study_page(
     `command` is the command line that has made it in so many `seconds`; a `summary` is the front alone.
     """
     comparison = compared(results)
-    found = fragilities_of_page(results)
-    lead = study_lead(comparison, found)
+    fragilities = fragilities_of_page(results)
+    lead = study_lead(comparison, fragilities)
     if summary:
         return page_html(lead)
     shown = shown_rows(comparison, results.with_histories)
@@ -199,7 +199,7 @@ def study_page(
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
         *(tuning_sections(results) if isinstance(results, TunedStudy) else ()),
-        None if found is None else fragility_section(results, found),
+        None if fragilities is None else fragility_section(results, fragilities),
         Section(
             title="Criteria",
             summary=f"in their units{median}; `criteria.csv` has every motion.",

@@ -84,8 +84,8 @@ def _settings_section(results: TunedStudy) -> Section | None:
             label=f"Settings of {law.label}",
             columns=("Setting", "Value", "Searched"),
             rows=tuple(
-                (name, setting_in_words(own, shortest), ranges.get(name, "held"))
-                for name, own in law.settings.items()
+                (name, setting_in_words(setting, shortest), ranges.get(name, "held"))
+                for name, setting in law.settings.items()
             ),
             words=(2,),
         )
@@ -107,12 +107,12 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
         columns=("Point", *heads, "Settings", "Certificate"),
         rows=tuple(
             (
-                str(place),
+                str(index),
                 *numbers(point),
                 settings_in_words(point.settings, command_unit, shortest),
                 point.certificate,
             )
-            for place, point in enumerate(front.points, start=1)
+            for index, point in enumerate(front.points, start=1)
         ),
         over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
         words=(1 + len(heads), 2 + len(heads)),
