@@ -164,8 +164,8 @@ def coinciding(lines: Mapping[str, Floats]) -> str:
     for name, line in lines.items():
         first = next((group for group in groups if np.abs(lines[group] - line).max() <= close), name)
         groups.setdefault(first, []).append(name)
-    said = [f"{', '.join(some)} and {last} coincide" for *some, last in groups.values() if some]
-    return f"{'; '.join(said)}." if said else ""
+    texts = [f"{', '.join(some)} and {last} coincide" for *some, last in groups.values() if some]
+    return f"{'; '.join(texts)}." if texts else ""
 
 
 def draw_points(

@@ -81,7 +81,7 @@ def _rows(figure: Figure | Axes | Iterable[Axes]) -> list[_Row]:
 def _rows_of(axes: Axes, panel: str) -> Iterator[_Row]:
     title = axes.get_title(loc="left")
     sharing = (axes, *axes.get_shared_x_axes().get_siblings(axes))
-    abscissa = next((each.get_xlabel() for each in sharing if each.get_xlabel()), "")
+    abscissa = next((sibling.get_xlabel() for sibling in sharing if sibling.get_xlabel()), "")
     of_panel = (title or panel, abscissa, axes.get_ylabel() or title)
     names = [_names(axis) for axis in (axes.xaxis, axes.yaxis)]
     drawn = (container for container in axes.containers if isinstance(container, BarContainer))

@@ -177,12 +177,12 @@ def explore(
         raise SettingError(
             "`command` is for a model with current laws where there is no test; leave it out, or leave out `test`"
         )
-    given = None if theta is None else np.asarray(theta, dtype=np.float64)
-    if given is not None and given.shape != (len(spec.names),):
-        raise SettingError(f"`theta` has shape {given.shape}, {spec.name} takes ({len(spec.names)},)")
+    values = None if theta is None else np.asarray(theta, dtype=np.float64)
+    if values is not None and values.shape != (len(spec.names),):
+        raise SettingError(f"`theta` has shape {values.shape}, {spec.name} takes ({len(spec.names)},)")
     if test is not None:
-        return Explorer(spec, test, given, measured=True)
-    first = np.array(spec.nominal) if given is None else given
+        return Explorer(spec, test, values, measured=True)
+    first = np.array(spec.nominal) if values is None else values
     nominal = nominal_test(
         spec, amplitude=_AMPLITUDE, frequency=_FREQUENCY, per_cycle=_PER_CYCLE, command=command or 0.0
     )

@@ -77,7 +77,7 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
         )
     # Where the tested commands are not known, from 0 to 1.
     commands = np.linspace(*(fit.tested.command or (0.0, 1.0)), _COMMANDS)
-    values = {law.name: (law, each) for law, each in law_values(spec, np.array(fit.theta), commands)}
+    values = {law.name: (law, curve) for law, curve in law_values(spec, np.array(fit.theta), commands)}
     drawn = _choose(parameters, values, "parameter that follows the command")
     panels = panels_for(ax, len(drawn), "laws")
     for axes, (law, along) in zip(panels, drawn, strict=True):
@@ -87,9 +87,9 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
         )
         points = np.array(
             [
-                (command, each.value, np.nan if each.standard_error is None else each.standard_error)
-                for command, each in alone
-                if each.name == law.name and not each.remark
+                (command, point.value, np.nan if point.standard_error is None else point.standard_error)
+                for command, point in alone
+                if point.name == law.name and not point.remark
             ]
         ).T
         if points.size:
@@ -166,9 +166,9 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     axes.axhline(threshold, color=style.RESIDUAL, linewidth=1.0, linestyle=style.DASHED)
     axes.plot(line, ratio, color=style.MODEL, linewidth=1.4)
     drawn = [
-        (value, each)
-        for value, each in zip(profile.values, profile.ratio, strict=True)
-        if left <= value <= right and each <= _TOP * threshold
+        (value, height)
+        for value, height in zip(profile.values, profile.ratio, strict=True)
+        if left <= value <= right and height <= _TOP * threshold
     ]
     axes.plot(
         *np.array(drawn).T, linestyle="none", marker="o", markersize=3.5, color=style.MODEL, clip_on=False
@@ -229,8 +229,8 @@ def _mark_open(axes: Axes, way: int) -> None:
 
 def _span(profile: Profile) -> tuple[float, float]:
     """The ends of the abscissa."""
-    own = np.log if profile.log else np.asarray
-    position = np.asarray(own(np.array(profile.values)))
+    scale = np.log if profile.log else np.asarray
+    position = np.asarray(scale(np.array(profile.values)))
     ratio = np.array(profile.ratio)
     centre = int(profile.values.index(profile.estimate))
     ends = []
@@ -238,7 +238,7 @@ def _span(profile: Profile) -> tuple[float, float]:
         side = slice(centre, None, 1) if way > 0 else slice(centre, None, -1)
         distance, height = np.abs(position[side] - position[centre]), ratio[side]
         if limit is not None:
-            ends.append(1.25 * abs(float(own(np.array(limit))) - float(position[centre])))
+            ends.append(1.25 * abs(float(scale(np.array(limit))) - float(position[centre])))
         else:
             levelled = int(np.argmax(height >= _REACHED * height.max()))
             ends.append(float(min(_FURTHER * distance[levelled] or distance[-1], distance[-1])))
@@ -487,6 +487,6 @@ def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingErro
     return SettingError(f"the run {run.place} has no {what}; {add}, or {otherwise}")
 
 
-def _choose(asked: Sequence[str], known: Mapping[str, T], what: str) -> list[T]:
+def _choose(asked: Sequence[str], values: Mapping[str, T], what: str) -> list[T]:
     """The values of these names, or all."""
-    return [list(known.values())[chosen(name, list(known), what)] for name in asked or known]
+    return [list(values.values())[chosen(name, list(values), what)] for name in asked or values]

@@ -78,8 +78,8 @@ def strokes(
     rows = range(len(kinds)) if coloured is None else coloured
     others = [row for row in rows if kinds[row] not in references]
     named = (Stroke(hue, marker=marker) for hue, marker in zip(style.HUES, MARKERS, strict=True))
-    own = dict(zip(others, named, strict=False))
-    return tuple(references.get(kind) or own.get(number, _OTHER) for number, kind in enumerate(kinds))
+    hues = dict(zip(others, named, strict=False))
+    return tuple(references.get(kind) or hues.get(number, _OTHER) for number, kind in enumerate(kinds))
 
 
 _OTHER = Stroke(colour=style.DATA, width=0.6, marker="")
@@ -127,11 +127,11 @@ def storey_profiles(
     >>> responses = mr.simulate_loop(frame, dampers, law, motions)  # doctest: +SKIP
     >>> axes = responses.plot.storey_profiles(rows=[0, 5])  # doctest: +SKIP
     """
-    known = [quantity.name for quantity in run_quantities() if quantity.axis in ("storey", "floor")]
+    choices = [quantity.name for quantity in run_quantities() if quantity.axis in ("storey", "floor")]
     facts = result.building if isinstance(result, StudyResults) else None
     if facts is not None and facts.has_ratios:
-        known.append(RATIO)
-    check_known(quantity, known, f"storeys and floors have no quantity {quantity!r}", otherwise="they have")
+        choices.append(RATIO)
+    check_known(quantity, choices, f"storeys and floors have no quantity {quantity!r}", otherwise="they have")
     base = "peak_drift" if quantity == RATIO else quantity
     (axis,) = quantity_named(base).own_axes
     if isinstance(result, StudyResults):
@@ -184,7 +184,7 @@ def _lines_of_study(
     labels = [row.label for row in results.rows]
     names = [motion.name for motion in results.motions]
     motions = results.judged_motions if motion is None else (chosen(motion, names, "motion"),)
-    first, others = ([chosen(row, labels, "row") for row in each] for each in (rows, behind))
+    first, others = ([chosen(row, labels, "row") for row in group] for group in (rows, behind))
     first = first or [row for row in range(len(labels)) if row not in others]
     of_row = strokes(results, first)
     finished = set(range(len(labels))).intersection(*(results.finished_rows(motion) for motion in motions))
@@ -275,19 +275,19 @@ def energy_parts(numbers: Mapping[str, Any]) -> tuple[float, float, float]:
 def _course(history: History, ax: Axes | None, *, legend: bool) -> Axes:
     """The energy that was given, cumulative over time, above its `ENERGY_PARTS`."""
     numbers: Mapping[str, Floats] = history.numbers
-    given, damping = numbers["input_energy"], numbers["damping_energy"]
+    total, damping = numbers["input_energy"], numbers["damping_energy"]
     devices = numbers["device_energy"].sum(axis=1) + numbers["element_energy"].sum(axis=1)
-    unit = style.energy_unit(float(np.abs(given).max(initial=0.0)))
-    every = slice(None, None, max(1, len(given) // _COURSE_SAMPLES))
-    time, given, devices, damping = (
+    unit = style.energy_unit(float(np.abs(total).max(initial=0.0)))
+    every = slice(None, None, max(1, len(total) // _COURSE_SAMPLES))
+    time, total, devices, damping = (
         history.time[every],
-        *(unit.factor * each[every] for each in (given, devices, damping)),
+        *(unit.factor * energy[every] for energy in (total, devices, damping)),
     )
-    parts, axes = (devices, damping, given - devices - damping), axes_for(ax)
+    parts, axes = (devices, damping, total - devices - damping), axes_for(ax)
     axes.stackplot(time, *parts, colors=[*ENERGY_PARTS.values()], labels=[*ENERGY_PARTS], linewidth=0.0)
-    axes.plot(time, given, color=style.INK, linewidth=0.9, label="Input")
+    axes.plot(time, total, color=style.INK, linewidth=0.9, label="Input")
     # An actuator may supply energy; the energy that it takes up is then negative.
-    axes.set_ylim(0.0, 1.05 * max(float(given.max()), float((devices + damping).max()), 1e-9))
+    axes.set_ylim(0.0, 1.05 * max(float(total.max()), float((devices + damping).max()), 1e-9))
     axes.margins(x=0.0)
     return finished(axes, "Time (s)", f"Energy ({unit.symbol})", legend=legend)
 
@@ -312,10 +312,10 @@ def _runs(
             if np.isfinite(result.energy_error[run])
         }
     asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
-    found = {labels[row]: numbers[row] for row in asked if row in numbers}
-    if not found:
+    runs = {labels[row]: numbers[row] for row in asked if row in numbers}
+    if not runs:
         raise SettingError(_NONE_FINISHED)
-    return found
+    return runs
 
 
 def _stroke(number: int, count: int) -> Stroke:
@@ -371,7 +371,7 @@ def fronts(
         if points:
             drawn = np.array(sorted(((point[first], point[second]) for point in points), key=itemgetter(0))).T
             axes.plot(*drawn, marker, markersize=4, color=colour, label=label)
-    names = (f"{criterion(each).title} over i = 0" for each in (first, second))
+    names = (f"{criterion(name).title} over i = 0" for name in (first, second))
     return finished(axes, *names, legend=legend)
 
 
@@ -423,16 +423,16 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
         responses = unit.factor * np.pad(one.responses, ((0, 0), (1, 0)))
         axes.axvline(limit, color=style.RESIDUAL, linestyle=style.DASHED, linewidth=1.0, label="limit")
         for number, line in enumerate(responses):
-            known = np.isfinite(line)
+            finite = np.isfinite(line)
             label = "a record" if number == 0 else f"_{one.crossings[number].record}"
-            axes.plot(line[known], levels[known], color=style.DATA, linewidth=0.6, label=label)
+            axes.plot(line[finite], levels[finite], color=style.DATA, linewidth=0.6, label=label)
         whole = ~np.isnan(responses).any(axis=0)
         for share, width in zip(_SHARES, (1.1, 1.9, 1.1), strict=True):
             at = np.quantile(responses[:, whole], share, axis=0, method="inverted_cdf")
-            known = np.isfinite(at)
+            finite = np.isfinite(at)
             label = "16, 50, 84 % of them" if share == _SHARES[0] else f"_{100.0 * share:.0f} %"
             colour = strokes(result)[row].colour
-            axes.plot(at[known], levels[whole][known], color=colour, linewidth=width, label=label)
+            axes.plot(at[finite], levels[whole][finite], color=colour, linewidth=width, label=label)
         axes.set_xlim(0.0, min(max(largest, 1.1 * limit), _BEYOND * limit))
         axes.set_ylim(0.0, 1.02 * float(levels[-1]))
         finished(axes, with_unit(criterion(result.criterion).title, unit.symbol), f"{one.measure} (g)")
@@ -460,7 +460,7 @@ def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool 
     axes, of_criterion = axes_for(ax), criterion(result.criterion)
     ratio = of_criterion.scale == "height"
     unit = DisplayUnit(symbol="%", factor=100.0) if ratio else shown_unit_of(result.unit, result.limit)
-    every = sorted((count, each.values) for each in result.tried if (count := each.uniform) is not None)
+    every = sorted((count, trial.values) for trial in result.tried if (count := trial.uniform) is not None)
     for number, (row, stroke) in enumerate(zip(result.rows, strokes(result), strict=True), start=1):
         axes.plot(
             [count for count, _ in every],
@@ -509,7 +509,7 @@ def fragility(
         one, stroke = result[labels[row]], of_row[row]
         levels = one.levels / STANDARD_GRAVITY
         over = np.linspace(0.0, 1.02 * float(levels[-1]), _CURVE_POINTS)[1:]
-        reached = [one.probability(STANDARD_GRAVITY * float(each)) for each in over]
+        reached = [one.probability(STANDARD_GRAVITY * float(level)) for level in over]
         axes.plot(over, reached, label=one.label, **stroke.marked | {"marker": ""})
         axes.plot(levels, one.crossed, markersize=3.6, **stroke.marked | {"linestyle": "none"})
         if not one.bound:

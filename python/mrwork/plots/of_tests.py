@@ -138,7 +138,7 @@ def loops(
         across = signals["deformation" if over == "displacement" else "rate"] * AXES[over].factor
         axes.plot(across, signals["force"] * shown.factor, color=style.MODEL, linewidth=0.7)
         return finished(axes, axis_name(over), f"Force ({shown.symbol})")
-    several = [_test_and_force(each) for each in (_drawn(result) if test is None else [_one(result, test)])]
+    several = [_test_and_force(item) for item in (_drawn(result) if test is None else [_one(result, test)])]
     shown = style.force_unit(max(_largest(record.force) for record, _ in several), unit)
     axes = axes_for(ax)
     for number, (record, model_force) in enumerate(several):

@@ -116,14 +116,14 @@ def finished(axes: Axes, abscissa: str, ordinate: str, *, legend: bool = False) 
 
 
 def _check_axes(ax: GivenAxes, shape: tuple[int, ...], figure: str) -> Panels:
-    given = np.array([ax] if isinstance(ax, Axes) or ax is None else list(ax), dtype=object)
+    panels = np.array([ax] if isinstance(ax, Axes) or ax is None else list(ax), dtype=object)
     count = int(np.prod(shape))
-    if given.size != count or not all(isinstance(value, Axes) for value in given.flat):
+    if panels.size != count or not all(isinstance(value, Axes) for value in panels.flat):
         raise SettingError(
-            f"`ax` of {figure} has {given.size} entries where {count} axes were expected; give as many, or choose by "
+            f"`ax` of {figure} has {panels.size} entries where {count} axes were expected; give as many, or choose by "
             "`parameters`"
         )
-    return given.reshape(shape)
+    return panels.reshape(shape)
 
 
 def _new_axes(rows: int, columns: int, size: tuple[float, float]) -> Panels:

@@ -212,7 +212,7 @@ FORCES = tuple(
 def force_unit(peak_force: float, symbol: str | None = None) -> DisplayUnit:
     """The unit of this symbol, or newton for forces of up to four digits, kilonewton above, smaller below a tenth."""
     if symbol is not None:
-        units = {each.symbol: each for each in FORCES}
+        units = {unit.symbol: unit for unit in FORCES}
         check_known(symbol, units, f"no force is drawn in {symbol!r}", otherwise="units are")
         return units[symbol]
     largest = FORCES[0] if peak_force >= 1e4 else FORCES[1]
