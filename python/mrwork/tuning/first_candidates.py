@@ -85,7 +85,7 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
         magnitudes=magnitudes,
         limits=limits,
         convex=tuple(convex),
-        published=tuple(each for each in PUBLISHED_REGULATORS if each.n_floors == floors),
+        published=tuple(regulator for regulator in PUBLISHED_REGULATORS if regulator.n_floors == floors),
     )
 
 
@@ -156,9 +156,9 @@ def _sizes(
     if scanned is None:
         return [{}]
     if _WEIGHT in shape:
-        given = np.asarray(shape[_WEIGHT], dtype=np.float64)
+        weight = np.asarray(shape[_WEIGHT], dtype=np.float64)
         factors = np.geomspace(1e-5, 10.0, _STEPS + 1)
-        return [{_WEIGHT: _round_all(plain_weight(factor * given))} for factor in factors]
+        return [{_WEIGHT: _round_all(plain_weight(factor * weight))} for factor in factors]
     # The range of R is for the weights that are held; another shape costs more or less.
     factor = kind.cost(shape, magnitudes) / kind.cost(space.held, magnitudes)
     return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
@@ -235,8 +235,8 @@ def _reference(
 
 def distinct(candidates: Iterable[LawCandidate]) -> tuple[LawCandidate, ...]:
     """Candidates without repetition, in order."""
-    kept: list[LawCandidate] = []
+    unique: list[LawCandidate] = []
     for candidate in candidates:
-        if candidate not in kept:
-            kept.append(candidate)
-    return tuple(kept)
+        if candidate not in unique:
+            unique.append(candidate)
+    return tuple(unique)

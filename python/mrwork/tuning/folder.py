@@ -35,13 +35,13 @@ def write_tuning(
     histories: Histories,
 ) -> None:
     """Commit the folder of a tuning without its page, in place of an earlier one."""
-    own = {
+    texts = {
         TUNED: json_document(asdict(results.tuned)),
         SCORES_TABLE: _scores_csv(results),
         CHOSEN: chosen_study(results.tuned, study_file),
     }
     work.commit(
-        study_files(results, study_file) | {name: text.encode() for name, text in own.items()},
+        study_files(results, study_file) | {name: text.encode() for name, text in texts.items()},
         manifest,
         grown=(JOURNAL, *histories.names),
     )
@@ -115,8 +115,8 @@ def _controller(law: TunedLaw) -> str:
     settings, of_command = law.candidate.of_law, law.candidate.of_command
     if not follows_command(law.law):
         of_command.pop(LARGEST, None)
-    own = {"law": law.law, "label": law.label, **({"settings": settings} if settings else {})}
-    return toml_text({"controller": [own | of_command]})
+    table = {"law": law.law, "label": law.label, **({"settings": settings} if settings else {})}
+    return toml_text({"controller": [table | of_command]})
 
 
 def _scores_csv(results: TunedStudy) -> str:

@@ -109,11 +109,11 @@ class TunedStudy(StudyResults):
         """Value of the objective of a law, and the excess of its limits, under some motions."""
         against = self.row_of(law.objective.relative_to)
         count = self.n_realisations if law.robust else 0
-        own = _part_of(self.labelled, row, motions, count)
+        runs = _part_of(self.labelled, row, motions, count)
         if against is None:
             return float("nan"), float("nan")
-        scores = law.objective.run_scores(own, _part_of(self.labelled, against, motions, count))
-        return float(law.objective.value(scores)[0]), float(law.objective.violation(own)[0])
+        scores = law.objective.run_scores(runs, _part_of(self.labelled, against, motions, count))
+        return float(law.objective.value(scores)[0]), float(law.objective.violation(runs)[0])
 
     def warnings(self) -> list[str]:
         """Warnings of the study and of the tuning, and on what scores cannot say or that a law does not reach."""
@@ -132,12 +132,12 @@ class TunedStudy(StudyResults):
     def _reference_ahead_of(self, law: TunedLaw) -> list[str]:
         rows = {reference.label: self.row_of_law(reference) for reference in (law, *self.tuned.references)}
         scores = {label: self.score(row) for label, row in rows.items() if row is not None}
-        known = {label: score for label, score in scores.items() if np.isfinite(score)}
-        best = min(known, key=lambda label: known[label], default=law.label)
-        if law.label not in known or known[best] >= known[law.label]:
+        finite = {label: score for label, score in scores.items() if np.isfinite(score)}
+        best = min(finite, key=lambda label: finite[label], default=law.label)
+        if law.label not in finite or finite[best] >= finite[law.label]:
             return []
         on = "test" if self.held_out else "training"
-        both = " against ".join(apart(with_decimals, known[law.label], known[best], 3))
+        both = " against ".join(apart(with_decimals, finite[law.label], finite[best], 3))
         return [f"{law.label} does not reach the score of {best} on the {on} motions ({both})."]
 
 

@@ -115,7 +115,7 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
     best, count = firsts[scores.best], len(firsts)
     least = float(scores.penalised_scores[scores.best])
     most = count + (table.budget if space.continuous else 0)
-    found = TunedLaw(
+    tuned = TunedLaw(
         law=plan.law,
         label=plan.label,
         settings=dict(best.settings),
@@ -128,48 +128,48 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
         free=space.free,
         trace=(TracePoint(candidates=count, least=least),),
     )
-    advance(found, most)
+    advance(tuned, most)
     if space.continuous:
 
         def on_generation(so_far: SearchResult) -> None:
-            nonlocal found
+            nonlocal tuned
             candidate = space.candidate(so_far.best_unit)
-            found = _after(found, count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
-            advance(found, most)
+            tuned = _after(tuned, count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
+            advance(tuned, most)
 
         search = _search(plan, firsts, scores, rng, on_generation)
-        if found.origin == _INTERRUPTED:
-            found = replace(found, origin=_ENDS.get(search.stop_reason, "search"))
-        start = space.unit(found.candidate)
+        if tuned.origin == _INTERRUPTED:
+            tuned = replace(tuned, origin=_ENDS.get(search.stop_reason, "search"))
+        start = space.unit(tuned.candidate)
         if table.gradient_steps and start is not None:
-            advance(found, most)
+            advance(tuned, most)
             end = bench.call.step(
                 "gradients",
                 Finish,
                 lambda: follow_gradients(plan, start, table.gradient_steps),
-                found.settings,
+                tuned.settings,
             )
             last = space.candidate(end.unit)
             scores = bench.recalled_scores("finish", plan.objective, plan.law, [last])
             origin = f"search, then {end.gradients} gradients"
-            found = _after(found, found.candidates + 1, float(scores.penalised_scores[0]), last, origin)
-    scores = bench.recalled_scores("chosen", plan.objective, plan.law, [found.candidate])
+            tuned = _after(tuned, tuned.candidates + 1, float(scores.penalised_scores[0]), last, origin)
+    scores = bench.recalled_scores("chosen", plan.objective, plan.law, [tuned.candidate])
     return replace(
-        found,
+        tuned,
         least=float(scores.objective[0]),
         violation=float(scores.violation[0]),
         seconds=time.perf_counter() - began,
-        certificate=bench.certificate(plan.law, found.candidate),
+        certificate=bench.certificate(plan.law, tuned.candidate),
     )
 
 
 def _after(law: TunedLaw, candidates: int, misfit: float, best: LawCandidate, origin: str) -> TunedLaw:
     """The law after a search went on to so many candidates: with the best of these, if it is better."""
-    found = law
+    tuned = law
     if misfit < law.least:
-        found = replace(law, settings=dict(best.settings), origin=origin, least=misfit)
-    point = TracePoint(candidates=candidates, least=found.least)
-    return replace(found, candidates=candidates, trace=(*law.trace, point))
+        tuned = replace(law, settings=dict(best.settings), origin=origin, least=misfit)
+    point = TracePoint(candidates=candidates, least=tuned.least)
+    return replace(tuned, candidates=candidates, trace=(*law.trace, point))
 
 
 def _search(
@@ -181,16 +181,16 @@ def _search(
 ) -> SearchResult:
     """Search the free settings, with the best first candidates in the first generation, or from the best of them."""
     table, space = plan.table, plan.space
-    known: dict[str, float] = {}
+    misfits: dict[str, float] = {}
 
     def misfit(units: Floats) -> Floats:
         asked = [space.candidate(unit) for unit in units]
         keys = [repr(name) for name in asked]
-        fresh = {key: name for key, name in zip(keys, asked, strict=True) if key not in known}
+        fresh = {key: name for key, name in zip(keys, asked, strict=True) if key not in misfits}
         if fresh:
             fresh_scores = plan.bench.scores(plan.objective, plan.law, list(fresh.values()))
-            known.update(zip(fresh, fresh_scores.penalised_scores.tolist(), strict=True))
-        return np.array([known[key] for key in keys])
+            misfits.update(zip(fresh, fresh_scores.penalised_scores.tolist(), strict=True))
+        return np.array([misfits[key] for key in keys])
 
     order = np.argsort(scores.penalised_scores, kind="stable")
     starts = [unit for index in order if (unit := space.unit(firsts[int(index)])) is not None]
@@ -212,9 +212,9 @@ def _search(
     )
     state = optimiser.start(n_params, seed)
     if starts:
-        kept = np.array(starts[: table.population // 3])
+        first_units = np.array(starts[: table.population // 3])
         population = state.population.copy()
-        population[: len(kept)] = kept
+        population[: len(first_units)] = first_units
         state = replace(state, population=population)
     return run_search(
         optimiser,

@@ -42,7 +42,7 @@ def compare_places(
 
     `on_compared` is called with the placements that are done, all of them, and the least score.
     """
-    given, placements = placements_of(study.table, study.building)
+    original, placements = placements_of(study.table, study.building)
     first, device = study.table.damper[0], study.devices[0]
     one = ChosenDamper(
         spec=device.spec,
@@ -80,25 +80,25 @@ def compare_places(
             storeys=dict(placed),
             command=best.commands[0],
             train=float(of_levels[np.argmin(searched(np.array(best.scores)))]),
-            given=placed == given,
+            given=placed == original,
             count=first.count,
         )
 
-    def judged(each: Placement) -> Placement:
-        runs = at(arranged(each.storeys), each.command, testing)
-        return replace(each, test=float(runs.scores(without_dampers(test=True)).mean()))
+    def judged(placement: Placement) -> Placement:
+        runs = at(arranged(placement.storeys), placement.command, testing)
+        return replace(placement, test=float(runs.scores(without_dampers(test=True)).mean()))
 
     ranked: list[Placement] = []
-    compared = placements if given in placements else [*placements, given]
+    compared = placements if original in placements else [*placements, original]
     for placed in compared:
         run = digest_of_run(arranged(placed), *study.chosen_on)
         ranked.append(call.step("placement", Placement, partial(best_of, placed), [*placed.items()], run))
-        on_compared(len(ranked), len(compared), min(each.train for each in ranked))
+        on_compared(len(ranked), len(compared), min(placement.train for placement in ranked))
     # The study's own placement comes last where it may not be chosen.
-    ranked.sort(key=lambda each: (each.storeys not in placements, math.isnan(each.train), each.train))
+    ranked.sort(key=lambda entry: (entry.storeys not in placements, math.isnan(entry.train), entry.train))
     held_out = 0 < len(testing) < len(study.motions)
-    for number, each in enumerate(ranked if held_out else ()):
-        if number < _JUDGED or each.given:
-            inputs = ([*each.storeys.items()], each.command)
-            ranked[number] = call.step("judged placement", Placement, partial(judged, each), *inputs)
+    for number, placement in enumerate(ranked if held_out else ()):
+        if number < _JUDGED or placement.given:
+            inputs = ([*placement.storeys.items()], placement.command)
+            ranked[number] = call.step("judged placement", Placement, partial(judged, placement), *inputs)
     return ranked

@@ -155,22 +155,22 @@ class Front(Plotted, WithAxes, Summarised):
 
         `weights` are by objective, 0 for those that are not named; one alone picks the end of the front.
         """
-        given = dict.fromkeys(self.objectives, 1.0) if weights is None else dict(weights)
-        for name in given:
+        factors = dict.fromkeys(self.objectives, 1.0) if weights is None else dict(weights)
+        for name in factors:
             if name not in self.objectives:
                 near = suggestion(name, self.objectives, otherwise="it has")
                 raise UnknownNameError(f"the front of {self.label} has no objective {name!r}{near}")
         if not self.points:
             raise SettingError(f"the front of {self.label} has no points; tune with a larger budget")
         return min(
-            self.points, key=lambda point: sum(weight * point.train[name] for name, weight in given.items())
+            self.points, key=lambda point: sum(weight * point.train[name] for name, weight in factors.items())
         )
 
     def _named_arrays(self) -> NamedArrays:
         arrays = {}
         for use in ("train", "test"):
             values = [getattr(point, use) or {} for point in self.points]
-            rows = [[given.get(name, math.nan) for name in self.objectives] for given in values]
+            rows = [[scores.get(name, math.nan) for name in self.objectives] for scores in values]
             arrays[use] = NamedArray.of(
                 np.array(rows).reshape(len(self.points), len(self.objectives)),
                 *("point", "objective"),
@@ -188,8 +188,8 @@ class Front(Plotted, WithAxes, Summarised):
 
 def _setting_arrays(settings: Sequence[Mapping[str, Any]], axis: str) -> dict[str, NamedArray]:
     """Arrays of the settings that are always numbers; NaN where one is not given."""
-    names = dict.fromkeys(name for given in settings for name in given)
-    columns = {name: [given.get(name) for given in settings] for name in names}
+    names = dict.fromkeys(name for row in settings for name in row)
+    columns = {name: [row.get(name) for row in settings] for name in names}
     return {
         name: NamedArray.of(values, axis, long_name="setting")
         for name, values in columns.items()
@@ -224,7 +224,7 @@ class TuningResults(Plotted, WithAxes, Summarised):
         return tuple(sentence for law in self.laws for sentence in law.warnings)
 
     def _named_arrays(self) -> NamedArrays:
-        found = (*self.laws, *self.references)
+        laws = (*self.laws, *self.references)
         numbers = {
             "least": ("1", "objective on the training motions"),
             "violation": ("1", "excess of the limits, relative to these"),
@@ -233,15 +233,15 @@ class TuningResults(Plotted, WithAxes, Summarised):
         return NamedArrays(
             title=f"Tuning of {self.title}",
             rows=("law",),
-            labels={"law": labels_of([law.label for law in found])},
-            along=_setting_arrays([law.settings for law in found], "law"),
-            arrays=columns_of(found, "law", numbers),
+            labels={"law": labels_of([law.label for law in laws])},
+            along=_setting_arrays([law.settings for law in laws], "law"),
+            arrays=columns_of(laws, "law", numbers),
         )
 
     def _summary(self) -> Summary:
-        found = self._found()
+        summary = self._found()
         hint = "What the settings are worth on other motions: mr.tuning.judge(study, tuned)."
-        return replace(found, cautions=self.warnings, notes=(*found.notes, hint))
+        return replace(summary, cautions=self.warnings, notes=(*summary.notes, hint))
 
     def _found(self) -> Summary:
         """The summary without what the judging study says, too: warnings, and what the settings are worth."""
@@ -276,7 +276,7 @@ _LISTED = 10
 def places_table(results: TuningResults) -> Table | None:
     """The best placements of the dampers and the study's own; `None` where none were compared."""
     ranked = enumerate(results.places, start=1)
-    shown = [(number, each) for number, each in ranked if number <= _LISTED or each.given]
+    shown = [(number, placement) for number, placement in ranked if number <= _LISTED or placement.given]
     if not shown:
         return None
     return Table(
@@ -286,12 +286,12 @@ def places_table(results: TuningResults) -> Table | None:
         rows=tuple(
             (
                 str(number),
-                each.in_words + (" (the study)" if each.given else ""),
-                f"{each.command:.3g} {results.command_unit}",
-                with_decimals(each.train, 3),
-                "-" if each.test is None else with_decimals(each.test, 3),
+                placement.in_words + (" (the study)" if placement.given else ""),
+                f"{placement.command:.3g} {results.command_unit}",
+                with_decimals(placement.train, 3),
+                "-" if placement.test is None else with_decimals(placement.test, 3),
             )
-            for number, each in shown
+            for number, placement in shown
         ),
         words=(1,),
         note="Laws are tuned at the first.",

@@ -102,8 +102,8 @@ def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Float
     problem = plan.bench.problem.limited_to(largest)
     points, weights = [unit], []
     for index in _places(plan):
-        nodes, own = _differences(space.free[index], float(unit[index]))
-        weights.append(own)
+        nodes, node_weights = _differences(space.free[index], float(unit[index]))
+        weights.append(node_weights)
         points += [np.where(np.arange(len(unit)) == index, node, unit) for node in nodes]
     settings = [settings_of(name, space.candidate(point, exact=True).of_law) for point in points]
     designed = design_candidates(name, problem, settings)
@@ -117,7 +117,7 @@ def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Float
     around = gains[1:].reshape(len(weights), len(_NODES), -1)
     labels = [space.free[index].label for index in _places(plan)]
     law = replace(
-        designed.law, gains={gain: np.asarray(each)[:1] for gain, each in designed.law.gains.items()}
+        designed.law, gains={gain: np.asarray(values)[:1] for gain, values in designed.law.gains.items()}
     )
     changes = np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around)
     refusals = {labels[(number - 1) // len(_NODES)]: refusal for number, refusal in designed.refusals.items()}

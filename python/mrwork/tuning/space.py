@@ -106,8 +106,8 @@ def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:
 
 def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     """The objective of a table."""
-    given = table.criteria or SCORE
-    weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
+    criteria = table.criteria or SCORE
+    weights = dict(criteria) if isinstance(criteria, Mapping) else dict.fromkeys(criteria, 1.0)
     limits = {name: _limit(name, value, command_unit) for name, value in (table.constraints or {}).items()}
     return TuningObjective(
         weights=weights,
@@ -316,8 +316,8 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     magnitudes = replace(magnitudes, cost=kind.cost(held, magnitudes))
     free = []
     for name in _free_names(table, law, kind, spans, held):
-        given = (table.free or {}).get(name, ())
-        free += _free(name, given, spans.get(name), magnitudes)
+        ends = (table.free or {}).get(name, ())
+        free += _free(name, ends, spans.get(name), magnitudes)
         held.pop(name, None)
     chosen = {name.name for name in free}
     if is_semi_active(held) and "control_weight" in spans and "control_weight" not in chosen:
@@ -347,11 +347,11 @@ def is_semi_active(settings: Mapping[str, Any]) -> bool:
 
 
 def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]:
-    known = [entry.name for entry in keys_of(kind)]
+    choices = [entry.name for entry in keys_of(kind)]
     held: dict[str, Any] = dict(table.settings or {})
     for name in held:
-        if name not in known:
-            sentence = f"{law} has no setting {name!r}{suggestion(name, known, otherwise='it has')}"
+        if name not in choices:
+            sentence = f"{law} has no setting {name!r}{suggestion(name, choices, otherwise='it has')}"
             raise InvalidSettingError(("settings", name), sentence)
     if not kind.weight_names() & {*held, *(table.free or {})}:
         held |= kind.weighed_by_default
@@ -364,10 +364,10 @@ def _free_names(
     """Names of the free settings: what the table names, or what the law frees by itself."""
     commands = follows_command(law) and not kind.chooses_levels
     if table.free is not None:
-        known = [*spans, *([LARGEST] if commands else [])]
+        choices = [*spans, *([LARGEST] if commands else [])]
         for name in table.free:
-            if name not in known:
-                near = suggestion(name, known, otherwise="it has")
+            if name not in choices:
+                near = suggestion(name, choices, otherwise="it has")
                 raise InvalidSettingError(
                     ("free", name), f"{law} has no setting {name!r} that can be searched{near}"
                 )
@@ -395,14 +395,14 @@ def _free_names(
     return [*names, *([LARGEST] if commands else [])]
 
 
-def _free(name: str, given: Sequence[float], span: Span | None, magnitudes: Magnitudes) -> list[FreeSetting]:
+def _free(name: str, ends: Sequence[float], span: Span | None, magnitudes: Magnitudes) -> list[FreeSetting]:
     scale = "linear" if span is None else span.scale
-    if given:
-        if len(given) != 2 or not given[0] < given[1] or (scale == "log" and given[0] <= 0.0):
+    if ends:
+        if len(ends) != 2 or not ends[0] < ends[1] or (scale == "log" and ends[0] <= 0.0):
             positive = " of positive numbers" if scale == "log" else ""
             sentence = f"the range of {name} takes its lower and its upper end{positive}, as [1e-14, 1e-9]"
             raise InvalidSettingError(("free", name), sentence)
-        lower, upper = given
+        lower, upper = ends
         if scale == "log" and upper > _WIDEST * lower:
             sentence = f"the range of {name} is from {lower:g} to {upper:g}; its ends may differ by {_WIDEST:g} times"
             raise InvalidSettingError(("free", name), sentence)

@@ -42,33 +42,33 @@ class _StudyScore:
 
     def values(self, settings: Floats) -> Floats:
         """Scores of settings, (..., n_free), shape (...)."""
-        given = np.asarray(settings)
-        units, _, inside = self.places(given)
+        points = np.asarray(settings)
+        units, _, inside = self.places(points)
         values = np.full(len(units), math.inf)
         if inside.any():
             values[inside] = values_at(self.plan, units[inside])
-        return values.reshape(given.shape[:-1])
+        return values.reshape(points.shape[:-1])
 
     def linearise(self, settings: Floats) -> tuple[Floats, Floats]:
         """Scores of settings, (..., n_free), and their derivatives."""
-        given = np.asarray(settings)
-        units, rates, inside = self.places(given)
+        points = np.asarray(settings)
+        units, rates, inside = self.places(points)
         values, slopes = np.full(len(units), math.inf), np.zeros(units.shape)
         for row in np.flatnonzero(inside):
             values[row], slopes[row] = slopes_at(self.plan, units[row])
             slopes[row] *= rates[row]
-        return values.reshape(given.shape[:-1]), slopes.reshape(given.shape)
+        return values.reshape(points.shape[:-1]), slopes.reshape(points.shape)
 
     def places(self, settings: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Places of settings in their ranges with their slopes, (n, n_free), and which rows have them."""
         rows, free = settings.reshape(-1, len(self.box.names)), list(self.box.free)
         # Rounding of a range that is logarithmic leaves its ends.
-        known = np.clip(rows, self.box.lower, self.box.upper)
-        inside: NDArray[np.bool_] = np.all(np.isclose(rows, known, rtol=_ROUNDING, atol=0.0), axis=1)
-        known[~inside] = self.box.upper
+        theta = np.clip(rows, self.box.lower, self.box.upper)
+        inside: NDArray[np.bool_] = np.all(np.isclose(rows, theta, rtol=_ROUNDING, atol=0.0), axis=1)
+        theta[~inside] = self.box.upper
         places, slopes = np.zeros(rows.shape), np.zeros(rows.shape)
-        places[:, free] = np.clip(self.box.unit_from_theta(known), 0.0, 1.0)
-        slopes[:, free] = 1.0 / self.box.unit_slope(known)
+        places[:, free] = np.clip(self.box.unit_from_theta(theta), 0.0, 1.0)
+        slopes[:, free] = 1.0 / self.box.unit_slope(theta)
         return places, slopes, inside
 
 
@@ -181,15 +181,15 @@ def study_score(
     """
     begin()
     if isinstance(law, TuneTable):
-        given = law
+        table = law
     else:
-        known = next((tune for tune in study.tunes if law in tune.laws), TuneTable(laws=(law,)))
-        given = replace(known, laws=(law,))
-    if len(given.laws) != 1:
-        raise SettingError(f"the table has {len(given.laws)} laws; give one")
-    if lacking := without_gradient(study, given):
+        table = next((tune for tune in study.tunes if law in tune.laws), TuneTable(laws=(law,)))
+        table = replace(table, laws=(law,))
+    if len(table.laws) != 1:
+        raise SettingError(f"the table has {len(table.laws)} laws; give one")
+    if lacking := without_gradient(study, table):
         raise SettingError(lacking)
-    plan = plan_of(study, replace(given, gradient_steps=0), threads)
+    plan = plan_of(study, replace(table, gradient_steps=0), threads)
     free = tuple(name for name in plan.space.free if name.name != LARGEST)
     if not free:
         raise SettingError(f"{plan.law} has no free setting but the largest command; free one that it has")
