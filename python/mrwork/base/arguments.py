@@ -127,8 +127,8 @@ def takes_fields(
 
     def decorated(function: Callable[[Value], Result]) -> Callable[Given, Result]:
         @wraps(function)
-        def taking(*args: Given.args, **given: Given.kwargs) -> Result:
-            return function(kind(*args, **given))
+        def taking(*args: Given.args, **kwargs: Given.kwargs) -> Result:
+            return function(kind(*args, **kwargs))
 
         texts = parameter_texts(declaring)
         taking.__doc__ = with_parameters(
@@ -169,13 +169,13 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
         read_annotations()
 
     @wraps(function)
-    def checking(*args: Any, **given: Any) -> Any:
+    def checking(*args: Any, **kwargs: Any) -> Any:
         if not declared:
             read_annotations()
         try:
-            call = signature.bind_partial(*args, **given)
+            call = signature.bind_partial(*args, **kwargs)
         except TypeError as reason:
-            raise _misfit(name, given, list(parameters), reason) from None
+            raise _misfit(name, kwargs, list(parameters), reason) from None
         values = call.arguments
         for parameter, value in values.items():
             if parameter in declared:
@@ -193,11 +193,11 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     return checking
 
 
-def _misfit(function: str, given: Mapping[str, Any], known: list[str], reason: TypeError) -> ArgumentError:
+def _misfit(function: str, kwargs: Mapping[str, Any], names: list[str], reason: TypeError) -> ArgumentError:
     """The error of a call whose arguments do not fit the signature."""
-    for unknown in (word for word in given if word not in known):
+    for unknown in (word for word in kwargs if word not in names):
         named = suggestion(
-            unknown, [entry for entry in known if entry not in ("self", "cls")], otherwise="it takes"
+            unknown, [entry for entry in names if entry not in ("self", "cls")], otherwise="it takes"
         )
         return ArgumentError(f"{function} has no argument `{unknown}`{named}")
     return ArgumentError(f"{function} has {reason}; give each argument once, by name")
@@ -212,11 +212,11 @@ def _error(parameter: str, function: str, refusal: Refusal, owner: type = object
     return error
 
 
-def _check_shapes(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
+def _check_shapes(shapes: Mapping[str, Shape], function: str, values: Mapping[str, Any]) -> None:
     """Refuse an array with other axes, or other lengths than the arrays before it."""
     lengths: dict[str, int] = {}
     for parameter, shape in shapes.items():
-        value = given.get(parameter)
+        value = values.get(parameter)
         # A number may stand for an array where the annotation has both.
         if value is None or isinstance(value, int | float):
             continue

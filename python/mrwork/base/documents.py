@@ -47,9 +47,9 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     with all_mistakes() as part:
         with part():
             values = given_values(kind, table, place)
-        known = {entry.name_in_file: entry for entry in keys_of(kind)}
-        misspelt = {near for name in table if name not in known for near in meant(name, [*known])}
-        for name, entry in known.items():
+        keys = {entry.name_in_file: entry for entry in keys_of(kind)}
+        misspelt = {near for name in table if name not in keys for near in meant(name, [*keys])}
+        for name, entry in keys.items():
             if entry.is_required and not {name} & (table.keys() | misspelt):
                 with part():
                     refuse_missing(entry, place)
@@ -67,24 +67,24 @@ def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[st
 
     Names are fields of a dataclass; for functions, keys of the document.
     """
-    known, declared = {entry.name_in_file: entry for entry in keys_of(kind)}, _nodes_in_file(kind)
+    keys, declared = {entry.name_in_file: entry for entry in keys_of(kind)}, _nodes_in_file(kind)
     values = {}
     with all_mistakes() as part:
-        for name, entry in known.items():
+        for name, entry in keys.items():
             if name in table:
                 with part():
                     where = place.within(name)
                     value = _read_value(declared[name], table[name], where, entry)
                     values[name if isinstance(kind, tuple) else entry.name] = value
                     _ask(value, table[name], where, entry)
-        for name in [each for each in table if each not in known]:
+        for name in [key for key in table if key not in keys]:
             with part():
                 place.within(name).refuse(_on_unknown(kind, name, table, place))
             # What stands below a misspelt name is read as the table that is meant.
-            near = meant(name, [*known])
-            if len(near) == 1 and inner_table(known[near[0]])[0] is not None:
+            near = meant(name, [*keys])
+            if len(near) == 1 and inner_table(keys[near[0]])[0] is not None:
                 with part():
-                    _read_value(declared[near[0]], table[name], place.within(name), known[near[0]])
+                    _read_value(declared[near[0]], table[name], place.within(name), keys[near[0]])
     return values
 
 
@@ -99,13 +99,13 @@ def _on_unknown(kind: Table, name: str, table: Mapping[str, Any], place: Place) 
 _STATED = 10.0
 
 
-def _ask(read: Any, given: Any, place: Place, entry: Key) -> None:
+def _ask(read: Any, value: Any, place: Place, entry: Key) -> None:
     """Keep a question on an unusual number of a key, or on the largest one of an array."""
     if not (usual := entry.says.usual):
         return
     numbers = [entry for entry in (read if isinstance(read, tuple) else (read,)) if isinstance(entry, float)]
     largest = max(map(abs, numbers), default=0.0)
-    stated = any(isinstance(each, str) for each in (given if isinstance(given, list) else (given,)))
+    stated = any(isinstance(item, str) for item in (value if isinstance(value, list) else (value,)))
     room, unit = _STATED if stated else 1.0, entry.says.unit or "1"
     if 0.0 < largest < math.inf and (
         question := question_on(str(place.path[-1]), largest, usual, unit, room=room)

@@ -261,8 +261,8 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
 def note_of(node: Node, kind: type[NoteT], inside: type[Node] = Either) -> NoteT | None:
     """The first note of a kind that an annotation has, or a part of it: by default a member of a union."""
     parts = node.parts if isinstance(node, inside) else ()
-    own = (note for note in node.notes if isinstance(note, kind))
-    return next(own, None) or next(filter(None, (note_of(part, kind, inside) for part in parts)), None)
+    notes = (note for note in node.notes if isinstance(note, kind))
+    return next(notes, None) or next(filter(None, (note_of(part, kind, inside) for part in parts)), None)
 
 
 # Fields

@@ -110,8 +110,8 @@ def key(
     functions: tuple[Callable[..., Any], ...] = (),
 ) -> Any:
     """Declare a field of a dataclass as a key, by the notes `Within` and `Says`; without a default it is required."""
-    given = locals()
-    within, says = (note(**{each.name: given[each.name] for each in fields(note)}) for note in (Within, Says))
+    terms = locals()
+    within, says = (note(**{item.name: terms[item.name] for item in fields(note)}) for note in (Within, Says))
     metadata = {NOTES: (within, says, *([May.BE_NAN] * may_be_nan))}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
@@ -161,8 +161,8 @@ class Key:
 def _keys_of(table: Table) -> tuple[Key, ...]:
     functions = table if isinstance(table, tuple) else (table,)
     alike: dict[str, list[Key]] = {}
-    for each in chain.from_iterable(map(_keys_of_one, functions)):
-        alike.setdefault(each.name_in_file, []).append(each)
+    for entry in chain.from_iterable(map(_keys_of_one, functions)):
+        alike.setdefault(entry.name_in_file, []).append(entry)
     for keys in alike.values():
         if len(keys) < len(functions):
             keys[0] = replace(
@@ -190,12 +190,12 @@ def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
 
 def given_in(table: Any) -> dict[str, Any]:
     """The keys of a table that are not as by default, as a document has them: what `read_table` reads back."""
-    given = {}
+    document = {}
     for entry in keys_of(type(table)):
         value = getattr(table, entry.name)
         if type(value) is not type(entry.default) or value != entry.default:
-            given[entry.name_in_file] = as_document(value, from_one=entry.says.from_one)
-    return given
+            document[entry.name_in_file] = as_document(value, from_one=entry.says.from_one)
+    return document
 
 
 def as_document(value: Any, *, from_one: bool = False) -> Any:
@@ -216,9 +216,9 @@ def documented(target: Any, declared: Mapping[str, Node]) -> str | None:
     if not target.__doc__ or not any(note_of(quantity, Says) for quantity in declared.values()):
         return cast("str | None", target.__doc__)
     texts = {}
-    for each in keys_of((target,)):
-        words = ", ".join(filter(None, (each.in_words, each.within.in_words)))
-        texts[each.name] = f"{words[:1].upper()}{words[1:]}."
+    for entry in keys_of((target,)):
+        words = ", ".join(filter(None, (entry.in_words, entry.within.in_words)))
+        texts[entry.name] = f"{words[:1].upper()}{words[1:]}."
     return with_parameters(target.__doc__, texts)
 
 
@@ -242,15 +242,15 @@ class Arguments:
     place: Place
 
     def of(self, function: Callable[..., Any]) -> dict[str, Any]:
-        """Those of one of the functions, by its own names."""
+        """The values of one of the functions, by its own names."""
         names = {entry.name_in_file: entry.name for entry in keys_of((function,))}
         return {names[name]: value for name, value in self.given.items() if name in names}
 
     def refuse_others(self, functions: tuple[Callable[..., Any], ...], reason: str, remedy: str) -> None:
         """Refuse a key that none of these functions has."""
-        known = {entry.name_in_file for entry in keys_of(functions)}
+        names = {entry.name_in_file for entry in keys_of(functions)}
         for name in self.given:
-            if name not in known:
+            if name not in names:
                 self.place.within(name).refuse(f"{name} {reason}; {remedy}")
 
     def call(self) -> Callable[..., Any]:
@@ -262,23 +262,23 @@ class Arguments:
                     with part():
                         refuse_missing(entry, self.place)
 
-        def called(*given: Any) -> Any:
+        def called(*args: Any) -> Any:
             with self.place.prefix_errors():
-                return function(*given, **self.of(function))
+                return function(*args, **self.of(function))
 
         return called
 
     def _chosen(self) -> Callable[..., Any]:
         """A table with keys of two functions is refused, or with none; keys that all functions have tell nothing."""
-        own = own_keys(self.functions)
-        given = [[name for name in way if name in self.given] for way in own]
-        used = [(function, way) for function, way in zip(self.functions, given, strict=True) if way]
-        choice = " or by ".join(" and ".join(filter(None, (", ".join(way[:-1]), way[-1]))) for way in own)
+        ways = own_keys(self.functions)
+        names = [[name for name in way if name in self.given] for way in ways]
+        used = [(function, way) for function, way in zip(self.functions, names, strict=True) if way]
+        choice = " or by ".join(" and ".join(filter(None, (", ".join(way[:-1]), way[-1]))) for way in ways)
         if not used:
             self.place.refuse(f"{self.place.table} is given by {choice}; give one of these")
         if len(used) > 1:
             # Fewer keys are given of the function that was not meant.
-            odd = min(reversed(used), key=lambda each: len(each[1]))[1][0]
+            odd = min(reversed(used), key=lambda pair: len(pair[1]))[1][0]
             self.place.within(odd).refuse(f"{self.place.table} is given by {choice}; keep one")
         return used[0][0]
 
@@ -290,8 +290,8 @@ def tables(table: Table, path: str = "") -> Iterator[tuple[str, Table]]:
         inner, several = inner_table(entry)
         if inner is not None:
             name = ".".join(filter(None, (path.strip("[]"), entry.name_in_file)))
-            for heading, each in tables(inner, f"[[{name}]]" if several else f"[{name}]"):
-                by_table.setdefault(each, heading)
+            for heading, nested in tables(inner, f"[[{name}]]" if several else f"[{name}]"):
+                by_table.setdefault(nested, heading)
     yield from ((heading, key_name) for key_name, heading in by_table.items())
 
 
@@ -317,9 +317,9 @@ def _table_in(node: Node) -> tuple[type | None, bool]:
 def refuse_repeated(table: Any) -> None:
     """Refuse a name that stands twice in an array of a table."""
     for entry in fields(table):
-        given = getattr(table, entry.name)
-        for name in given if isinstance(given, tuple) else ():
-            if isinstance(name, str) and given.count(name) > 1:
+        value = getattr(table, entry.name)
+        for name in value if isinstance(value, tuple) else ():
+            if isinstance(name, str) and value.count(name) > 1:
                 raise InvalidSettingError(entry.name, f"{entry.name} has {name!r} twice; give each once")
 
 
@@ -347,12 +347,12 @@ def toml_lines_of(table: Mapping[str, Any]) -> list[str]:
 
 def toml_text(document: Mapping[str, Any]) -> str:
     """A document as TOML: its own keys, then its tables below their headings, and what is in these in their lines."""
-    own, blocks = {}, []
+    values, blocks = {}, []
     for name, value in document.items():
         several = isinstance(value, list) and all(isinstance(entry, dict) for entry in value)
         if not several and not isinstance(value, dict):
-            own[name] = value
+            values[name] = value
             continue
         heading = f"[[{name}]]" if several else f"[{name}]"
         blocks += [[heading, *toml_lines_of(entry)] for entry in (value if several else [value])]
-    return "\n\n".join("\n".join(block) for block in [toml_lines_of(own), *blocks] if block) + "\n"
+    return "\n\n".join("\n".join(block) for block in [toml_lines_of(values), *blocks] if block) + "\n"

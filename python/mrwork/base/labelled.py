@@ -105,18 +105,18 @@ class NamedArrays:
 
         shape = tuple(self.labels[axis].values.size for axis in self.rows)
         shown = {
-            name: each
-            for name, each in {**self.along, **self.arrays}.items()
-            if set(self.rows) <= set(each.axes) or (name in self.along and set(each.axes) <= set(self.rows))
+            name: array
+            for name, array in {**self.along, **self.arrays}.items()
+            if set(self.rows) <= set(array.axes) or (name in self.along and set(array.axes) <= set(self.rows))
         }
         depth = max((len(label.axes) - len(self.rows) for label in shown.values()), default=0)
         columns: dict[Any, NDArray[Any]] = {}
-        for name, each in shown.items():
-            further = [axis for axis in each.axes if axis not in self.rows]
-            own = [axis for axis in self.rows if axis in each.axes]
-            values = np.transpose(each.values, [each.axes.index(axis) for axis in (*own, *further)])
+        for name, array in shown.items():
+            further = [axis for axis in array.axes if axis not in self.rows]
+            row_axes = [axis for axis in self.rows if axis in array.axes]
+            values = np.transpose(array.values, [array.axes.index(axis) for axis in (*row_axes, *further)])
             # A label along some axes of the rows is repeated along the others.
-            wide = np.expand_dims(values, [n for n, axis in enumerate(self.rows) if axis not in own])
+            wide = np.expand_dims(values, [n for n, axis in enumerate(self.rows) if axis not in row_axes])
             flat = np.broadcast_to(wide, (*shape, *wide.shape[len(shape) :])).reshape(math.prod(shape), -1)
             labels = product(*(self.labels[axis].values.tolist() for axis in further))
             for number, label in enumerate(labels):

@@ -52,9 +52,9 @@ def read_each(read: Callable[[GivenT], ReadT], parts: Iterable[GivenT]) -> list[
     """Read parts of a document each by itself; their mistakes are raised together."""
     results = []
     with all_mistakes() as part:
-        for given in parts:
+        for item in parts:
             with part():
-                results.append(read(given))
+                results.append(read(item))
     return results
 
 
@@ -113,8 +113,8 @@ class Place:
     @property
     def line(self) -> int:
         """Line of the value, or of the innermost table or array around it that has a line; 0 where no line is known."""
-        known = (self.path[:n] for n in range(len(self.path), 0, -1))
-        return next((self.lines[path] for path in known if path in self.lines), 0)
+        paths = (self.path[:n] for n in range(len(self.path), 0, -1))
+        return next((self.lines[path] for path in paths if path in self.lines), 0)
 
     def _keys(self) -> str:
         first = 0 if self.arguments else 1

@@ -166,8 +166,8 @@ class ProgressLine(Generic[Report]):
         """Clear the line, and say how long JAX compiled."""
         compiled = COMPILE_TIME.seconds - self._compiled
         if self._display is not None:
-            told = f"JAX compiled for {duration_in_words(compiled)}" if compiled >= _TOLD else ""
-            self._display.close(told)
+            text = f"JAX compiled for {duration_in_words(compiled)}" if compiled >= _TOLD else ""
+            self._display.close(text)
 
 
 @checked

@@ -111,7 +111,7 @@ _WORDS: Final[Mapping[str, str]] = {
 
 def without_style(name: str) -> str:
     """`BoucWen`, `bouc-wen` and `bouc_wen` alike."""
-    return "".join(each for each in name.lower() if each.isalnum())
+    return "".join(character for character in name.lower() if character.isalnum())
 
 
 def synonyms(name: str) -> list[list[str]]:

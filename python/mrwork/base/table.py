@@ -73,13 +73,13 @@ class Table:
         if self.over or self.strong or self.alarming:
             return self
         cells = enumerate(zip(*self.rows, strict=True))
-        kept = [number for number, column in cells if {*column} - {"", NOTHING}]
+        numbers = [number for number, column in cells if {*column} - {"", NOTHING}]
         return replace(
             self,
-            columns=tuple(self.columns[number] for number in kept),
-            rows=tuple(tuple(row[number] for number in kept) for row in self.rows),
-            words=tuple(place for place, number in enumerate(kept) if number in self.words),
-            foot=tuple(self.foot[number] for number in kept) if self.foot else (),
+            columns=tuple(self.columns[number] for number in numbers),
+            rows=tuple(tuple(row[number] for number in numbers) for row in self.rows),
+            words=tuple(index for index, number in enumerate(numbers) if number in self.words),
+            foot=tuple(self.foot[number] for number in numbers) if self.foot else (),
         )
 
     def lines(self, indent: str = "", *, width: int | None = None) -> list[str]:
@@ -97,10 +97,10 @@ class Table:
             lines = _align_rows([row[:count] for row in cells])
         for row, heading in sorted(self.headings.items(), reverse=True):
             lines.insert(1 + row, heading)
-        over = self._over([max(len(row[place]) for row in cells) for place in range(count)])
+        over = self._over([max(len(row[column]) for row in cells) for column in range(count)])
         left_out = ", ".join(self.columns[count:])
-        said = [f"Too wide for a terminal, and on the page: {left_out}"] if left_out else []
-        return [f"{indent}{line}".translate(_PLAIN) for line in (*over, *lines, *said)]
+        notes = [f"Too wide for a terminal, and on the page: {left_out}"] if left_out else []
+        return [f"{indent}{line}".translate(_PLAIN) for line in (*over, *lines, *notes)]
 
     def __repr__(self) -> str:
         return "\n".join(filter(None, (self.title, *self.lines("  "), self.note)))
@@ -114,8 +114,8 @@ class Table:
             spans = (f'<th scope="colgroup" colspan="{n}">{_heading(text)}</th>' for text, n in self.over)
             lines.append(f'<tr class="over">{"".join(spans)}</tr>')
         heads = (
-            f'<th scope="col"{self._class(place) if place else ""}>{_heading(text)}</th>'
-            for place, text in enumerate(self.columns)
+            f'<th scope="col"{self._class(column) if column else ""}>{_heading(text)}</th>'
+            for column, text in enumerate(self.columns)
         )
         lines += [f"<tr>{''.join(heads)}</tr></thead>", "<tbody>"]
         for row, cells in enumerate(self.rows):
@@ -137,27 +137,27 @@ class Table:
 
     def _over(self, widths: Sequence[int]) -> list[str]:
         """The headings above columns of these widths, each above the first column that it spans."""
-        line, place = "", 0
+        line, column = "", 0
         for text, span in self.over:
-            if text and place < len(widths):
-                start = sum(width + 2 for width in widths[:place])
-                line = f"{line:<{start}}{text if place else ''}  "
-            place += span
+            if text and column < len(widths):
+                start = sum(width + 2 for width in widths[:column])
+                line = f"{line:<{start}}{text if column else ''}  "
+            column += span
         return [line.rstrip()] if line.strip() else []
 
     def _row(self, name: str, cells: Sequence[str], row: int | None = None) -> str:
         rest = (
-            f"<td{self._class(place, row, text)}>{escape(text)}</td>"
-            for place, text in enumerate(cells[1:], start=1)
+            f"<td{self._class(column, row, text)}>{escape(text)}</td>"
+            for column, text in enumerate(cells[1:], start=1)
         )
         return f'<tr><th scope="row" class="name">{name}</th>{"".join(rest)}</tr>'
 
-    def _class(self, place: int, row: int | None = None, text: str = "") -> str:
+    def _class(self, column: int, row: int | None = None, text: str = "") -> str:
         """Attribute of a cell in a column, and in a row unless it is a heading or of the foot."""
-        if place in self.words:
+        if column in self.words:
             return ' class="reason"' if len(text) > _LONG and row is not None else ""
-        strong = " strong" if (row, place) in self.strong else ""
-        return f' class="number{strong}{" remark" if (row, place) in self.alarming else ""}"'
+        strong = " strong" if (row, column) in self.strong else ""
+        return f' class="number{strong}{" remark" if (row, column) in self.alarming else ""}"'
 
 
 def document_of(columns: Sequence[TableColumn], item: object) -> dict[str, Any]:
@@ -212,8 +212,8 @@ def _align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
     widths = [max(map(len, column)) for column in columns]
     return [
         "  ".join(
-            cell.ljust(width) if place in words or not place else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
+            cell.ljust(width) if column in words or not column else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
         ).rstrip()
         for row in rows
     ]
@@ -222,7 +222,7 @@ def _align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
 def columns_in_words(rows: Sequence[Sequence[str]]) -> tuple[int, ...]:
     """Places of the columns, behind the first, that are not of numbers."""
     columns = zip(*rows, strict=True)
-    return tuple(place for place, column in enumerate(columns) if place and not all(map(_is_numeric, column)))
+    return tuple(index for index, column in enumerate(columns) if index and not all(map(_is_numeric, column)))
 
 
 def _is_numeric(cell: str) -> bool:

@@ -230,43 +230,43 @@ def number_in(text: str, unit: str) -> float | str:
     number and unit may be left out, but not in front of a unit that begins with a digit, as 1/s.
     """
     glued = _GLUED.fullmatch(text.strip())
-    number, given = glued.groups() if glued else text.strip().partition(" ")[::2]
-    known = ", ".join(name for part in unit.split(" or ") for name in _readable(part))
+    number, symbol = glued.groups() if glued else text.strip().partition(" ")[::2]
+    names = ", ".join(name for part in unit.split(" or ") for name in _readable(part))
     try:
         value = float(number)
     except ValueError:
-        given = ""
-    if not given:
-        example = known.split(", ")[:2][-1]
+        symbol = ""
+    if not symbol:
+        example = names.split(", ")[:2][-1]
         return (
             f'is the text {text!r}; give a number [{unit}], or one with its unit in quotes, as "1 {example}"'
         )
-    given = given.strip()
-    if given in unit.split(" or "):
+    symbol = symbol.strip()
+    if symbol in unit.split(" or "):
         return value
-    if given in _PURE.get(unit, {}):
-        return value * _PURE[unit][given]
-    if {"ton", "tons"} & set(given.casefold().split()):
+    if symbol in _PURE.get(unit, {}):
+        return value * _PURE[unit][symbol]
+    if {"ton", "tons"} & set(symbol.casefold().split()):
         tons = "short (2000 lb), long (2240 lb) or metric (1000 kg)"
-        return f"is {text!r}; a ton may be {tons}, so give another unit: {known}"
-    wanted = [own.powers for part in unit.split(" or ") if (own := _unit_of(part))]
-    read = [_unit_of(given, pound) for pound in ("lbf", "lbm")] if len(given) <= _LONGEST else [None]
+        return f"is {text!r}; a ton may be {tons}, so give another unit: {names}"
+    wanted = [target.powers for part in unit.split(" or ") if (target := _unit_of(part))]
+    read = [_unit_of(symbol, pound) for pound in ("lbf", "lbm")] if len(symbol) <= _LONGEST else [None]
     if fitting := [entry for entry in read if entry is not None and entry.powers in wanted]:
         return value * fitting[0].factor
     if read[0] is None:
-        pure = any(given in units for units in _PURE.values())
+        pure = any(symbol in units for units in _PURE.values())
         which = f"where a number [{unit}] is expected" if pure else "whose unit is not known"
-        return f"is {text!r}, {which}; its unit may be {known}"
-    if unit == "kg" and _WORDS.get(given.casefold(), given) in _OF_WEIGHT:
+        return f"is {text!r}, {which}; its unit may be {names}"
+    if unit == "kg" and _WORDS.get(symbol.casefold(), symbol) in _OF_WEIGHT:
         return value * read[0].factor / STANDARD_GRAVITY
-    return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
+    return f"is {text!r}, where a number [{unit}] is expected; its unit may be {names}"
 
 
 def _readable(unit: str) -> list[str]:
     """Units that a number in `unit` may have: that one first, usual ones, and every other symbol of the dimension."""
     usual = next((units for units in _EVERY if unit in units), (unit,))
-    own = _unit_of(unit)
-    alike = [name for name, each in _PREFIXED.items() if own and own.powers == each.powers != {}]
+    target = _unit_of(unit)
+    alike = [name for name, other in _PREFIXED.items() if target and target.powers == other.powers != {}]
     weights = ["lb", *_OF_WEIGHT] if unit == "kg" else ["lb"] if unit == "N" else []
     return list(dict.fromkeys([*usual, *alike, *weights]))
 
@@ -281,20 +281,20 @@ def question_on(
     least, most = usual
     if least / room <= value <= most * room:
         return ""
-    own = unit.split(" or ")[0]
-    units = next((each for each in _EVERY if own in each), {})
+    symbol = unit.split(" or ")[0]
+    units = next((group for group in _EVERY if symbol in group), {})
     meant = [other for other, factor in units.items() if least <= value * factor <= most]
     # Thousandfold units first, as mm for m.
     meant.sort(key=lambda other: round(math.log10(units[other])) % 3 != 0)
-    shown = "" if own in ("", "1") else f" {own}"
+    shown = "" if symbol in ("", "1") else f" {symbol}"
     advice = f'write "{value:g} {meant[0]}" if that is meant' if meant else "check it and its unit"
     return f"{name} is {value:.4g}{shown}, and {least:g} to {most:g}{shown} is usual; {advice}"
 
 
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
-    known, factor = _measured(unit)
-    return factor if known == quantity else None
+    measurand, factor = _measured(unit)
+    return factor if measurand == quantity else None
 
 
 def quantity_of(unit: str) -> MeasuredQuantity | None:
@@ -327,8 +327,8 @@ def known_units(quantity: MeasuredQuantity) -> str:
 
 def scale_of(unit: str) -> float | None:
     """Factor of any unit or product of units to SI; `None` for another text."""
-    known = _unit_of(unit)
-    return None if known is None else known.factor
+    parsed = _unit_of(unit)
+    return None if parsed is None else parsed.factor
 
 
 def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> float:

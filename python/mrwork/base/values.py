@@ -75,6 +75,6 @@ def _same(one: Any, other: Any) -> bool:
 
 def freeze_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     """Contiguous read-only copy of an array."""
-    kept = np.array(samples, dtype=np.float64, order="C")
-    kept.setflags(write=False)
-    return kept
+    copy = np.array(samples, dtype=np.float64, order="C")
+    copy.setflags(write=False)
+    return copy
