@@ -77,9 +77,9 @@ def _built(node: Node, value: Any) -> Any:
         case _ if value is None:
             return None
         case nodes.Record(kind):
-            known = fields_of(kind)
+            fields = fields_of(kind)
             return kind(
-                **{name: _built(known[name], entry) for name, entry in value.items() if name in known}
+                **{name: _built(fields[name], entry) for name, entry in value.items() if name in fields}
             )
         case nodes.Either():
             return _built(next(part for part in node.parts if _takes(part, value)), value)

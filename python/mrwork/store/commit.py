@@ -44,8 +44,8 @@ def digest_at(name: str, path: Path) -> str:
 
 def digest_of_manifest(stated: Mapping[str, object]) -> str:
     """Digest of what a manifest states, without itself."""
-    own = {key: value for key, value in stated.items() if key != OWN}
-    return digest_of(MANIFEST, json_document(own).encode(errors="surrogatepass"))
+    facts = {key: value for key, value in stated.items() if key != OWN}
+    return digest_of(MANIFEST, json_document(facts).encode(errors="surrogatepass"))
 
 
 def manifest_document(stated: Mapping[str, object]) -> bytes:
@@ -115,10 +115,10 @@ def end_commit(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Any]:
 def _keep_changed(path: Path, name: str, replaced: Mapping[str, str | None]) -> None:
     """Keep a file that its owner has changed as NAME~."""
     if path.is_symlink() or (path.is_file() and digest_at(name, path) != replaced.get(name)):
-        kept = path.with_name(f"{path.name}~")
-        while exists(kept):
-            kept = kept.with_name(f"{kept.name}~")
-        path.rename(kept)
+        backup = path.with_name(f"{path.name}~")
+        while exists(backup):
+            backup = backup.with_name(f"{backup.name}~")
+        path.rename(backup)
 
 
 def _replace_manifest(folder: Path, stated: Mapping[str, object]) -> None:

@@ -35,14 +35,14 @@ def function_text(*functions: Callable[..., Any], what: str, remedy: str) -> str
 
     A function without a text of its own, as a lambda, or that uses anything else, is refused: `what` it is, `remedy`.
     """
-    known: dict[str, tuple[Any, str]] = {}
+    entries: dict[str, tuple[Any, str]] = {}
     try:
         for function in functions:
-            _add_function(function, known)
+            _add_function(function, entries)
     except _NoTextError as error:
         raise SettingError(f"{what} {error}; {remedy}") from None
     texts = sorted(
-        (text for _, text in known.values()), key=lambda text: not text.startswith(("import ", "from "))
+        (text for _, text in entries.values()), key=lambda text: not text.startswith(("import ", "from "))
     )
     return "\n\n".join([_HEAD.rstrip(), *texts]) + "\n"
 
@@ -55,7 +55,7 @@ def text_to_compare(function: Callable[..., Any]) -> str:
         return uuid.uuid4().hex
 
 
-def _add_function(function: Any, known: dict[str, tuple[Any, str]]) -> None:
+def _add_function(function: Any, entries: dict[str, tuple[Any, str]]) -> None:
     name = getattr(function, "__name__", type(function).__name__)
     try:
         text = textwrap.dedent(inspect.getsource(function)) if inspect.isfunction(function) else ""
@@ -68,14 +68,14 @@ def _add_function(function: Any, known: dict[str, tuple[Any, str]]) -> None:
             f"{name} has no text of its own that begins with def (a lambda, under a decorator, or typed at a prompt)"
         )
     # Kept before what it uses, so that functions which call each other end.
-    known[name] = function, ""
+    entries[name] = function, ""
     for used in sorted(outside.keys() & names):
-        if used not in known:
-            _add_value(name, used, outside[used], known)
-        elif known[used][0] is not outside[used]:
+        if used not in entries:
+            _add_value(name, used, outside[used], entries)
+        elif entries[used][0] is not outside[used]:
             raise _NoTextError(f"{name} uses a {used} that is another one elsewhere")
-    known.pop(name)
-    known[name] = function, text.rstrip()
+    entries.pop(name)
+    entries[name] = function, text.rstrip()
 
 
 def _names(table: symtable.SymbolTable) -> Iterator[str]:
@@ -87,7 +87,7 @@ def _names(table: symtable.SymbolTable) -> Iterator[str]:
         yield from _names(inner)
 
 
-def _add_value(function: str, name: str, value: Any, known: dict[str, tuple[Any, str]]) -> None:
+def _add_value(function: str, name: str, value: Any, entries: dict[str, tuple[Any, str]]) -> None:
     if isinstance(value, ModuleType):
         if not _is_installed(value):
             raise _NoTextError(f"{function} uses {name}, a module that is not installed")
@@ -95,11 +95,11 @@ def _add_value(function: str, name: str, value: Any, known: dict[str, tuple[Any,
     elif callable(value) and (home := _installed(value, name)):
         text = f"from {home} import {name}"
     elif inspect.isfunction(value) and value.__name__ == name:
-        _add_function(value, known)
+        _add_function(value, entries)
         return
     elif hasattr(value, "__array__") and np.asarray(value).dtype.kind in "biuf" and np.isfinite(value).all():
         array = np.asarray(value)
-        known["numpy"] = np, "import numpy"
+        entries["numpy"] = np, "import numpy"
         text = f"{name} = numpy.array({array.tolist()!r}, dtype={array.dtype.str!r})"
     else:
         try:
@@ -109,14 +109,14 @@ def _add_value(function: str, name: str, value: Any, known: dict[str, tuple[Any,
                 f"{function} uses {name}, of the type {type(value).__name__}, which no text states"
             ) from None
         text = f"{name} = {value!r}"
-    known[name] = value, text
+    entries[name] = value, text
 
 
 def _installed(value: Any, name: str) -> str:
     """The module of Python or of an installed package that has a function or class; empty where none has."""
     module = sys.modules.get(getattr(value, "__module__", None) or "")
-    found = module is not None and getattr(module, name, None) is value and _is_installed(module)
-    return module.__name__ if module is not None and found else ""
+    is_home = module is not None and getattr(module, name, None) is value and _is_installed(module)
+    return module.__name__ if module is not None and is_home else ""
 
 
 def _is_installed(module: ModuleType) -> bool:

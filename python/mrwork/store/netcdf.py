@@ -35,9 +35,9 @@ def netcdf_of(groups: Mapping[str, NamedArrays], *, checksums: bool = False) -> 
                 group.dimensions = {axis: label.values.size for axis, label in labels.items()}
                 for axis, label in labels.items():
                     _write(group, axis, replace(label, axes=(axis,)), checksums=checksums)
-                for own, array in arrays.arrays.items():
+                for array_name, array in arrays.arrays.items():
                     if labels.keys() >= set(array.axes):
-                        _write(group, own, array, checksums=checksums)
+                        _write(group, array_name, array, checksums=checksums)
         file.flush()
         return bytes(file.id.get_file_image())
 
@@ -63,7 +63,7 @@ def read_netcdf(file: Path | bytes, path: Path) -> dict[str, NamedArrays]:
     size = len(file) if isinstance(file, bytes) else file.stat().st_size
     allowance = Allowance(path, size)
     with h5py.File(io.BytesIO(file) if isinstance(file, bytes) else file, "r") as opened:
-        children = {name: each for name, each in opened.items() if isinstance(each, h5py.Group)}
+        children = {name: member for name, member in opened.items() if isinstance(member, h5py.Group)}
         return {name: _read(group, allowance) for name, group in {"": opened, **children}.items()}
 
 
@@ -78,6 +78,6 @@ def _read(group: Any, allowance: Allowance) -> NamedArrays:
             values = member.asstr()[...].astype(str) if is_text else member[...]
             axes = tuple(dimension[0].name.rpartition("/")[2] for dimension in member.dims if len(dimension))
             unit, words = (str(member.attrs.get(key, "")) for key in (_UNITS, _WORDS))
-            found = NamedArray(values=values, axes=axes, unit=unit, long_name=words)
-            (labels if member.attrs.get(_CLASS) == _SCALE else arrays)[name] = found
+            array = NamedArray(values=values, axes=axes, unit=unit, long_name=words)
+            (labels if member.attrs.get(_CLASS) == _SCALE else arrays)[name] = array
     return NamedArrays(title=str(group.attrs.get(_TITLE, "")), rows=(), labels=labels, arrays=arrays)

@@ -13,7 +13,7 @@ def toml_lines(text: str) -> dict[KeyPath, int]:
 
     Elements of an array have the line in which it begins, unless each has a line between the brackets.
     """
-    found: dict[KeyPath, int] = {}
+    lines: dict[KeyPath, int] = {}
     # Index of the last table of each array of tables.
     counts: dict[KeyPath, int] = {}
     table: KeyPath = ()
@@ -37,14 +37,14 @@ def toml_lines(text: str) -> dict[KeyPath, int]:
                 counts[table] = counts.get(table, -1) + 1
                 table = (*table, counts[table])
             for length in range(1, len(table) + 1):
-                found.setdefault(table[:length], first)
+                lines.setdefault(table[:length], first)
         else:
-            _note(stated, table, first, last, found)
+            _note(stated, table, first, last, lines)
         statement = ""
-    return found
+    return lines
 
 
-def _note(value: Any, path: KeyPath, first: int, last: int, found: dict[KeyPath, int]) -> None:
+def _note(value: Any, path: KeyPath, first: int, last: int, lines: dict[KeyPath, int]) -> None:
     """Note the lines of what is in a value that stands from the first line to the last."""
     items = (
         [*value.items()]
@@ -56,5 +56,5 @@ def _note(value: Any, path: KeyPath, first: int, last: int, found: dict[KeyPath,
     a_line_each = isinstance(value, list) and len(value) == last - first - 1
     for number, (name, inner) in enumerate(items, start=1):
         begin, end = (first + number, first + number) if a_line_each else (first, last)
-        found.setdefault((*path, name), begin)
-        _note(inner, (*path, name), begin, end, found)
+        lines.setdefault((*path, name), begin)
+        _note(inner, (*path, name), begin, end, lines)

@@ -226,9 +226,9 @@ class RunFolder:
 
     def check_format(self, error: type[MrworkError] = RecordError) -> None:
         """Refuse a folder in another format."""
-        if (found := self.manifest.get("format")) != FORMAT:
+        if (version := self.manifest.get("format")) != FORMAT:
             raise error(
-                f"{self.path} was written by another version of mrwork (format {found}, not {FORMAT}); "
+                f"{self.path} was written by another version of mrwork (format {version}, not {FORMAT}); "
                 f"run `mrwork {self.kind.verb} ... --out {self.path} --replace` again"
             )
 
@@ -334,7 +334,7 @@ def _no_run(path: Path, give: str) -> str:
         return f"{path} has an unfinished run; run the command that began it again with --resume"
     runs: list[str] = []
     with suppress(OSError):
-        runs = sorted(each.name for each in path.iterdir() if is_file(each / MANIFEST))
+        runs = sorted(entry.name for entry in path.iterdir() if is_file(entry / MANIFEST))
     if runs:
         return f"{path} holds runs and is none itself; give one of {list_names(runs, _NAMED)} in it"
     return f"{path} is not a run folder, it has no {MANIFEST}; {give}"

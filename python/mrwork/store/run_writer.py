@@ -92,7 +92,7 @@ class Destination:
     @property
     def continues(self) -> bool:
         """Whether the run that the folder has is resumed, and not one that was begun in its place."""
-        return self.resume and not any(next(self.real_path.glob(each + NEW), None) for each in JOURNALS)
+        return self.resume and not any(next(self.real_path.glob(name + NEW), None) for name in JOURNALS)
 
     def check_losses(self) -> None:
         """Check that nothing is lost there without leave."""
@@ -326,11 +326,11 @@ def addition_journal(
 ) -> Iterator[Journal]:
     """The journal of an addition, begun or resumed, to be committed by `add_to_run`; it is locked until then."""
     folder = real_path(path)
-    growing, kept = folder / (name + NEW), folder / name
+    growing, committed = folder / (name + NEW), folder / name
     with adding(folder, name):
         if not (resume or replace):
-            _refuse_steps(kept, [growing])
-        journal = journal_in_run(growing, committed=kept, resume=resume, note=note)
+            _refuse_steps(committed, [growing])
+        journal = journal_in_run(growing, committed=committed, resume=resume, note=note)
         try:
             yield journal
         except BaseException as error:
@@ -365,8 +365,8 @@ def with_manifest(
 
 
 def _stated(facts: Mapping[str, object], kind: RunKind) -> dict[str, object]:
-    given = {key: value for key, value in facts.items() if key not in (FILES, OWN)}
-    return {**given, "kind": kind.kind, "verb": kind.verb, "format": FORMAT}
+    entries = {key: value for key, value in facts.items() if key not in (FILES, OWN)}
+    return {**entries, "kind": kind.kind, "verb": kind.verb, "format": FORMAT}
 
 
 def _sweep(folder: Path, listed: Collection[str]) -> None:

@@ -43,7 +43,7 @@ def place_raised(error: BaseException, file: str) -> str:
         return f"{file}, line {error.lineno}"
     # The first entry is the function that caught the error.
     called = [(frame.f_code.co_filename, line) for frame, line in walk_tb(error.__traceback__)][1:]
-    raised = [each for each in called if each[0] == file] or called[:1]
+    raised = [call for call in called if call[0] == file] or called[:1]
     return f"{raised[-1][0]}, line {raised[-1][1]}" if raised else ""
 
 
