@@ -107,22 +107,22 @@ class DelimitedTable(ColumnTable):
     def read(self, wanted: Sequence[str]) -> dict[str, Floats]:
         """Parse the requested columns, each of shape (n_time,)."""
         places = {name: self.names.index(name) for name in wanted}
-        kinds = {place: _STAMP if name in self.stamps else _NUMBER for name, place in places.items()}
-        columns = {place: np.empty(len(self._data)) for place, kind in kinds.items() if kind == _NUMBER}
-        times: dict[int, list[int | None]] = {place: [] for place in kinds if place not in columns}
+        kinds = {index: _STAMP if name in self.stamps else _NUMBER for name, index in places.items()}
+        columns = {index: np.empty(len(self._data)) for index, kind in kinds.items() if kind == _NUMBER}
+        times: dict[int, list[int | None]] = {index: [] for index in kinds if index not in columns}
         with_commas = self._has_decimal_commas(list(columns))
         for start in range(0, len(self._data), _BLOCK):
             rows = self._data[start : start + _BLOCK]
             block = self._by_numpy(rows, kinds, with_commas=with_commas)
             if block is None:
                 block = self._cell_by_cell(rows, kinds, with_commas=with_commas)
-            for place, column in columns.items():
-                column[start : start + len(rows)] = block[place]
-            for place, since in times.items():
-                since += [self._time(row, place, text) for row, text in zip(rows, block[place], strict=True)]
-        for place, since in times.items():
-            columns[place] = _seconds_since_first(since)
-        return {name: columns[place] for name, place in places.items()}
+            for index, column in columns.items():
+                column[start : start + len(rows)] = block[index]
+            for index, since in times.items():
+                since += [self._time(row, index, text) for row, text in zip(rows, block[index], strict=True)]
+        for index, since in times.items():
+            columns[index] = _seconds_since_first(since)
+        return {name: columns[index] for name, index in places.items()}
 
     def locate(self, row: int) -> str:
         """Line of a row; blank lines, comments and headers count as lines but not as rows."""
@@ -170,7 +170,7 @@ class DelimitedTable(ColumnTable):
 
     def _block(self, lines: Sequence[str], kinds: Mapping[int, str]) -> NDArray[np.void] | None:
         """Rows with a field for each column; `None` where NumPy refuses one, or where a nameless field has a text."""
-        fields = [(str(place), kinds.get(place, _TEXT)) for place in range(self._width)]
+        fields = [(str(index), kinds.get(index, _TEXT)) for index in range(self._width)]
         try:
             block = np.loadtxt(lines, fields, delimiter=self._delimiter, quotechar=self._quote, ndmin=1)
         except ValueError:
@@ -221,10 +221,10 @@ class DelimitedTable(ColumnTable):
         if NUMBER.fullmatch(with_points):
             return float(with_points)
         if is_number(text):
-            own, others = ("point", "commas") if with_commas else ("comma", "points")
+            mark, others = ("point", "commas") if with_commas else ("comma", "points")
             raise RecordError(
-                f"{self._holds(row, column, text)} with a decimal {own} where others have decimal {others}; export all "
-                "numbers with decimal points"
+                f"{self._holds(row, column, text)} with a decimal {mark} where others have decimal {others}; export "
+                "all numbers with decimal points"
             )
         raise self._unexpected(row, column, text, "a number")
 
@@ -294,10 +294,10 @@ def encoding_of(data: bytes) -> str:
         return "utf-8-sig"
     head = data[:_HEAD]
     texts = {name: head.decode(name, errors="ignore") for name in ("cp932", "gb18030")}
-    found = {name: sum(map(text.count, ASIAN_WORDS)) for name, text in texts.items()}
-    likely = max(found, key=lambda name: found[name])
+    counts = {name: sum(map(text.count, ASIAN_WORDS)) for name, text in texts.items()}
+    likely = max(counts, key=lambda name: counts[name])
     not_in_1252 = any(byte in head for byte in b"\x81\x8d\x8f\x90\x9d")
-    return likely if found[likely] else "latin-1" if not_in_1252 else "cp1252"
+    return likely if counts[likely] else "latin-1" if not_in_1252 else "cp1252"
 
 
 def decode_text(data: bytes) -> str:
@@ -364,10 +364,10 @@ def _nanoseconds(text: str) -> int | None:
 def _seconds_since_first(times: Sequence[int | None]) -> Floats:
     """Seconds since the first of times [ns], NaN where one is missing; without dates, a new day begins at midnight."""
     seconds = np.full(len(times), np.nan)
-    known = [row for row, time in enumerate(times) if time is not None]
+    rows = [row for row, time in enumerate(times) if time is not None]
     first = next((time for time in times if time is not None), 0)
     clock = np.array([time - first for time in times if time is not None], dtype=np.int64)
     # Hours have four digits at most; a date is later.
     days = np.cumsum(np.diff(clock, prepend=clock[:1]) < -12 * _HOUR) * (first < 10_000 * _HOUR)
-    seconds[known] = (clock + days * _DAY) * 1e-9
+    seconds[rows] = (clock + days * _DAY) * 1e-9
     return seconds

@@ -28,9 +28,9 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
 
     Remarks are cut off, decimal commas become points, and times are written into rows without them.
     """
-    place = _end_of_header(lines, 0, source) + 1
-    separator = _separator(lines[:place])
-    settings = _entries(lines[:place], separator)
+    cursor = _end_of_header(lines, 0, source) + 1
+    separator = _separator(lines[:cursor])
+    settings = _entries(lines[:cursor], separator)
     comma = _first(settings, "Decimal_Separator") == ","
     columns = _first(settings, "X_Columns").casefold()
     # Fields of a channel: its own times, and its samples.
@@ -38,9 +38,9 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
     plain = list(lines)
     data: list[int] = []
     layout: Layout | None = None
-    while any(line.strip() for line in lines[place:]):
-        end = _end_of_header(lines, place, source)
-        entries = _entries(lines[place:end], separator)
+    while any(line.strip() for line in lines[cursor:]):
+        end = _end_of_header(lines, cursor, source)
+        entries = _entries(lines[cursor:end], separator)
         names_line = next(
             (index for index in range(end + 1, len(lines)) if lines[index].strip()), len(lines) - 1
         )
@@ -49,11 +49,11 @@ def labview_layout(lines: list[str], source: str) -> tuple[list[str], Layout]:
             header.pop()
         channels = header[1::width]
         rows: list[int] = []
-        place = names_line + 1
-        while place < len(lines) and lines[place].partition(separator)[0].strip() != "Channels":
-            if lines[place].strip() and _END not in lines[place]:
-                rows.append(place)
-            place += 1
+        cursor = names_line + 1
+        while cursor < len(lines) and lines[cursor].partition(separator)[0].strip() != "Channels":
+            if lines[cursor].strip() and _END not in lines[cursor]:
+                rows.append(cursor)
+            cursor += 1
         step = _step(entries, comma, source) if columns == "no" else None
         is_time = _first(entries, "X_Dimension").casefold() in ("", "time")
         start = _number(_first(entries, "X0") or "0", comma, "X0", source)

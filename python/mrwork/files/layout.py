@@ -230,10 +230,10 @@ def _are_units(fields: Sequence[str]) -> bool:
     """Whether most fields are units; names such as t and x are, in part, units of something else."""
     texts = [field.strip() for field in fields if field.strip()]
     bare = [text.strip(_BRACKETS) for text in texts]
-    known = [quantity_of(text) is not None for text in bare]
-    units = sum(one or bool(_OTHER_UNITS.fullmatch(text)) for one, text in zip(known, bare, strict=True))
+    matches = [quantity_of(text) is not None for text in bare]
+    units = sum(one or bool(_OTHER_UNITS.fullmatch(text)) for one, text in zip(matches, bare, strict=True))
     bracketed = sum(text[0] in _BRACKETS for text in texts)
-    return any(known) and (2 * units > len(texts) or 2 * bracketed > len(texts))
+    return any(matches) and (2 * units > len(texts) or 2 * bracketed > len(texts))
 
 
 def _below(
@@ -246,7 +246,7 @@ def _below(
     texts = {names, *others}
     below = filled[bisect_right(filled, header) :]
     skipped: set[int] = set()
-    for place, index in enumerate(below):
+    for number, index in enumerate(below):
         line = lines[index].strip()
         if line[0] in _OF_RULES and _RULE.fullmatch(line):
             skipped.add(index)
@@ -256,14 +256,14 @@ def _below(
             skipped.update({index} if index <= last else ())
         else:
             skipped.add(index)
-            after = below[place + 1 : place + 1 + _MOST_BETWEEN]
-            skipped.update(each for each in after if lines[each].strip() in others)
-            for each in map(below.__getitem__, range(place - 1, -1, -1)):
-                fields = without_empty_end(split(without_remark(lines[each]), rows.delimiter))
+            after = below[number + 1 : number + 1 + _MOST_BETWEEN]
+            skipped.update(row for row in after if lines[row].strip() in others)
+            for row in map(below.__getitem__, range(number - 1, -1, -1)):
+                fields = without_empty_end(split(without_remark(lines[row]), rows.delimiter))
                 # What is above the block before has been looked at with that.
-                if _width_of_row(fields, only_numbers=False) == rows.width or lines[each].strip() == names:
+                if _width_of_row(fields, only_numbers=False) == rows.width or lines[row].strip() == names:
                     break
-                skipped.add(each)
+                skipped.add(row)
     return array("q", (index for index in below if index not in skipped)) if skipped else below
 
 

@@ -111,20 +111,20 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
     if (unit := _unit_of_word(name, _STEMS[quantity] | _OF_SENSORS[quantity])) is not None:
         return unit
     words, at_end = _words_and_unit(name)
-    said = _words(words)
+    tokens = _words(words)
     stems = _long_stems(quantity) | _OF_SENSORS[quantity]
-    others = said - stems
+    others = tokens - stems
     if quantity in ("current", "voltage"):
         # A letter is enough beside words of a command: I_set, U_cmd.
         letters = _STEMS[quantity] - stems
-        is_named = said & stems or (said & letters and len(said) > 1)
+        is_named = tokens & stems or (tokens & letters and len(tokens) > 1)
         # Coil (A) and driver_V, which are no sensor's.
-        in_own_unit = quantity == quantity_of(at_end) and (quantity == "current" or said & _OF_DRIVER)
-        is_named = is_named or (said and in_own_unit)
+        in_own_unit = quantity == quantity_of(at_end) and (quantity == "current" or tokens & _OF_DRIVER)
+        is_named = is_named or (tokens and in_own_unit)
         # What a shunt shows in volts is no command.
-        is_sensed = said & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
+        is_sensed = tokens & _OF_SENSORS[quantity] and quantity_of(at_end) not in (None, quantity)
         return at_end if is_named and others - letters <= _OF_COMMAND and not is_sensed else None
-    return at_end if said & stems and not others & _NOT_MEASURED else None
+    return at_end if tokens & stems and not others & _NOT_MEASURED else None
 
 
 def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
@@ -135,9 +135,9 @@ def scalar_unit_in_name(name: str, apart: str = "") -> CommandUnit | None:
     """
     words, at_end = _words_and_unit(name)
     match = _NAME.fullmatch(plain_name(name))
-    for said, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
-        unit, own = command_unit_of(text), _words(said)
-        if unit and own & _SCALAR_COMMANDS and not own - _SCALAR_COMMANDS - _OF_COMMAND:
+    for phrase, text in ((words, at_end), (match[1], match[2] or "") if match else ("", ""), (name, apart)):
+        unit, tokens = command_unit_of(text), _words(phrase)
+        if unit and tokens & _SCALAR_COMMANDS and not tokens - _SCALAR_COMMANDS - _OF_COMMAND:
             return unit
     return None
 
@@ -261,21 +261,21 @@ def suggested_options(
     options: list[str] = []
     is_sure = True
     suggested: set[str] = set()
-    for each in missing:
-        if each.column and each.column in suggested:
+    for entry in missing:
+        if entry.column and entry.column in suggested:
             # A command may be a current or a voltage.
             continue
-        column = each.column or _likely_column(each.quantity, left, units, numbers)
+        column = entry.column or _likely_column(entry.quantity, left, units, numbers)
         if not column:
-            options.append(f"--column {each.quantity}={NO_COLUMN}:{next(iter(FACTORS[each.quantity]))}")
+            options.append(f"--column {entry.quantity}={NO_COLUMN}:{next(iter(FACTORS[entry.quantity]))}")
             continue
         suggested.add(column)
         left = [name for name in left if name != column]
         stated = units.get(column, "")
-        unit = each.unit or (stated if quantity_of(stated) == each.quantity else "")
-        is_sure = is_sure and bool(each.column and unit)
-        unit = unit or likely_unit(each.quantity, column, numbers.get(column))
-        options.append(column_option(each.quantity, column, unit))
+        unit = entry.unit or (stated if quantity_of(stated) == entry.quantity else "")
+        is_sure = is_sure and bool(entry.column and unit)
+        unit = unit or likely_unit(entry.quantity, column, numbers.get(column))
+        options.append(column_option(entry.quantity, column, unit))
     listed = " ".join(options)
     return f"{'with' if NO_COLUMN in listed else 'as in' if is_sure else 'likely'} {listed}"
 
@@ -292,14 +292,14 @@ def likely_unit(quantity: TestQuantity, name: str, samples: Floats | None) -> st
 
 
 def _size(quantity: TestQuantity, samples: Floats) -> float | None:
-    known = samples[np.isfinite(samples)]
-    if known.size < 2:
+    values = samples[np.isfinite(samples)]
+    if values.size < 2:
         return None
     if quantity == "time":
-        return float(np.median(np.abs(np.diff(known))))
+        return float(np.median(np.abs(np.diff(values))))
     if quantity in ("current", "voltage"):
-        return float(np.abs(known).max())
-    return 0.5 * float(np.ptp(known))
+        return float(np.abs(values).max())
+    return 0.5 * float(np.ptp(values))
 
 
 def _likely_column(
@@ -324,7 +324,7 @@ class ColumnTable(ABC):
     `names` are in file order, `units` are stated by the file apart from the names, `sha256` is the hash of the
     bytes of the file. `stamps` are columns of times of the day, which are read as seconds since the first. `unused` are
     parts of the file that are no column: sheets, variables without a vector of numbers; `further` are those that have a
-    record of their own. `encoding` is that of a text which is not UTF-8.
+    record of their own. `encoding` names the encoding of a text which is not UTF-8.
     """
 
     names: tuple[str, ...]

@@ -82,8 +82,8 @@ def open_tdms(path: Path) -> ColumnTable:
                 channel.name if occurs[channel.name] == 1 else f"{channel.group_name}/{channel.name}": channel
                 for channel in channels
             }
-            read = {name: np.asarray(each[:]) for name, each in by_name.items()}
-            units = {name: _unit(each) for name, each in by_name.items()}
+            read = {name: np.asarray(channel[:]) for name, channel in by_name.items()}
+            units = {name: _unit(channel) for name, channel in by_name.items()}
             steps = {_waveform(channel) for channel in channels if len(channel)}
     finally:
         log_manager.console_handler.setStream(usual)
@@ -114,8 +114,8 @@ def open_tdms(path: Path) -> ColumnTable:
 
 
 def _unit(channel: Any) -> str:
-    known = (str(channel.properties.get(name, "")).strip() for name in _UNIT_PROPERTIES)
-    return next(filter(None, known), "")
+    units = (str(channel.properties.get(name, "")).strip() for name in _UNIT_PROPERTIES)
+    return next(filter(None, units), "")
 
 
 def _waveform(channel: Any) -> tuple[float, float, int] | None:
