@@ -120,8 +120,8 @@ def _characterise(options: argparse.Namespace) -> int:
     fitted = destination.continues and is_complete(path)
     spare, steps = "", list[_Step]()
     if fitted:
-        known = {Path(name).name for name in read_fit(path).provenance.inputs}
-        if known != {Path(row.file).name for row in _of_use(rows, "fit")}:
+        names = {Path(name).name for name in read_fit(path).provenance.inputs}
+        if names != {Path(row.file).name for row in _of_use(rows, "fit")}:
             raise RecordError(
                 f"{path} was fitted to other tests than those that the table names; give another --out, or --replace "
                 "instead of --resume"
@@ -190,8 +190,8 @@ def _calibrate(path: Path, rows: Sequence[ListedTest]) -> int:
     from mrwork.uncertainty.bands.predictions import predict
 
     with adding(path, CALIBRATION):
-        found = predict(read_fit(path), _read(_reading(_of_use(rows, "calibration"))))
-        write_bands(path, StoredBands.of(found.predictions, held_out=UNSEEN))
+        prediction = predict(read_fit(path), _read(_reading(_of_use(rows, "calibration"))))
+        write_bands(path, StoredBands.of(prediction.predictions, held_out=UNSEEN))
     return 0
 
 
@@ -219,7 +219,7 @@ def _end(options: argparse.Namespace, path: Path, uses: dict[str, int], done: li
     from mrwork.report.fit.page import open_run
 
     opened, compared = open_run(path)
-    fit, said = opened.fit, verdict_of(opened, compared)
+    fit, verdict = opened.fit, verdict_of(opened, compared)
     following = {name: str(law) for name, law in fit.spec.laws_by_name.items() if not law.is_constant}
     if options.json:
         held_out = opened.held_out
@@ -230,7 +230,7 @@ def _end(options: argparse.Namespace, path: Path, uses: dict[str, int], done: li
                 "report": str(path / REPORT),
                 "model": fit.model,
                 "laws": following,
-                "verdict": said,
+                "verdict": verdict,
                 "uses": uses,
                 "held_out": None
                 if held_out is None
@@ -243,7 +243,7 @@ def _end(options: argparse.Namespace, path: Path, uses: dict[str, int], done: li
     show(
         f"{fit.spec.title}; {', '.join(f'{name} {law}' for name, law in following.items()) or 'constant parameters'}"
     )
-    show(said)
+    show(verdict)
     show(f"Tested: {fit.tested.in_words}.")
     if not uses["test"]:
         how = f"set the use of some rows of {options.folder / TABLE_NAME} to test, and run the command again with"

@@ -73,9 +73,9 @@ def run(options: argparse.Namespace) -> int:
 def _summary_of(tests: Sequence[DamperTest]) -> Summary:
     """A row of facts for each test, and what the checks found in each, in all, and in several."""
     gathered = gathered_findings(tests)
-    own = zip(tests, gathered.own, strict=True)
+    pairs = zip(tests, gathered.own, strict=True)
     notes = [
-        f"{test.label}: {finding.severity}: {finding.message}" for test, found in own for finding in found
+        f"{test.label}: {finding.severity}: {finding.message}" for test, items in pairs for finding in items
     ]
     notes += [f"{finding.severity}: {finding.message}" for finding in findings_of_set(tests)]
     notes += [finding.in_words for finding in gathered.shared]

@@ -84,18 +84,18 @@ class CommandParser(argparse.ArgumentParser):
 
     def _refuse_unknown_option(self, words: Sequence[str]) -> None:
         # Options after a verb belong to the verb's parser.
-        own = (
+        options = (
             takewhile(_is_option, words) if self._subparsers else takewhile(lambda word: word != "--", words)
         )
-        known = list(self._option_string_actions)
-        for word in own:
+        names = list(self._option_string_actions)
+        for word in options:
             name = word.partition("=")[0]
             # argparse takes the beginning of an option for the option, and a text with a blank for an argument.
-            if _is_option(word) and " " not in word and not any(entry.startswith(name) for entry in known):
+            if _is_option(word) and " " not in word and not any(entry.startswith(name) for entry in names):
                 # Loads difflib, which only a mistake needs.
                 from mrwork.base.keys import closest
 
-                near = closest(name[2:], [entry[2:] for entry in known if entry.startswith("--")])
+                near = closest(name[2:], [entry[2:] for entry in names if entry.startswith("--")])
                 of_verb = "; options of a verb come after it" if self._subparsers else ""
                 self.error(f"no option is called {name!r}{f', did you mean --{near}' if near else of_verb}")
 

@@ -64,21 +64,21 @@ def add_option_of(
     stated = "" if "default" in more else _stated(default)
     repeat = "repeat for more" if form.repeated else ""
     parts = [_as_help(text), listed, more, repeat, stated, getattr(form.reads, "in_words", "")]
-    given: dict[str, Any] = {"dest": name, "default": default}
+    kwargs: dict[str, Any] = {"dest": name, "default": default}
     if form.action == "store_true":
-        given["action"] = "store_true"
+        kwargs["action"] = "store_true"
     else:
-        given |= {
+        kwargs |= {
             "type": form.reads,
             "choices": [*form.choices, *choices] or None,
             "metavar": metavar or form.metavar,
         }
     if form.repeated:
-        given["action"] = Collect
+        kwargs["action"] = Collect
     says = "; ".join(filter(None, parts)).replace("%", "%%")
-    parser.group(title).add_argument(f"--{option.replace('_', '-')}", help=says, **given)
-    known = parser.get_default(_DERIVED) or {}
-    parser.set_defaults(**{_DERIVED: known | {declaring: (*known.get(declaring, ()), name)}})
+    parser.group(title).add_argument(f"--{option.replace('_', '-')}", help=says, **kwargs)
+    derived = parser.get_default(_DERIVED) or {}
+    parser.set_defaults(**{_DERIVED: derived | {declaring: (*derived.get(declaring, ()), name)}})
 
 
 def arguments_of(options: argparse.Namespace, declaring: Callable[..., object]) -> dict[str, Any]:
@@ -187,11 +187,11 @@ class Collect(argparse.Action):
         """Add a value."""
         before = getattr(namespace, self.dest)
         collected: Any = () if before is self.default else before
-        for each in value if isinstance(value, list) else [value]:
-            if not isinstance(each, tuple):
-                collected = (*collected, each)
+        for item in value if isinstance(value, list) else [value]:
+            if not isinstance(item, tuple):
+                collected = (*collected, item)
                 continue
-            name, entry = each
+            name, entry = item
             if name in collected:
                 parser.error(f"{option_string or 'the command line'} gives {name} twice; give it once")
             collected = dict(collected) | {name: entry}

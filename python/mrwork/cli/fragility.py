@@ -31,23 +31,23 @@ def add_options(parser: CommandParser) -> None:
         "mrwork fragility out/ida --limit peak_acceleration=3m/s2 --against uncontrolled --output limit.csv",
     )
     parser.add_argument("study_run", type=named_path, metavar="RUN", help="folder of mrwork respond")
-    found = parser.group("fragility")
-    found.add_argument(
+    group = parser.group("fragility")
+    group.add_argument(
         "--limit",
         metavar="CRITERION=LIMIT",
         help="criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%%; default: limit of "
         "[report] or drift_limit of [building] of the study, else collapse, peak_drift_ratio=10%%",
     )
-    add_number(found, "--level", LEVEL, "level of the bands, default 0.9", default=0.9, metavar="P")
+    add_number(group, "--level", LEVEL, "level of the bands, default 0.9", default=0.9, metavar="P")
     add_number(
-        found,
+        group,
         "--modelling-dispersion",
         DISPERSION,
         "standard deviation of the logarithm that models add, default 0",
         default=0.0,
         metavar="BETA",
     )
-    found.add_argument(
+    group.add_argument(
         "--against",
         metavar="LABEL",
         help="arrangement that the others are compared with; default: the best constant command, else uncontrolled",
@@ -79,21 +79,21 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.study.fragilities import fragility
     from mrwork.study.results import StudyResults
 
-    found = fragility(
+    result = fragility(
         load(options.study_run, StudyResults),
         limit,
         level=options.level,
         modelling_dispersion=options.modelling_dispersion,
     )
-    contents = [_table(found)] if files else []
+    contents = [_table(result)] if files else []
     with undrawn_warned("a figure", "the table stands without it"):
-        contents += _figures(found) if files else []
+        contents += _figures(result) if files else []
     written = files[: len(contents)]
     for path, content in zip(written, contents, strict=True):
         with replacing(path) as stream:
             stream.write(content)
-    document = found.document(options.against) | {"files": list(map(str, written))}
-    text = found._summary(options.against).text(whole=True)
+    document = result.document(options.against) | {"files": list(map(str, written))}
+    text = result._summary(options.against).text(whole=True)
     print_result(options, document, "\n".join([text, *(f"Written: {path}" for path in written)]))
     return 0
 
@@ -108,20 +108,20 @@ def _limit(text: str) -> dict[str, float | str]:
         return {name: limit}
 
 
-def _figures(found: Fragilities) -> tuple[bytes, ...]:
+def _figures(result: Fragilities) -> tuple[bytes, ...]:
     # Matplotlib is slow to load.
     from mrwork.plots.canvas import svg_bytes
     from mrwork.report.study.fragility_section import fragility_figure, ida_figure
 
-    return svg_bytes(ida_figure(found)), svg_bytes(fragility_figure(found))
+    return svg_bytes(ida_figure(result)), svg_bytes(fragility_figure(result))
 
 
-def _table(found: Fragilities) -> bytes:
-    first = next(iter(found.rows.values()))
+def _table(result: Fragilities) -> bytes:
+    first = next(iter(result.rows.values()))
     head = ("arrangement", f"{first.measure} [m/s2]", "probability", "reached", "beyond tests")
     lines = [
         (label, *(f"{cell:.6g}" for cell in (level, row.probability(level), *shares)))
-        for label, row in found.rows.items()
+        for label, row in result.rows.items()
         for level, *shares in zip(row.levels.tolist(), row.crossed, row.outside, strict=True)
     ]
     return csv_text([head, *lines]).encode()

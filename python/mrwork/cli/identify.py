@@ -143,8 +143,8 @@ def run(options: argparse.Namespace) -> int:
 def _settings_of(options: argparse.Namespace) -> FitSettings:
     """The settings that the command line gives; starts from earlier fits are added once the model is known."""
     fixed = {name: (value, value) for name, value in options.fixed.items()}
-    own = {"search": _search(options), "bounds": options.bounds | fixed, "nuisances": nuisances_of(options)}
-    return FitSettings(**arguments_of(options, FitSettings) | own)
+    extra = {"search": _search(options), "bounds": options.bounds | fixed, "nuisances": nuisances_of(options)}
+    return FitSettings(**arguments_of(options, FitSettings) | extra)
 
 
 def _search(options: argparse.Namespace) -> Search | None:
@@ -202,7 +202,7 @@ def _choose(
 
     ending = "models" if several else options.model.rpartition(":")[2]
     verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
-    given = {
+    kwargs = {
         "laws": {name: law for name, law in options.law.items() if name != _AUTO},
         "unit": command_unit(verb.tests, options.command_unit),
         "lagged": options.driver_lag,
@@ -210,8 +210,8 @@ def _choose(
         "settings": settings,
     }
     if _AUTO in options.law:
-        return fit_best(verb, partial(choose_laws, models, **given))
-    return fit_best(verb, partial(choose_model, models=models, **given))
+        return fit_best(verb, partial(choose_laws, models, **kwargs))
+    return fit_best(verb, partial(choose_model, models=models, **kwargs))
 
 
 def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settings: FitSettings) -> int:

@@ -86,7 +86,7 @@ def _list_presets(options: argparse.Namespace) -> int:
     models = damper_models() if options.name is None else (damper(options.name),)
     presets = sorted(
         (spec.preset(name) for spec in models for name in spec.presets),
-        key=lambda each: (each.rated_force or inf, each.name, each.spec.name),
+        key=lambda preset: (preset.rated_force or inf, preset.name, preset.spec.name),
     )
     listed = Table(
         columns=("force class", "preset", "model", "force (N)", "stroke (mm)", "command", "status"),

@@ -91,7 +91,7 @@ THREADS = Range.of(node_of(Threads))
 # Instants of a record may count from a far epoch, in seconds.
 INSTANT = Range(within=Within(least=-1e10, most=1e10), unit="s")
 SETTLE = Range(within=Within(least=0.0, most=1e6), unit="s")
-EVERY, LEVEL = (Range.of(node_of(each)) for each in (Count, Level))
+EVERY, LEVEL = (Range.of(node_of(kind)) for kind in (Count, Level))
 DISPERSION = Range(within=Within(least=0.0, most=10.0))
 
 

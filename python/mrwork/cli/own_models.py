@@ -39,13 +39,13 @@ def admit_equations(options: argparse.Namespace) -> None:
         from mrwork.dampers.own_equations import trust_others
 
         trust_others(note)
-    given = getattr(options, "own_model", None)
-    if given is not None:
-        if not is_own(given):
+    model = getattr(options, "own_model", None)
+    if model is not None:
+        if not is_own(model):
             raise SettingError(
-                f"--model is {given!r}; give FILE.py:NAME, the file and the name of a damper in it"
+                f"--model is {model!r}; give FILE.py:NAME, the file and the name of a damper in it"
             )
-        own_model(given)
+        own_model(model)
 
 
 def is_own(model: str) -> bool:

@@ -84,10 +84,10 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
 
 
 def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) -> tuple[Candidate, ...]:
-    given = arguments_of(options, candidate_grid)
+    kwargs = arguments_of(options, candidate_grid)
     if options.candidates is None:
-        return candidate_grid(opened.fit.spec, opened.tests, **given, limits=limits)
-    if any(given.values()):
+        return candidate_grid(opened.fit.spec, opened.tests, **kwargs, limits=limits)
+    if any(kwargs.values()):
         raise SettingError(
             "--candidates comes with --amplitudes, --frequencies or --currents; give one or the other"
         )

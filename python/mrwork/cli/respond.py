@@ -156,7 +156,7 @@ def _find_counts(options: argparse.Namespace) -> int:
     study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if options.motions == "all" else study.of_use(options.motions)
     with progress_line(in_words, quiet=is_quiet(options)) as line:
-        found = damper_counts(
+        counts = damper_counts(
             study,
             by="uniform" if options.size == "count" else "storey",
             on_progress=None if is_quiet(options) else line,
@@ -168,13 +168,13 @@ def _find_counts(options: argparse.Namespace) -> int:
         from mrwork.plots.of_studies import damper_counts as figure_of
 
         figure, axes = column_axes()
-        figure_of(found, axes)
+        figure_of(counts, axes)
         write_figure(options.figure, figure)
         drawn = {"figure": str(options.figure)}
-    text = found._summary().text(whole=True)
+    text = counts._summary().text(whole=True)
     print_result(
         options,
-        finite(plain(found)) | drawn,
+        finite(plain(counts)) | drawn,
         "\n".join([text, *(f"Figure: {curve}" for curve in drawn.values())]),
     )
     return 0
@@ -204,12 +204,12 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
         if options.workers or options.cluster:
             if len(study.histories) == len(study.motions):
                 note("every history is stored, and this process simulates the runs with histories")
-            if own := [
+            if labels := [
                 arrangement.row.label
                 for arrangement in study.arrangements
                 if isinstance(arrangement.law, UserLaw)
             ]:
-                note(f"laws in Python run in this process: {', '.join(own)}")
+                note(f"laws in Python run in this process: {', '.join(labels)}")
         results = run_study(
             study,
             journal=journal,
@@ -236,8 +236,8 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
         return study_document(results) | design_document(study) | further
 
     def text(results: StudyResults, drawn: bool, written: bool) -> str:
-        found = study_text(results, path if drawn or not written else None)
-        return "\n".join([*design_lines(study), *lines, found])
+        summary = study_text(results, path if drawn or not written else None)
+        return "\n".join([*design_lines(study), *lines, summary])
 
     return StudyVerb(
         compute=compute,
@@ -270,6 +270,6 @@ def _run_ensemble(
         alone = read if options.motions == "all" else read.of_use(options.motions)
         # No verdict is from histories or realisations.
         alone = replace(alone, histories=(), realisations=None)
-        told = None if is_quiet(options) else report
-        every.append(run_study(alone, journal=journal, on_progress=told, threads=options.threads))
+        on_progress = None if is_quiet(options) else report
+        every.append(run_study(alone, journal=journal, on_progress=on_progress, threads=options.threads))
     return ensemble_of(every)

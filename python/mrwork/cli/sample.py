@@ -91,14 +91,14 @@ def run(options: argparse.Namespace) -> int:
 
 def _sample(opened: OpenedRun, journal: Journal, options: argparse.Namespace) -> Draws | None:
     """Sample with a progress line; return the draws, `None` after Ctrl-C."""
-    told: list[SamplingProgress] = []
+    reports: list[SamplingProgress] = []
     try:
         with progress_line(in_words, quiet=is_quiet(options)) as line:
 
             def report(progress: SamplingProgress) -> None:
                 most = progress.most_seconds
-                if not told and most is not None:
-                    told.append(progress)
+                if not reports and most is not None:
+                    reports.append(progress)
                     if most > _LONG and not is_quiet(options):
                         note(
                             f"{progress.most_steps:,} steps take about {duration_in_words(most)}; the chain ends "

@@ -17,8 +17,8 @@ class StopSignals:
     """The signals among `numbers` that a command answers: those for which the process has no answer of its own."""
 
     def __init__(self, numbers: tuple[int, ...] = ()) -> None:
-        own = (signal.SIG_DFL, signal.default_int_handler)
-        self._numbers = tuple(number for number in numbers if signal.getsignal(number) in own)
+        handlers = (signal.SIG_DFL, signal.default_int_handler)
+        self._numbers = tuple(number for number in numbers if signal.getsignal(number) in handlers)
         self._received: int = signal.SIGINT
 
     @classmethod

@@ -27,7 +27,7 @@ def show_all() -> None:
 def note(sentence: str, *more: str) -> None:
     """Print a message in one line on stderr, in place of a line that is written again, and more below it."""
     clear = f"\r{' ' * _LINE[0]}\r" if _LINE[0] else ""
-    lines = "".join(f"{escape_text(each)}\n" for each in (f"mrwork: {sentence}", *more))
+    lines = "".join(f"{escape_text(line)}\n" for line in (f"mrwork: {sentence}", *more))
     write_stderr(clear + lines)
 
 

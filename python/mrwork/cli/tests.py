@@ -150,11 +150,11 @@ def nuisances_of(
     options: argparse.Namespace, default: Sequence[NuisanceName] = ()
 ) -> tuple[NuisanceName, ...]:
     """The nuisance parameters of the command line, each once; `default` where it names none."""
-    given = options.nuisances
-    if _NONE in given and {*given} != {_NONE}:
+    names = options.nuisances
+    if _NONE in names and {*names} != {_NONE}:
         raise SettingError("--nuisance none cannot be combined with others; give one or the other")
-    chosen = tuple(name for name in get_args(NuisanceName) if name in given)
-    return chosen if given else tuple(default)
+    chosen = tuple(name for name in get_args(NuisanceName) if name in names)
+    return chosen if names else tuple(default)
 
 
 def observation_of(options: argparse.Namespace, default: Sequence[str]) -> tuple[str, ...]:
@@ -164,13 +164,13 @@ def observation_of(options: argparse.Namespace, default: Sequence[str]) -> tuple
 
 def command_unit(tests: Sequence[DamperTest], given: CommandUnit | None = None) -> CommandUnit:
     """Unit of the command in the laws: the one that is given, or else the first one that any test has."""
-    own = [{unit for _, unit in test.commands} for test in tests]
-    known = [unit for unit in COMMAND_SCALES if any(unit in units for units in own)]
-    shared = [unit for unit in known if all(unit in units for units in own)]
-    unit = given or next(iter([*shared, *known]), None) or "V"
-    for test, units in zip(tests, own, strict=True):
+    by_test = [{unit for _, unit in test.commands} for test in tests]
+    candidates = [unit for unit in COMMAND_SCALES if any(unit in units for units in by_test)]
+    shared = [unit for unit in candidates if all(unit in units for units in by_test)]
+    unit = given or next(iter([*shared, *candidates]), None) or "V"
+    for test, units in zip(tests, by_test, strict=True):
         if units and unit not in units:
-            other = next((test.label for test, has in zip(tests, own, strict=True) if unit in has), "")
+            other = next((test.label for test, has in zip(tests, by_test, strict=True) if unit in has), "")
             beside = f"--command-unit is {unit}" if given else f"that of {other} in {unit}"
             raise SettingError(
                 f"{test.label}: the command is {test.command_in_words}, {beside}; laws have one unit of the "

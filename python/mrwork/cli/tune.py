@@ -110,14 +110,14 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
         )
 
     def text(results: TunedStudy, drawn: bool, written: bool) -> str:
-        found = results.tuned._found().text(whole=True)
+        summary = results.tuned._found().text(whole=True)
         judged = study_text(results, path if drawn or not written else None)
         settings = f"Settings for mrwork respond: {path / CHOSEN}"
-        return "\n".join([found, "", *design_lines(wider), judged, settings])
+        return "\n".join([summary, "", *design_lines(wider), judged, settings])
 
     return StudyVerb(
         compute=compute,
-        write=lambda *given, **named: write_tuning(*given, **named, histories=stored),
+        write=lambda *args, **named: write_tuning(*args, **named, histories=stored),
         document=lambda results: tuning_document(results) | design_document(wider),
         text=text,
     )
