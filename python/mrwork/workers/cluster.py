@@ -36,12 +36,12 @@ def cluster_workers(scheduler: str) -> Iterator[Executor]:
         ) from reason
     # Dask tells of lost connections at length, which become a sentence here.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    told = {"scheduler_file" if Path(scheduler).is_file() else "address": scheduler}
+    address = {"scheduler_file" if Path(scheduler).is_file() else "address": scheduler}
     try:
         # Versions that matter are compared below.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            client = distributed.Client(**told, timeout=_SECONDS, set_as_default=False)
+            client = distributed.Client(**address, timeout=_SECONDS, set_as_default=False)
     except Exception as reason:  # of an address, or of whatever is in a file
         raise WorkerError(
             f"no scheduler answers at {scheduler} within {_SECONDS} s ({reason_of(reason)}); give tcp://HOST:8786, or "
@@ -64,11 +64,11 @@ def _wait_for_workers(client: Any, scheduler: str) -> None:
             f"the scheduler at {scheduler} has no worker within {_SECONDS} s; start some by "
             f"`dask worker {client.scheduler.address}`"
         ) from reason
-    told = client.get_versions(packages=_SAME)
-    needed = told["client"]["packages"]
-    for who, found in {"scheduler": told["scheduler"], **told["workers"]}.items():
+    versions = client.get_versions(packages=_SAME)
+    needed = versions["client"]["packages"]
+    for who, answer in {"scheduler": versions["scheduler"], **versions["workers"]}.items():
         for package in _SAME:
-            if (version := found["packages"][package]) != needed[package]:
+            if (version := answer["packages"][package]) != needed[package]:
                 raise WorkerError(
                     f"{who} has {package} {version}, and this process {needed[package]}; install the same in the "
                     "environment in which Dask was started"

@@ -94,8 +94,8 @@ class Workers:
     @property
     def n_workers(self) -> int:
         """Number of workers of the executor, or of processors of this machine where it does not tell."""
-        if isinstance(told := getattr(self.executor, "_max_workers", None), int) and told > 0:
-            return told
+        if isinstance(count := getattr(self.executor, "_max_workers", None), int) and count > 0:
+            return count
         if (client := getattr(self.executor, "_client", None)) is not None:
             return max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
         return os.cpu_count() or 1
@@ -176,18 +176,18 @@ def working_on(executor: Executor | Workers | None, journal: Journal | None = No
     Finished chunks of runs are kept beside the journal, if there is one, until the block ends without an error.
     """
     workers = Workers(executor) if isinstance(executor, Executor) else executor or present_workers()
-    kept = None
+    folder = None
     if workers is not None and journal is not None:
-        workers, kept = replace(workers, journal=journal), chunks_beside(journal.path)
+        workers, folder = replace(workers, journal=journal), chunks_beside(journal.path)
         if not journal.recalling:
-            shutil.rmtree(kept, ignore_errors=True)
+            shutil.rmtree(folder, ignore_errors=True)
     token = _PRESENT.set(workers)
     try:
         yield
     finally:
         _PRESENT.reset(token)
-    if kept is not None:
-        shutil.rmtree(kept, ignore_errors=True)
+    if folder is not None:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def on_executor(function: Callable[P, T]) -> Callable[P, T]:
@@ -215,8 +215,8 @@ def by_whom() -> str:
 def cut_into_chunks(costs: Iterable[float], least: float) -> list[slice]:
     """Slices of consecutive items whose costs add up to `least` or more; they depend on the costs alone."""
     slices, start, cost, end = list[slice](), 0, 0.0, 0
-    for end, own in enumerate(costs, start=1):
-        cost += own
+    for end, item_cost in enumerate(costs, start=1):
+        cost += item_cost
         if cost >= least:
             slices.append(slice(start, end))
             start, cost = end, 0.0

@@ -29,7 +29,7 @@ class KeptChunks:
 
     @classmethod
     def beside(cls, journal: Journal, fingerprint: str) -> KeptChunks:
-        """Those of a call that is made now."""
+        """The chunks of a call that is made now."""
         return cls(folder=chunks_beside(journal.path), n_steps=journal.n_asked, fingerprint=fingerprint)
 
     def recall(self, count: int) -> dict[int, list[NDArray[Any]]]:
@@ -37,7 +37,7 @@ class KeptChunks:
         for path in self.folder.glob("*.npz"):
             if path.name < f"{self.n_steps:09d}":
                 path.unlink()
-        found: dict[int, list[NDArray[Any]]] = {}
+        chunks: dict[int, list[NDArray[Any]]] = {}
         for number in range(count):
             # A damaged file raises whatever it leads NumPy to.
             with (
@@ -45,8 +45,8 @@ class KeptChunks:
                 self._path(number).open("rb") as stream,
                 np.load(stream, allow_pickle=False) as arrays,
             ):
-                found[number] = [*arrays.values()]
-        return found
+                chunks[number] = [*arrays.values()]
+        return chunks
 
     def keep(self, number: int, arrays: Sequence[NDArray[Any]]) -> None:
         """Write the arrays of a chunk, whole or not at all; each member of the file has a checksum."""
