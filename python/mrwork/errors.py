@@ -130,13 +130,13 @@ class MistakesError(SettingError):
     def __init__(self, document: str, mistakes: Sequence[MrworkError]) -> None:
         super().__init__(document, mistakes)
         self.document = document
-        self.mistakes = tuple(sorted(mistakes, key=lambda each: each.line))
+        self.mistakes = tuple(sorted(mistakes, key=lambda mistake: mistake.line))
 
     def __str__(self) -> str:
         """The mistakes in the order of the document, the first ones where there are many."""
-        own = (f"{self.document}, ", f"{self.document}: ")
+        prefixes = (f"{self.document}, ", f"{self.document}: ")
         listed = [str(mistake) for mistake in self.mistakes[:_MOST_LISTED]]
-        listed = [entry.removeprefix(own[0]).removeprefix(own[1]) for entry in listed]
+        listed = [entry.removeprefix(prefixes[0]).removeprefix(prefixes[1]) for entry in listed]
         if more := len(self.mistakes) - len(listed):
             listed.append(f"and {more} more")
         beyond = " or more" if len(self.mistakes) >= MOST_MISTAKES else ""
