@@ -388,7 +388,7 @@ def command_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
 
 
 def _in_newtons(force: float) -> str:
-    scale, unit = next(each for each in _NEWTONS if force >= each[0] or each[0] == 1.0)
+    scale, unit = next(pair for pair in _NEWTONS if force >= pair[0] or pair[0] == 1.0)
     return f"{force / scale:.3g} {unit}"
 
 
@@ -498,8 +498,8 @@ def detect_average(samples: Floats) -> int | None:
     scatter = np.pi * np.sqrt(_TAPER * 1.5 / (6.0 * samples.size * np.sum(weight**2)))
     deep = depth[best] > max(_DEPTH, _SIGNIFICANT * scatter)
     window = int(windows[best])
-    each = spikes[window * _HARMONICS[:2]] * _HARMONICS[:2]
-    alike = bool(np.all((each > _EACH[0]) & (each < _EACH[1])))
+    heights = spikes[window * _HARMONICS[:2]] * _HARMONICS[:2]
+    alike = bool(np.all((heights > _EACH[0]) & (heights < _EACH[1])))
     # The edge of a steep low-pass filter gives a wave in the cepstrum, not a spike.
     beside = np.abs(spikes[window + 2 : min(2 * window - 1, window + 6)])
     return window if deep and alike and beside.max() < _EACH[0] else None

@@ -150,8 +150,8 @@ class StatedCommand:
             for quantity in COMMANDS:
                 if quantity_of(unit) == quantity:
                     return StatedCommand(quantity=quantity, column=f"{name}:{unit}")
-            if (own := command_unit_of(unit)) is not None:
-                return StatedCommand(column=name, unit=own)
+            if (command_unit := command_unit_of(unit)) is not None:
+                return StatedCommand(column=name, unit=command_unit)
         raise UnitError(
             f"{source}: the column '{name}' of the command does not say its unit; give it, as in "
             f"{column_option(COMMAND, name, 'A')}, or one of {', '.join(OTHER_COMMAND_UNITS)}"
@@ -200,10 +200,10 @@ def scalar_command(names: Sequence[str], units: Mapping[str, str], *, source: st
     """The column whose name means a command that is neither a current nor a voltage, with its unit; else `None`."""
     read = [(name, unit) for name in names if (unit := scalar_unit_in_name(name, units.get(name, "")))]
     if len(read) > 1:
-        (first, own), (second, _) = read[:2]
+        (first, first_unit), (second, _) = read[:2]
         raise RecordError(
             f"{source}: columns '{first}' and '{second}' both look like the command; say which one to use, as in "
-            f"{column_option(COMMAND, first, own)}"
+            f"{column_option(COMMAND, first, first_unit)}"
         )
     return next((StatedCommand(column=name, unit=unit) for name, unit in read), None)
 
@@ -320,12 +320,12 @@ class _Names:
         taken = {choice.column for choice in chosen.values()}
         free = [name for name in self.free if name not in taken and self.names.count(name) == 1]
         units = {name: self.units.get(name, "") or unit_at_end(name) for name in free}
-        options = suggested_options([each.missing for each in unclear], free, units, read)
+        options = suggested_options([error.missing for error in unclear], free, units, read)
         first = unclear[0]
         # A command may be a current or a voltage.
         column = first.missing.column
         others = [
-            each.missing.quantity for each in unclear[1:] if not column or each.missing.column != column
+            error.missing.quantity for error in unclear[1:] if not column or error.missing.column != column
         ]
         if others and not self._is_nameless:
             how = f"the {' and the '.join(others)} cannot be told either; give them, {options}"
@@ -359,15 +359,15 @@ class _Names:
 
     def _unit(self, quantity: TestQuantity, name: str) -> str | None:
         """Unit of a column that means the quantity, of its name or stated apart; `None` if it means another one."""
-        own, apart = unit_in_name(quantity, name), self.units.get(name, "")
-        if own is None or not apart:
-            return own
-        if len({factor_of(own, quantity), factor_of(apart, quantity), None}) > 2:
+        unit, apart = unit_in_name(quantity, name), self.units.get(name, "")
+        if unit is None or not apart:
+            return unit
+        if len({factor_of(unit, quantity), factor_of(apart, quantity), None}) > 2:
             raise UnitError(
-                f"{self.source}: column '{name}' says '{own}' in its name and '{apart}' below it; give the unit "
-                f"with {column_option(quantity, name, own)}"
+                f"{self.source}: column '{name}' says '{unit}' in its name and '{apart}' below it; give the unit "
+                f"with {column_option(quantity, name, unit)}"
             )
-        return own if quantity_of(own) is not None else apart
+        return unit if quantity_of(unit) is not None else apart
 
 
 def guess_columns(
@@ -407,8 +407,8 @@ def _may_be_command(quantity: Literal["current", "voltage"], name: str, units: M
     unit = unit_in_name(quantity, name)
     # The letters u and v also mean a motion.
     is_letter = is_plain(quantity, name) and name.strip()[1:2] in ("", *" _-/,:.([")
-    known = unit is not None and (quantity_of(unit) or quantity_of(units.get(name, "")))
-    return unit is not None and not known and not (is_letter and quantity == "voltage")
+    unit_quantity = unit is not None and (quantity_of(unit) or quantity_of(units.get(name, "")))
+    return unit is not None and not unit_quantity and not (is_letter and quantity == "voltage")
 
 
 def _quantity(name: str) -> TestQuantity:

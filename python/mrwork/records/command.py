@@ -138,7 +138,7 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
         finding = _SEVERAL.found(names=" and ".join(nominal.several))
         return replace(test, findings=(*test.findings, finding))
     value, unit = float(nominal.command.values), nominal.command.unit
-    recorded = {own: command for command, own in test.commands}
+    recorded = {command_unit: command for command, command_unit in test.commands}
     named = f"{value:g} {unit}"
     if unit in recorded:
         # A varying command disagrees if it never is the nominal one.
@@ -198,11 +198,11 @@ def nominal_from_name(stem: str) -> Nominal:
         named = {(_value(number), unit) for number, unit in _COMMAND_IN_NAME.findall(stem)}
         command = None
         if len(named) == 1:
-            ((value, own),) = named
-            command = Command(value / 1000.0 if own[0] == "m" else value, "V" if own[-1] == "V" else "A")
+            ((value, mark),) = named
+            command = Command(value / 1000.0 if mark[0] == "m" else value, "V" if mark[-1] == "V" else "A")
         if match is None or named:
             motion = Nominal() if match is None else nominal_from_name(match[0])
-            several = tuple(f"{value:g} {own}" for value, own in sorted(named)) if command is None else ()
+            several = tuple(f"{value:g} {mark}" for value, mark in sorted(named)) if command is None else ()
             return replace(motion, command=command, is_regular=False, several=several)
     unit: CommandUnit = "V" if (match["unit"] or "").upper() == "V" else "A"
     return Nominal(

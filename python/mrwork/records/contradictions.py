@@ -178,21 +178,21 @@ def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> Ite
     drift.
     """
     time = test.dt * np.arange(test.n_time)
-    drift, level = (float(each) for each in np.polyfit(time, motion.displacement, 1))
+    drift, level = (float(coefficient) for coefficient in np.polyfit(time, motion.displacement, 1))
     cycles = regular_cycles(motion.displacement - drift * time)
     if len(cycles) >= _FEWEST_CYCLES:
         at = np.array([time[cycle].mean() for cycle in cycles])
         centre = np.array([motion.displacement[cycle].mean() for cycle in cycles])
-        drift, level = (float(each) for each in np.polyfit(at, centre, 1))
+        drift, level = (float(coefficient) for coefficient in np.polyfit(at, centre, 1))
     stroke = max(np.ptp(motion.displacement - drift * time), np.finfo(float).tiny)
     seconds = test.n_time * test.dt
     if not _DRIFT < abs(drift) * seconds / stroke < _RAMP:
         return
-    kept = slice(None, None, max(test.n_time // _MOST_SAMPLES, 1))
-    recorded, moved = motion.displacement[kept], motion.velocity[kept]
-    centred = recorded - level - drift * time[kept]
-    as_recorded = _least_residual(test.force[kept], recorded, moved, centred)
-    without = _least_residual(test.force[kept], centred, moved - drift, centred)
+    samples = slice(None, None, max(test.n_time // _MOST_SAMPLES, 1))
+    recorded, moved = motion.displacement[samples], motion.velocity[samples]
+    centred = recorded - level - drift * time[samples]
+    as_recorded = _least_residual(test.force[samples], recorded, moved, centred)
+    without = _least_residual(test.force[samples], centred, moved - drift, centred)
     if without < _BETTER * as_recorded:
         yield _DRIFTS.found(measured=Measured(drift, "m/s"), drift=1e3 * drift, whole=1e3 * drift * seconds)
 
@@ -247,8 +247,8 @@ _SAME_MOTION: Final = 0.5
 _SMALLEST_FACTOR: Final = 1e-9
 # Ratios of the units of a velocity: the unit of its readings, and that which they were taken for.
 _CONFUSED: Final = {
-    factor / own: (unit, taken)
-    for (unit, own), (taken, factor) in permutations(FACTORS["velocity"].items(), 2)
+    factor / unit_factor: (unit, taken)
+    for (unit, unit_factor), (taken, factor) in permutations(FACTORS["velocity"].items(), 2)
 }
 # Relative difference within which a factor is such a ratio: rigs are calibrated to a few per cent.
 _OF_UNITS: Final = 0.04
@@ -398,12 +398,12 @@ def velocity_agrees(
     """
     differentiator = motion.differentiator
     reach = differentiator.window // 2
-    given = np.ones(velocity.size, dtype=np.bool_)
+    mask = np.ones(velocity.size, dtype=np.bool_)
     # Samples that an interpolated one is smoothed into say nothing.
     for first, last in uncompared:
-        given[max(first - reach, 0) : last + reach] = False
-    kept = np.flatnonzero(given) if np.count_nonzero(given) > reach else np.arange(velocity.size)
-    comparison = _compare_velocities(velocity, displacement, motion, kept)
+        mask[max(first - reach, 0) : last + reach] = False
+    rows = np.flatnonzero(mask) if np.count_nonzero(mask) > reach else np.arange(velocity.size)
+    comparison = _compare_velocities(velocity, displacement, motion, rows)
     measured = comparison.measured
     difference = comparison.misfit(measured)
     if comparison.misfit(-measured) <= _MISFIT:
@@ -411,30 +411,30 @@ def velocity_agrees(
         return turned, source, (_TURNED.found(), *opposite)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
-        rescaled = _compare_velocities(velocity / factor, displacement, motion, kept)
+        rescaled = _compare_velocities(velocity / factor, displacement, motion, rows)
         if rescaled.misfit(rescaled.measured) <= _MISFIT:
             return velocity, "measured", (_off_by(factor, differentiator.dt),)
 
-    delayed = comparison.delay(motion.acceleration[kept], differentiator)
+    delayed = comparison.delay(motion.acceleration[rows], differentiator)
     delay = delayed.value
     samples = delay / differentiator.dt
     lags = "lags" if delay > 0.0 else "leads"
     shift = {"late": 1e3 * abs(delay), "samples": abs(samples)}
-    time = differentiator.dt * np.arange(velocity.size)[kept]
+    time = differentiator.dt * np.arange(velocity.size)[rows]
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     replaced: tuple[Finding, ...] = ()
     if difference <= _MISFIT:
         # Differences of quantised readings are noisier than the derivative, and bias the parameters.
-        own, derived, spread = comparison.own, comparison.derived, float(np.std(motion.velocity))
-        if own > max(_NOISY * spread, _NOISIER * derived):
-            numbers = {"own": 1e3 * own, "share": 100.0 * own / spread, "derived": 1e3 * derived}
-            replaced = (_NOISY_VELOCITY.found(measured=Measured(own, "m/s"), **numbers),)
+        noise, derived, spread = comparison.own, comparison.derived, float(np.std(motion.velocity))
+        if noise > max(_NOISY * spread, _NOISIER * derived):
+            numbers = {"own": 1e3 * noise, "share": 100.0 * noise / spread, "derived": 1e3 * derived}
+            replaced = (_NOISY_VELOCITY.found(measured=Measured(noise, "m/s"), **numbers),)
     if late and not replaced and abs(factor - 1.0) < _SAME_MOTION:
         central, counts = np.gradient(displacement, differentiator.dt), np.zeros_like(displacement)
-        counts[kept] = 1.0
+        counts[rows] = 1.0
         # The difference of a first or last sample has no neighbour, and is what its author put there.
         counts[[0, -1]] = 0.0
-        lost, costs = (counts @ (each - central) ** 2 for each in (motion.velocity, velocity))
+        lost, costs = (counts @ (candidate - central) ** 2 for candidate in (motion.velocity, velocity))
         replaced = late if lost < costs else ()
     if replaced:
         return motion.velocity, "derived", replaced
@@ -445,10 +445,10 @@ def velocity_agrees(
         by_making = ", as backward differences do" if half_sample else ""
         return velocity, "measured", (_LATE.found(lags, by_making, measured=delayed, **shift),)
     if delay_explains:
-        found = _FAR_LATE.found(lags, measured=delayed, difference=100.0 * difference, **shift)
+        finding = _FAR_LATE.found(lags, measured=delayed, difference=100.0 * difference, **shift)
     else:
-        found = _DIFFERS.found(difference=100.0 * difference)
-    return velocity, "measured", (found,)
+        finding = _DIFFERS.found(difference=100.0 * difference)
+    return velocity, "measured", (finding,)
 
 
 def _off_by(factor: float, dt: float) -> Finding:
@@ -499,16 +499,16 @@ class _VelocityMisfit:
 
 
 def _compare_velocities(
-    velocity: Floats, displacement: Floats, motion: SmoothMotion, kept: NDArray[np.intp]
+    velocity: Floats, displacement: Floats, motion: SmoothMotion, rows: NDArray[np.intp]
 ) -> _VelocityMisfit:
-    differentiator, derivative = motion.differentiator, motion.velocity[kept]
+    differentiator, derivative = motion.differentiator, motion.velocity[rows]
     smooth = differentiator.smooth(velocity)
     power = float(np.mean(derivative**2))
-    own = differentiator.noise((velocity - smooth)[kept])
-    derived = differentiator.noise((displacement - motion.displacement)[kept]) * differentiator.noise_gain(1)
+    own = differentiator.noise((velocity - smooth)[rows])
+    derived = differentiator.noise((displacement - motion.displacement)[rows]) * differentiator.noise_gain(1)
     noise = np.hypot(derived, own * differentiator.noise_gain(0))
     # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.
     expected = min(float(noise**2), _NOISE_SHARE**2 * power)
     return _VelocityMisfit(
-        measured=smooth[kept], derivative=derivative, power=power, own=own, derived=derived, expected=expected
+        measured=smooth[rows], derivative=derivative, power=power, own=own, derived=derived, expected=expected
     )

@@ -245,10 +245,10 @@ def _fold_periods(
     bins = np.floor(since / _STEP).astype(np.intp)
     bins -= bins.min()
     count = np.bincount(bins.ravel()).astype(np.float64)
-    kept = count > 0.0
-    mean_time = np.bincount(bins.ravel(), since.ravel())[kept] / count[kept]
-    mean_force = np.bincount(bins.ravel(), falling.ravel())[kept] / count[kept]
-    return mean_time, mean_force, count[kept]
+    mask = count > 0.0
+    mean_time = np.bincount(bins.ravel(), since.ravel())[mask] / count[mask]
+    mean_force = np.bincount(bins.ravel(), falling.ravel())[mask] / count[mask]
+    return mean_time, mean_force, count[mask]
 
 
 def _corner(time: Floats, force: Floats, count: Floats, before: float) -> tuple[float, float] | None:

@@ -109,9 +109,9 @@ _LOWEST = 1e-7
 def delay_signal(signal: Floats, samples: float) -> Floats:
     """Delay a signal, shape (..., n_time), by `samples`, linear in between; the ends are held constant."""
     last = signal.shape[-1] - 1
-    place = np.clip(np.arange(last + 1) - samples, 0.0, last)
-    before = np.minimum(np.floor(place).astype(int), last - 1)
-    share = place - before
+    position = np.clip(np.arange(last + 1) - samples, 0.0, last)
+    before = np.minimum(np.floor(position).astype(int), last - 1)
+    share = position - before
     return np.asarray(signal[..., before] * (1.0 - share) + signal[..., before + 1] * share)
 
 
@@ -129,10 +129,10 @@ def average_signal(signal: Floats, samples: float) -> Floats:
     middles *= 0.5
     np.cumsum(middles, axis=-1, out=integral[..., 1:])
 
-    def integral_at(place: Floats) -> Floats:
+    def integral_at(position: Floats) -> Floats:
         # The samples exist, and `take` is several times as fast where it need not look.
-        before = np.minimum(np.floor(place).astype(int), last - 1)
-        share = place - before
+        before = np.minimum(np.floor(position).astype(int), last - 1)
+        share = position - before
         integral_at_place: Floats = np.take(change, before, axis=-1, mode="clip")
         integral_at_place *= 0.5 * share
         integral_at_place += np.take(signal, before, axis=-1, mode="clip")
@@ -275,11 +275,11 @@ class DamperTest(Plotted, WithAxes, Summarised):
         """The samples that are compared with a model, as an index: the `window` without the `uncompared` spans."""
         if not self.uncompared:
             return self.window
-        kept = np.zeros(self.n_time, dtype=np.bool_)
-        kept[self.window] = True
+        mask = np.zeros(self.n_time, dtype=np.bool_)
+        mask[self.window] = True
         for first, last in self.uncompared:
-            kept[first:last] = False
-        return np.flatnonzero(kept)
+            mask[first:last] = False
+        return np.flatnonzero(mask)
 
     @property
     def n_counted(self) -> int:
@@ -501,9 +501,9 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
         raise SettingError("the range of no test was asked for; give at least one test")
     if unit is None:
         # Of several units with as many commands a current, then a voltage.
-        units: Sequence[CommandUnit] = [own for test in tests for _, own in test.commands]
-        known: list[CommandUnit] = [each for each in COMMAND_SCALES if each in units]
-        unit = max(known, key=units.count) if known else None
+        units: Sequence[CommandUnit] = [command_unit for test in tests for _, command_unit in test.commands]
+        candidates: list[CommandUnit] = [candidate for candidate in COMMAND_SCALES if candidate in units]
+        unit = max(candidates, key=units.count) if candidates else None
     return covering([range_of_test(test, unit) for test in tests])
 
 

@@ -67,8 +67,8 @@ def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
         constant = {
             index: command
             for index, test in enumerate(tests)
-            for command, own in test.commands
-            if own == unit and not isinstance(command, np.ndarray)
+            for command, command_unit in test.commands
+            if command_unit == unit and not isinstance(command, np.ndarray)
         }
         if len(constant) >= _FEWEST_ALIKE:
             labelled, commands = [tests[index] for index in constant], np.array(list(constant.values()))
@@ -218,7 +218,7 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
     recurring = {key: [finding for _, finding in places[key]] for key, name in named.items() if len(name) > 1}
     shared = [_join_findings(each, tuple(named[key].values()), len(tests)) for key, each in recurring.items()]
     return GatheredFindings(
-        shared=tuple(sorted(shared, key=lambda each: each.severity != "warning")),
+        shared=tuple(sorted(shared, key=lambda finding: finding.severity != "warning")),
         own=tuple(
             tuple(finding for finding in test.findings if (finding.kind, finding.words) not in recurring)
             for test in tests
@@ -229,7 +229,7 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
 def _join_findings(findings: Sequence[Finding], tests: tuple[str, ...], n_tests: int) -> SharedFinding:
     first = findings[0]
     measured = [finding.measured for finding in findings if finding.measured is not None]
-    values = [each.value for each in measured]
+    values = [measurement.value for measurement in measured]
     return SharedFinding(
         code=first.code,
         severity=first.severity,
@@ -245,20 +245,20 @@ def _join_findings(findings: Sequence[Finding], tests: tuple[str, ...], n_tests:
 
 def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding, ...]:
     """Findings of several tests that matter to a verb, each once, warnings first."""
-    told = [
+    verb_tests = [
         replace(test, findings=tuple(finding for finding in test.findings if verb in finding.kind.verbs))
         for test in tests
     ]
-    gathered = gathered_findings(told)
-    own = [
+    gathered = gathered_findings(verb_tests)
+    alone = [
         _join_findings([finding], (test.name,), len(tests))
-        for test, findings in zip(told, gathered.own, strict=True)
+        for test, findings in zip(verb_tests, gathered.own, strict=True)
         for finding in findings
     ]
     # The message names the tests that it concerns.
     of_set = (finding for finding in findings_of_set(tests) if verb in finding.kind.verbs)
-    together = [_join_findings([each], (), len(tests)) for each in of_set]
-    return tuple(sorted((*together, *gathered.shared, *own), key=lambda each: each.severity != "warning"))
+    together = [_join_findings([finding], (), len(tests)) for finding in of_set]
+    return tuple(sorted((*together, *gathered.shared, *alone), key=lambda entry: entry.severity != "warning"))
 
 
 def findings_of_set(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:

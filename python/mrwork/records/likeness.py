@@ -105,27 +105,27 @@ class RecordedMotion:
 
         Of varying commands, the largest values are compared here and the shapes with the motion.
         """
-        known = self._same_known_command(other)
+        matches = self._same_known_command(other)
         alike = abs(self.deviation - other.deviation) <= _FORCE * max(self.deviation, other.deviation)
-        return alike if known is None else known
+        return alike if matches is None else matches
 
     def _same_known_command(self, other: RecordedMotion) -> bool | None:
         """Whether the commands are equal; `None` where one is unknown."""
         if len(self.commands) != len(other.commands):
             return False
-        known = [
+        matches = [
             abs(one - another) <= _COMMAND * max(abs(one), abs(another)) + _LEAST_COMMAND
             for unit, one in self.levels.items()
             if (another := other.levels.get(unit)) is not None
         ]
-        return all(known) if known else None
+        return all(matches) if matches else None
 
     def _align_with(self, seen: RecordedMotion) -> _Alignment | None:
         """Motion and force aligned with the part of another test that contains most of the motion; `None` if none."""
         step = max(self.step, seen.step)
         mine, other = (
-            np.array([each.displacement, each.force, *each.commands])[:, :: round(step / each.step)]
-            for each in (self, seen)
+            np.array([motion.displacement, motion.force, *motion.commands])[:, :: round(step / motion.step)]
+            for motion in (self, seen)
         )
         limit, least = _LEAST[self.period is not None]
         if seen.period is not None:
@@ -204,8 +204,8 @@ def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
 
 def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
     """Likeness of two tests with the same motion, unless their commands are known to differ; `None` if unlike."""
-    known = test._same_known_command(seen)
-    alignment = None if known is False else test._align_with(seen)
+    matches = test._same_known_command(seen)
+    alignment = None if matches is False else test._align_with(seen)
     if alignment is None:
         return None
     (stroke, force), (other_stroke, other_force) = alignment.one[:2], alignment.other[:2]
@@ -217,7 +217,7 @@ def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | No
         test=test.test,
         like=seen.test,
         correlation=alignment.correlation,
-        known_command=known is True,
+        known_command=matches is True,
         force_ratio=ratio,
         force_shift=shift,
         same_force=abs(np.log(max(ratio, 1e-3))) <= _CONDITION + _SMOOTHED * smoothing
@@ -232,16 +232,16 @@ def likest(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | N
 
 def likest_of_same_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
     """The closest of several tests that a test is like in its force, too."""
-    return _closest(each for other in seen if (each := likeness(test, other)) and each.same_force)
+    return _closest(pair for other in seen if (pair := likeness(test, other)) and pair.same_force)
 
 
 def likest_of_other_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
     """The closest of several tests that a test is like in its motion, and unlike in its force."""
-    return _closest(each for other in seen if (each := motion_likeness(test, other)) and not each.same_force)
+    return _closest(pair for other in seen if (pair := motion_likeness(test, other)) and not pair.same_force)
 
 
 def _closest(likenesses: Iterable[Likeness | None]) -> Likeness | None:
-    return max(filter(None, likenesses), key=lambda each: each.correlation, default=None)
+    return max(filter(None, likenesses), key=lambda pair: pair.correlation, default=None)
 
 
 def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
@@ -252,8 +252,8 @@ def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
             if group[other] != group[index] and (
                 likeness(one, motions[other]) or likeness(motions[other], one)
             ):
-                kept, joined = sorted((group[other], group[index]))
-                group = [kept if member == joined else member for member in group]
+                label, joined = sorted((group[other], group[index]))
+                group = [label if member == joined else member for member in group]
     return [[index for index, member in enumerate(group) if member == first] for first in sorted(set(group))]
 
 
@@ -312,7 +312,7 @@ def _correlations(pattern: Floats, record: Floats, n_least: int) -> Floats:
     count = np.minimum(n_record, shift + n_pattern) - np.maximum(0, shift)
     inside = count >= n_least
     count = count[inside]
-    mean_p, mean_r = (each[inside] / count for each in (sums(pattern, spread), sums(ones, record)))
+    mean_p, mean_r = (total[inside] / count for total in (sums(pattern, spread), sums(ones, record)))
     # Rounding of the transform, relative to the whole.
     floor = 1e-9 * (float(pattern @ pattern) + float(record @ record)) / count + 1e-300
     var_p = np.maximum(sums(pattern**2, spread)[inside] / count - mean_p**2, floor)

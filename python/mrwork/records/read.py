@@ -173,15 +173,15 @@ def test_from_arrays(
         velocity=None if velocity is None else _channel(velocity, "velocity", source),
     )
     read = [_command(samples, unit, source, raw.time.size) for samples, unit in sent]
-    commands = [each for each, _ in read]
-    given = replace(raw, commands=tuple(command for command in commands if command.varies))
-    for channel_name, channel in given.channels.items():
+    commands = [command for command, _ in read]
+    record = replace(raw, commands=tuple(command for command in commands if command.varies))
+    for channel_name, channel in record.channels.items():
         if channel.size != raw.time.size:
             raise RecordError(
                 f"{source}: the {channel_name} has {channel.size} samples where the time has "
                 f"{raw.time.size}; give one value per sample"
             )
-    complete, first_row, dropped = complete_rows(given, source=source, locate=origin.locate)
+    complete, first_row, dropped = complete_rows(record, source=source, locate=origin.locate)
     check_time(complete.time, source=source, locate=lambda row: origin.locate(row + first_row))
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
@@ -352,15 +352,15 @@ def read_damper_test(
     """
     file = Path(path)
     source = str(file)
-    given = dict(columns or {})
+    specs = dict(columns or {})
     table = open_table(file, tells_a_test)
-    if MARKERS in given:
-        check_specification(MARKERS, given.pop(MARKERS))
+    if MARKERS in specs:
+        check_specification(MARKERS, specs.pop(MARKERS))
         table, _ = table.without_markers()
-    step = stated_step(given.get("time", ""))
+    step = stated_step(specs.get("time", ""))
     are_assigned = False
     try:
-        chosen, scalar = _assign_columns(table, given, source)
+        chosen, scalar = _assign_columns(table, specs, source)
         are_assigned = True
         of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
         numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
@@ -413,18 +413,18 @@ def _assign_columns(
     absent = {name for name, specification in columns.items() if specification.strip() == LEFT_OUT}
     if stated_step(columns.get("time", "")) is not None:
         absent.add("time")
-    given = {name: specification for name, specification in columns.items() if name not in absent}
+    specs = {name: specification for name, specification in columns.items() if name not in absent}
     headings = [find_column(name, table.names, source) for name in absent - {*QUANTITIES, COMMAND}]
     absent |= {*COMMANDS} if COMMAND in absent else set()
-    stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
+    stated = StatedCommand.of(specs.pop(COMMAND)) if COMMAND in specs else None
     scalar: StatedCommand | None = None
     if stated is not None:
         stated = stated.in_file(table.names, table.units, source)
         if stated.quantity is None:
             scalar = stated
         else:
-            given[stated.quantity] = stated.column
-    elif not (given.keys() | absent) & set(COMMANDS):
+            specs[stated.quantity] = stated.column
+    elif not (specs.keys() | absent) & set(COMMANDS):
         scalar = scalar_command(table.names, table.units, source=source)
 
     rows = cache(table.without_markers)
@@ -439,7 +439,7 @@ def _assign_columns(
     others = {*headings, *([] if scalar is None else [scalar.column])}
     names = tuple(name for name in table.names if name not in others)
     chosen = choose_columns(
-        names, given, units=table.units, stamps=table.stamps, source=source, read=numbers_of, absent=absent
+        names, specs, units=table.units, stamps=table.stamps, source=source, read=numbers_of, absent=absent
     )
     if stated is not None and stated.quantity is None:
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
@@ -504,13 +504,13 @@ def read_damper_tests(
     --------
     >>> tests = read_damper_tests("rig/", use="fit")  # doctest: +SKIP
     """
-    given = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
-    rows = listed_tests(paths if isinstance(paths, str | os.PathLike) else given, use=use)
-    unread = files_not_read(given)
+    path_list = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    rows = listed_tests(paths if isinstance(paths, str | os.PathLike) else path_list, use=use)
+    unread = files_not_read(path_list)
     tests = []
     for row in rows:
-        each = {**(columns or {}), **row.columns}
-        test = read_damper_test(row.file, columns=each, keep_velocity=keep_velocity)
+        specs = {**(columns or {}), **row.columns}
+        test = read_damper_test(row.file, columns=specs, keep_velocity=keep_velocity)
         sentence = unread.get(Path(test.path).parent)
         beside = () if sentence is None else (_NOT_READ.found(sentence=sentence),)
         tests.append(replace(test, findings=(*test.findings, *beside)))
@@ -537,7 +537,7 @@ def _guess(file: Path) -> ListedTest:
     chosen, doubts = guess_columns(names, units=table.units, stamps=table.stamps, source=str(file))
     motion = (quantity for quantity in (*REQUIRED, "velocity") if quantity in chosen or quantity in REQUIRED)
     columns: dict[str, str] = {
-        each: chosen[each].specification if each in chosen else UNKNOWN for each in motion
+        quantity: chosen[quantity].specification if quantity in chosen else UNKNOWN for quantity in motion
     }
     used = {choice.column for choice in chosen.values()}
     about = [doubts.pop(quantity) for quantity in COMMANDS if quantity in doubts]

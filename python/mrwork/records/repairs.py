@@ -62,22 +62,22 @@ def repair(
     >>> log[0].message
     'a static force of +50 N was subtracted'
     """
-    given = dict(amounts or {})
-    for kind, amount in given.items():
+    amount_of = dict(amounts or {})
+    for kind, amount in amount_of.items():
         if kind not in _AMOUNTS or (kind == "mass" and amount < 0.0):
             raise SettingError(
                 f"repair {kind} was given {amount:g}; a number goes with {AMOUNTS_IN_WORDS} alone, no mass is below 0"
             )
-    wanted = set(kinds) | set(given)
+    wanted = set(kinds) | set(amount_of)
     repaired, log = test, list[Finding]()
     for kind in REPAIR_KINDS:
         if kind in wanted:
-            changed, entry = _REPAIRS[kind](repaired, given.get(kind))
+            changed, entry = _REPAIRS[kind](repaired, amount_of.get(kind))
             repairs = entry.severity == "repaired"
-            kept = (
+            findings = (
                 finding for finding in changed.findings if not (repairs and finding.kind.cured_by == kind)
             )
-            repaired = replace(changed, findings=(*kept, entry))
+            repaired = replace(changed, findings=(*findings, entry))
             log.append(entry)
     if any(entry.severity == "repaired" for entry in log):
         repaired = replace(repaired, original=test.original or test)

@@ -67,16 +67,16 @@ class ListedTest(Summarised):
 
 def facts_of(rows: Iterable[ListedTest]) -> dict[str, str]:
     """Facts on the tests of a run by their names: several values in a row, of dates and temperatures the range."""
-    found: dict[str, str] = {}
+    facts: dict[str, str] = {}
     every = list(rows)
     for name in FACTS:
         values = list(dict.fromkeys(row.facts[name] for row in every if name in row.facts))
         if values:
-            found[name] = list_names(values)
+            facts[name] = list_names(values)
         if name in ("date", "temperature") and len(values) > 1:
             values.sort(key=(lambda value: float(value.split()[0])) if name == "temperature" else None)
-            found[name] = f"{values[0]} to {values[-1]}"
-    return found
+            facts[name] = f"{values[0]} to {values[-1]}"
+    return facts
 
 
 def listed_tests(
@@ -181,12 +181,12 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
     RecordError
         The file is no such table, or an entry is invalid or still "?"; the message names the line.
     """
-    place = Path(path)
-    lines = decode_text(read_text_bytes(place)).splitlines()
+    path = Path(path)
+    lines = decode_text(read_text_bytes(path)).splitlines()
     filled = [(number, line) for number, line in enumerate(lines, start=1) if is_data(line)]
     if not filled:
         raise RecordError(
-            f"{place}: the table is empty; its first line names the columns {', '.join(_HEADER)}"
+            f"{path}: the table is empty; its first line names the columns {', '.join(_HEADER)}"
         )
     delimiter = delimiter_of(filled[0][1])
     header = [name.strip().casefold() for name in without_empty_end(split(filled[0][1], delimiter))]
@@ -195,7 +195,7 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         near = closest(unknown[0], _HEADER) if unknown else ""
         meant = f", did you mean {near}" if near else ""
         raise RecordError(
-            f"{place}, line {filled[0][0]}: a table of tests has the columns {', '.join(_HEADER)}, each at most once; "
+            f"{path}, line {filled[0][0]}: a table of tests has the columns {', '.join(_HEADER)}, each at most once; "
             f"{f'there is none called {unknown[0]!r}{meant}' if unknown else f'these are {list_names(header, 8)}'}"
         )
     rows: dict[str, ListedTest] = {}
@@ -203,23 +203,21 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
         fields = [entry.strip() for entry in split(line, delimiter)]
         if len(fields) < len(header) or any(fields[len(header) :]):
             raise RecordError(
-                f"{place}, line {number}: has {len(fields)} entries where the header names {len(header)} columns; "
+                f"{path}, line {number}: has {len(fields)} entries where the header names {len(header)} columns; "
                 "complete the line, and put entries with delimiters into quotes"
             )
         entries = {name: entry for name, entry in zip(header, fields, strict=False) if entry}
         if not entries:
             continue
         try:
-            row = _row(entries, place.parent)
+            row = _row(entries, path.parent)
         except MrworkError as error:
-            raise RecordError(f"{place}, line {number}: {error}") from error
+            raise RecordError(f"{path}, line {number}: {error}") from error
         if row.file in rows:
-            raise RecordError(
-                f"{place}, line {number}: '{entries['file']}' is in the table twice; delete one"
-            )
+            raise RecordError(f"{path}, line {number}: '{entries['file']}' is in the table twice; delete one")
         rows[row.file] = row
     if not rows:
-        raise RecordError(f"{place}: the table has no tests; add a line for each file")
+        raise RecordError(f"{path}: the table has no tests; add a line for each file")
     return tuple(rows.values())
 
 
@@ -234,19 +232,19 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
     RecordError
         A file is in two rows.
     """
-    place = Path(path)
-    check_output(place, replace=False, otherwise="delete it")
+    path = Path(path)
+    check_output(path, replace=False, otherwise="delete it")
     check_given_once(rows)
-    told = [name for name in FACTS if any(name in row.facts for row in rows)]
+    fact_names = [name for name in FACTS if any(name in row.facts for row in rows)]
     specified = [*_SPECIFIED, *([MARKERS] if any(MARKERS in row.columns for row in rows) else [])]
-    lines: list[Sequence[str]] = [("file", "use", *specified, *told, _DOUBT)]
+    lines: list[Sequence[str]] = [("file", "use", *specified, *fact_names, _DOUBT)]
     for row in rows:
-        file, folder = Path(row.file).resolve(), place.parent.resolve()
+        file, folder = Path(row.file).resolve(), path.parent.resolve()
         name = file.relative_to(folder) if file.is_relative_to(folder) else file
         entries = (row.columns.get(key, "") for key in specified)
-        facts = (row.facts.get(key, "") for key in told)
+        facts = (row.facts.get(key, "") for key in fact_names)
         lines.append((name.as_posix(), row.use or UNUSED, *entries, *facts, row.doubt))
-    with replacing(place) as stream:
+    with replacing(path) as stream:
         stream.write(csv_text(lines).encode())
 
 

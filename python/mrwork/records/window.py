@@ -244,8 +244,8 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
         rounded = _ROUNDED_TIMES.found(
             least=1e3 * steps.min(), most=1e3 * steps.max(), dt=1e3 * dt, rate=1.0 / dt
         )
-        given = replace(signals, time=uniform)
-        return UniformSamples(signals=given, dt=dt, spiky=spiky, missing=none, findings=(rounded,))
+        uniform_signals = replace(signals, time=uniform)
+        return UniformSamples(signals=uniform_signals, dt=dt, spiky=spiky, missing=none, findings=(rounded,))
 
     n_uniform = round(duration / median) + 1
     gaps = np.flatnonzero(steps > _GAP_STEPS * median)
@@ -456,13 +456,13 @@ def _at_levels(command: Floats, degree: int | None = None) -> NDArray[np.intp]:
 
 
 def _shows_levels(at_level: NDArray[np.intp], part: slice, share: float = _LEVEL_SHARE) -> bool:
-    whole, own = (np.bincount(each, minlength=at_level.max() + 1) for each in (at_level, at_level[part]))
-    return bool(np.all(own / own.sum() >= share * whole / whole.sum()))
+    whole, portion = (np.bincount(bins, minlength=at_level.max() + 1) for bins in (at_level, at_level[part]))
+    return bool(np.all(portion / portion.sum() >= share * whole / whole.sum()))
 
 
 def _shows_motion(test: DamperTest, part: slice) -> bool:
     motion = (test.displacement, test.velocity)
-    return all(float(np.ptp(each[part])) >= _MOTION_SHARE * float(np.ptp(each)) for each in motion)
+    return all(float(np.ptp(signal[part])) >= _MOTION_SHARE * float(np.ptp(signal)) for signal in motion)
 
 
 def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
