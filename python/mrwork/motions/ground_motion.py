@@ -207,7 +207,7 @@ def _largest_correlation(one: Floats, other: Floats) -> float:
     products = np.roll(np.fft.irfft(spectrum, size), m - 1)[: n + m - 1]
     shifts = np.arange(-(m - 1), n)
     first, last = np.maximum(shifts, 0), np.minimum(shifts + m, n)
-    energy = [np.concatenate(([0.0], np.cumsum(each * each))) for each in (one, other)]
+    energy = [np.concatenate(([0.0], np.cumsum(signal * signal))) for signal in (one, other)]
     within = [energy[0][last] - energy[0][first], energy[1][last - shifts] - energy[1][first - shifts]]
     if energy[0][-1] == 0.0 or energy[1][-1] == 0.0:
         return 0.0
@@ -310,10 +310,10 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     """
     n_time = _n_time(motion, dt)
     acceleration = np.interp(dt * np.arange(n_time), motion.time, motion.acceleration)
-    found = replace_samples(
+    result = replace_samples(
         motion, acceleration, dt, f"resampled from {motion.dt:.6g} to {dt:.6g} s, straight between"
     )
-    off = np.abs(found.velocity - np.interp(found.time, motion.time, motion.velocity)).max()
+    off = np.abs(result.velocity - np.interp(result.time, motion.time, motion.velocity)).max()
     if off > _LOST * np.abs(motion.velocity).max():
         warnings.warn(
             f"ground motion {motion.name}: resampled every {dt:g} s its velocity is off by up to {off:.3g} m/s, since "
@@ -322,7 +322,7 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
             MrworkWarning,
             stacklevel=3,
         )
-    return found
+    return result
 
 
 @checked

@@ -219,7 +219,7 @@ def chosen_channel(path: Path, titles: Sequence[str], stated: Stated) -> int:
     """Index of the channel that is asked for, of several with these titles."""
     number = int(len(titles) == 1) if stated.channel is None else stated.channel
     if not 1 <= number <= len(titles):
-        listed = ", ".join(f"{each} {title}" for each, title in enumerate(titles, start=1))
+        listed = ", ".join(f"{index} {title}" for index, title in enumerate(titles, start=1))
         raise RecordError(
             f"{path}: holds {counted(len(titles), 'channel')} ({listed}); choose one with `channel`"
         )
@@ -432,27 +432,27 @@ _HEADER, _IN_PAIR, _WITH_EXPONENT = 45, 7, 13
 def _read_volume(lines: Lines, stated: Stated) -> GroundMotion:
     """Volume 1 or 2 of CSMIP, or volume 1 of BHRC, RENADIC or USC, of which all but BHRC have pairs with times."""
     heads = [text[:200] for text in lines.texts]
-    found = [(line, series) for line, text in enumerate(heads) if (series := _SERIES.match(text))]
-    read = _read_series if found else _read_points
-    if not found and heads[0].casefold().startswith(_UNCORRECTED):
-        found = [(line, points) for line, text in enumerate(heads) if (points := _POINTS.search(text))]
-    if not found:
+    matches = [(line, series) for line, text in enumerate(heads) if (series := _SERIES.match(text))]
+    read = _read_series if matches else _read_points
+    if not matches and heads[0].casefold().startswith(_UNCORRECTED):
+        matches = [(line, points) for line, text in enumerate(heads) if (points := _POINTS.search(text))]
+    if not matches:
         raise RecordError(
             f"{lines.path}: begins as a volume of accelerograms, '{quote_text(heads[0])}', without a series that "
             "is known; read are volumes 1 and 2 of CSMIP, and volumes 1 of BHRC, RENADIC and USC: give one of "
             "these, or save the series as two columns, time and acceleration"
         )
-    titles = [_title_above(heads[max(0, line - _HEADER) : line]) for line, _ in found]
+    titles = [_title_above(heads[max(0, line - _HEADER) : line]) for line, _ in matches]
     number = chosen_channel(lines.path, titles, stated)
     of_event = 2 if heads[0].casefold().startswith("corrected") else 1
     source = ", ".join(filter(None, (" ".join(lines.at(of_event).split()), titles[number])))
-    return read(lines, *found[number], source)
+    return read(lines, *matches[number], source)
 
 
 def _read_series(lines: Lines, line: int, series: re.Match[str], source: str) -> GroundMotion:
     """Accelerations after a line that states their number, step and unit."""
-    given = _WIDTH.search(lines.at(line))
-    width = int(given[1]) if given else max(round(len(lines.at(line + 1).rstrip()) / 8), 1)
+    match = _WIDTH.search(lines.at(line))
+    width = int(match[1]) if match else max(round(len(lines.at(line + 1).rstrip()) / 8), 1)
     numbers, _ = numbers_at_widths(lines, line + 1, int(series["count"]), width)
     dt = float(series["step"]) if series["step"] else 1.0 / max(float(series["rate"]), 1e-9)
     factor = factor_to_si(series["unit"], "acceleration", context=lines.where(line))
@@ -461,7 +461,7 @@ def _read_series(lines: Lines, line: int, series: re.Match[str], source: str) ->
 
 def _read_points(lines: Lines, line: int, points: re.Match[str], source: str) -> GroundMotion:
     """Accelerations, or pairs of time and acceleration, some lines after one that states their number and duration."""
-    unit, tenth = found.groups() if (found := _UNITS.search(lines.at(line + 1))) else ("", None)
+    unit, tenth = match.groups() if (match := _UNITS.search(lines.at(line + 1))) else ("", None)
     factor = factor_to_si(unit, "acceleration", context=lines.where(line)) / (10.0 if tenth else 1.0)
     count, first = int(points[1]), line + _AFTER_POINTS
     head = lines.at(first).rstrip()
@@ -486,7 +486,7 @@ def _motion_of_pairs(lines: Lines, first: int, per_line: int, pairs: Floats, sou
 
 def _title_above(heads: list[str]) -> str:
     """The nearest name of a channel or component."""
-    named = (found[0] for text in reversed(heads) if (found := _TITLE.search(text)) is not None)
+    named = (match[0] for text in reversed(heads) if (match := _TITLE.search(text)) is not None)
     return " ".join(next(named, "").split())
 
 
@@ -523,7 +523,7 @@ SMC = Format(
     name="an SMC record",
     recognises=lambda lines: (
         re.match(r"\d [A-Z]{2}", lines.at(0)) is not None
-        and all(lines.at(place).startswith("*") for place in (8, 9, 10))
+        and all(lines.at(line).startswith("*") for line in (8, 9, 10))
     ),
     read=_read_smc,
 )

@@ -77,10 +77,10 @@ _STEPS_DIFFER: Final = 0.05
 
 def _time_column(names: Sequence[str], *, source: str) -> str | None:
     """Find the column of time, `None` if there is none."""
-    found = [name for name in names if unit_in_name("time", name) is not None]
-    if len(found) > 1:
-        raise RecordError(f"{source}: columns '{found[0]}' and '{found[1]}' both look like time; rename one")
-    return found[0] if found else None
+    times = [name for name in names if unit_in_name("time", name) is not None]
+    if len(times) > 1:
+        raise RecordError(f"{source}: columns '{times[0]}' and '{times[1]}' both look like time; rename one")
+    return times[0] if times else None
 
 
 def _is_acceleration(name: str) -> bool:
@@ -96,8 +96,8 @@ def _stem_and_unit(name: str) -> tuple[str, str | None]:
         parts = [(bracketed[1], bracketed[2].strip())]
     else:
         parts = [(text[: mark.start()], text[mark.end() :]) for mark in re.finditer(r"[\s_\-,:]+", text)]
-    known = (part for part in parts if factor_of(part[1], "acceleration") is not None)
-    return next(known, (text, None))
+    candidates = (part for part in parts if factor_of(part[1], "acceleration") is not None)
+    return next(candidates, (text, None))
 
 
 # What a header states: a step, a rate, and a unit after its key, or after "in units of".
@@ -153,18 +153,18 @@ def _motion_of_table(
             f"{source}: column '{name}' holds the times; give `column` another of {_listed(names)}"
         )
     likely = name or next(iter(free), "")
-    own = _stem_and_unit(likely)[1] or table.units.get(likely, "")
-    known = own or facts.unit
-    unit, dt = stated.unit or known, stated.dt or facts.dt
+    column_unit = _stem_and_unit(likely)[1] or table.units.get(likely, "")
+    symbol = column_unit or facts.unit
+    unit, dt = stated.unit or symbol, stated.dt or facts.dt
     if not name or unit is None or (time is None and dt is None):
         number = 1 + names.index(free[0]) if free else 1
         _ask(source, "" if name else _listed(names), number, unit is None, time is None and dt is None)
     if stated.dt is not None and time is not None:
         raise SettingError(f"{source}: column '{time}' holds the times; leave out `dt`")
     factor = factor_to_si(unit, "acceleration", context=f"{source}: `unit`")
-    if known is not None and factor != factor_of(known, "acceleration"):
-        where = f"column '{name}'" if own else "the header"
-        raise SettingError(f"{source}: `unit` is '{stated.unit}' where {where} states {known}; leave it out")
+    if symbol is not None and factor != factor_of(symbol, "acceleration"):
+        where = f"column '{name}'" if column_unit else "the header"
+        raise SettingError(f"{source}: `unit` is '{stated.unit}' where {where} states {symbol}; leave it out")
     if stated.dt is not None and facts.dt is not None and not np.isclose(stated.dt, facts.dt, rtol=1e-3):
         raise SettingError(
             f"{source}: `dt` is {stated.dt:g} s where the header states {facts.dt:g} s; leave it out"
@@ -300,9 +300,9 @@ def _names_above(
     units: tuple[str, ...] = ()
     for above, line in enumerate([text for text in reversed(header) if text.strip(" \t#*-=_")][:_MOST_ABOVE]):
         text = line.strip(" \t#*")
-        told = re.sub(r"^[^:;,]*:\s+", "", text)
+        tail = re.sub(r"^[^:;,]*:\s+", "", text)
         marked = delimiter in line and not line.lstrip().startswith("#") and above == bool(units)
-        for fields in (text.split(delimiter), re.split(r"\s{2,}|\t", text), re.split(r"[;,\s]+", told)):
+        for fields in (text.split(delimiter), re.split(r"\s{2,}|\t", text), re.split(r"[;,\s]+", tail)):
             named = tuple(field.strip() for field in fields)
             is_time = width == 1 and unit_in_name("time", named[0]) is not None
             if len(named) != width or not all(named) or any(map(reads_as_float, named)) or is_time:
@@ -339,7 +339,7 @@ def _series(lines: Lines, first: int, width: int, delimiter: str) -> VectorTable
     numbers = read_numbers(replace(lines, texts=tuple(text.translate(marks) for text in lines.texts)), first)
     rows = numbers[: numbers.size // width * width].reshape(-1, width)
     if width > 1 and len(rows) >= _FEWEST_ROWS:
-        along, down = (float(np.abs(np.diff(each, axis=0)).mean()) for each in (rows.ravel(), rows))
+        along, down = (float(np.abs(np.diff(values, axis=0)).mean()) for values in (rows.ravel(), rows))
         if down < _SMOOTHER * along:
             raise RecordError(
                 f"{lines.where(first)} begins {width} columns of which each runs on from row to row, so that the rows "

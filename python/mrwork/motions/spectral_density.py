@@ -109,8 +109,8 @@ class CloughPenzien:
         """State-space form of both filters, with the states of the soil first."""
         w_f, zeta_f = self.frequency, self.damping
         soil = self.soil.filter_matrices()
-        own = np.array([[0.0, 1.0], [-(w_f**2), -2.0 * zeta_f * w_f]])
-        state = np.block([[soil.state, np.zeros((2, 2))], [np.zeros((2, 2)), own]])
+        high_pass = np.array([[0.0, 1.0], [-(w_f**2), -2.0 * zeta_f * w_f]])
+        state = np.block([[soil.state, np.zeros((2, 2))], [np.zeros((2, 2)), high_pass]])
         state[3, :2] = soil.output
         return FilterMatrices(
             state=state, noise=np.concatenate((soil.noise, np.zeros(2))), output=state[3].copy()
@@ -188,10 +188,10 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
 
     rest = () if kind == "kanai_tajimi" else (1.5, 0.6)
     starts = [np.log([*start, *rest]) for start in _STARTS]
-    found, best = _likeliest(make_density, w, periodogram, starts)
+    success, best = _likeliest(make_density, w, periodogram, starts)
     numbers = np.exp(best)
     # The soil is a line, narrower than two frequencies of the periodogram, or the search has ended at its end.
-    if not found or numbers[0] * numbers[1] < w[0] or np.abs(best).max() > _NEAR_END * _END:
+    if not success or numbers[0] * numbers[1] < w[0] or np.abs(best).max() > _NEAR_END * _END:
         warnings.warn(
             f"ground motion {motion.name}: the likelihood of the {kind} spectrum has no maximum that the record "
             f"determines; the search ended at {', '.join(f'{x:.3g}' for x in numbers)} (rad/s, damping ratio). "
@@ -222,7 +222,7 @@ def _likeliest(
         return float(np.mean(np.log(density)) + np.log(np.mean(densities / density)))
 
     ends = (minimize(misfit, start, method="Nelder-Mead", bounds=bounds) for start in starts)
-    best = min(ends, key=lambda each: float(each.fun))
+    best = min(ends, key=lambda end: float(end.fun))
     return bool(best.success), np.asarray(best.x)
 
 
@@ -354,11 +354,11 @@ def _band_densities(strong: Floats, dt: float) -> Floats:
 
 def _fit_shape(densities: Floats, frequency: float | None, damping: float | None) -> tuple[KanaiTajimi, bool]:
     """The filter of a shape, and whether the shape is narrower than any filter."""
-    given = (frequency, damping)
-    free = [number for number in range(2) if given[number] is None]
+    parameters = (frequency, damping)
+    free = [number for number in range(2) if parameters[number] is None]
 
     def make_shape(logarithms: Floats) -> KanaiTajimi:
-        numbers = [1.0 if each is None else each for each in given]
+        numbers = [1.0 if parameter is None else parameter for parameter in parameters]
         for number, logarithm in zip(free, logarithms, strict=True):
             numbers[number] = math.exp(logarithm)
         return KanaiTajimi(frequency=numbers[0], damping=numbers[1], intensity=1.0)

@@ -72,8 +72,8 @@ class ResponseSpectrum(Plotted, Summarised):
             columns=("period [s]", "displacement [m]", "velocity [m/s]", "acceleration [m/s^2]"),
             rows=[
                 tuple(
-                    format_rounded(float(each[at]))
-                    for each in (self.periods, self.displacement, self.velocity, self.acceleration)
+                    format_rounded(float(column[at]))
+                    for column in (self.periods, self.displacement, self.velocity, self.acceleration)
                 )
                 for at in shown
             ],
@@ -133,8 +133,8 @@ def _peaks(motion: GroundMotion, w: Floats, zeta: float, places: int) -> Floats:
         at_samples[k] += decay * at_samples[k - 1]
     peaks = _largest(at_samples, eigenvalue, w, zeta)
     rise = np.diff(a)[:, None]
-    for place in range(1, places):
-        part = place / places
+    for index in range(1, places):
+        part = index / places
         decay, first, second = _oscillator_step(eigenvalue, part * h)
         between = decay * at_samples[:-1] - first * a[:-1, None] - second * part * rise
         peaks = np.maximum(peaks, _largest(between, eigenvalue, w, zeta))
@@ -186,8 +186,8 @@ class Intensity:
 
 def spectral_intensity(motion: GroundMotion, period: float, damping: float) -> Intensity:
     """Sa of a motion at a period [s] and a damping ratio."""
-    found = float(response_spectrum(motion, [period], damping=damping).pseudo_acceleration[0])
-    return Intensity(measure="sa", value=found, period=period, damping_ratio=damping)
+    value = float(response_spectrum(motion, [period], damping=damping).pseudo_acceleration[0])
+    return Intensity(measure="sa", value=value, period=period, damping_ratio=damping)
 
 
 def scaled_from(motion: GroundMotion, found: Intensity, value: float) -> GroundMotion:
@@ -314,10 +314,10 @@ class ShakeTable:
             If the motion exceeds a limit and is not to be scaled, or its step on the table would take too many
             samples.
         """
-        given = self._follow(motion)
-        taken = self._measure_demand(given)
+        result = self._follow(motion)
+        taken = self._measure_demand(result)
         if taken.within:
-            return given
+            return result
         limit, most, unit = taken.limit, getattr(self, taken.limit), TableDemand._units[taken.limit]
         if beyond == "refuse":
             raise SettingError(
@@ -326,8 +326,8 @@ class ShakeTable:
                 "to 'scale'"
             )
         reason = f"scaled to the {limit} of the table, {most:.3g} {unit}"
-        smaller = scaled(given, 1.0 / taken.share)
-        return replace_samples(given, smaller.acceleration, given.dt, f"{reason}: {smaller.changes[-1]}")
+        smaller = scaled(result, 1.0 / taken.share)
+        return replace_samples(result, smaller.acceleration, result.dt, f"{reason}: {smaller.changes[-1]}")
 
     def _follow(self, motion: GroundMotion) -> GroundMotion:
         """The command after the low-pass, exact for a command that runs straight between its samples."""
@@ -349,11 +349,11 @@ class ShakeTable:
             f"followed by a table of {self.bandwidth:g} Hz",
         )
 
-    def _measure_demand(self, given: GroundMotion) -> TableDemand:
+    def _measure_demand(self, motion: GroundMotion) -> TableDemand:
         peaks: dict[TableLimit, float] = {
-            "stroke": float(np.abs(given.displacement).max()),
-            "velocity": float(np.abs(given.velocity).max()),
-            "acceleration": given.peak,
+            "stroke": float(np.abs(motion.displacement).max()),
+            "velocity": float(np.abs(motion.velocity).max()),
+            "acceleration": motion.peak,
         }
         shares = {name: peak / getattr(self, name) for name, peak in peaks.items()}
         limit = max(shares, key=lambda name: shares[name])

@@ -359,7 +359,7 @@ def _suite_motion(stratum: Stratum, number: int, dt: float, prefix: str) -> Grou
         significant_duration=_duration(rng, _LONGEST_WITH_PULSE if stratum.pulse else _LONGEST),
         shape=rng.uniform(3.0, 8.0),
     )
-    said = [
+    parts = [
         f"{stratum.ground} of {ground.frequency / (2.0 * math.pi):.2f} Hz and damping {ground.damping:.2f}",
         f"5-95 % duration {envelope.significant_duration:.1f} s, envelope of shape {envelope.shape:.1f}",
     ]
@@ -367,7 +367,7 @@ def _suite_motion(stratum: Stratum, number: int, dt: float, prefix: str) -> Grou
     acceleration = rest.acceleration
     if stratum.pulse:
         pulse = _pulse(rng, rest)
-        said.append(pulse.source)
+        parts.append(pulse.source)
         length = pulse.n_time
         first = max(0, round(envelope.time_of(rng.uniform(0.1, 0.4)) / dt) - length // 2)
         acceleration = np.pad(acceleration, (0, max(0, first + length - acceleration.size)))
@@ -377,7 +377,7 @@ def _suite_motion(stratum: Stratum, number: int, dt: float, prefix: str) -> Grou
         name=f"{prefix + ', ' if prefix else ''}{kind[:1].lower() + kind[1:] if prefix else kind} {number}",
         dt=dt,
         acceleration=acceleration,
-        source=f"suite, seed {stratum.seed}, {kind.lower()} {number}: {'; '.join(said)}",
+        source=f"suite, seed {stratum.seed}, {kind.lower()} {number}: {'; '.join(parts)}",
         groups=(stratum.ground, "near-fault pulse" if stratum.pulse else "no pulse"),
     )
     return replace(brought_to_rest(motion), changes=())

@@ -105,7 +105,7 @@ class TargetSpectrum(Summarised):
         period = np.asarray(periods, dtype=np.float64)
         low, high = self.ends
         if not ((period >= low) & (period <= high)).all():
-            asked = dict.fromkeys(f"{each:.3g}" for each in (period.min(), period.max()))
+            asked = dict.fromkeys(f"{end:.3g}" for end in (period.min(), period.max()))
             raise SettingError(
                 f"target spectrum {self.name!r} is known from {low:g} to {high:g} s, and is asked for at "
                 f"{' to '.join(asked)} s; choose periods within, or give more points"
@@ -200,7 +200,7 @@ def asce_7_spectrum(
         raise SettingError(
             f"t_l is {t_l:g} s, and the plateau ends at S_D1 / S_DS = {end:.3g} s; give a later one"
         )
-    short, second = (f"{each / STANDARD_GRAVITY:.3g} g" for each in (s_ds, s_d1))
+    short, second = (f"{value / STANDARD_GRAVITY:.3g} g" for value in (s_ds, s_d1))
     return TargetSpectrum(
         name=f"ASCE 7-16, S_DS {short}, S_D1 {second}",
         source=f"ASCE/SEI 7-16, 11.4.6, T_L {t_l:g} s",
@@ -229,7 +229,7 @@ def table_spectrum(
     damping: TargetDamping = 0.05,
 ) -> TargetSpectrum:
     """Target spectrum of a table, straight between its points, as of a hazard analysis; suites as by EN 1998-1."""
-    period, acceleration = (np.asarray(each, dtype=np.float64) for each in (periods, accelerations))
+    period, acceleration = (np.asarray(values, dtype=np.float64) for values in (periods, accelerations))
     if period.ndim != 1 or period.shape != acceleration.shape or period.size < 2:
         raise SettingError(
             f"a target spectrum has as many periods as accelerations, two or more, and here are {period.size} and "
@@ -290,12 +290,12 @@ def scaled_to_target(
             f"ground motion {motion.name}: is zero throughout and cannot be scaled to a target"
         )
     if by == "pga" or period is None:
-        periods, own = np.zeros(1), np.array([motion.peak])
+        periods, ordinates = np.zeros(1), np.array([motion.peak])
     else:
         periods = np.array([period]) if by == "sa" else _range_of(period)
-        own = response_spectrum(motion, periods, damping=target.damping).pseudo_acceleration
-    factor = float(own @ target.acceleration(periods) / (own @ own))
-    ends = " to ".join(dict.fromkeys(f"{each:.3g}" for each in (periods[0], periods[-1])))
+        ordinates = response_spectrum(motion, periods, damping=target.damping).pseudo_acceleration
+    factor = float(ordinates @ target.acceleration(periods) / (ordinates @ ordinates))
+    ends = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (periods[0], periods[-1])))
     over = "PGA" if by == "pga" else f"{ends} s"
     change = f"acceleration x {factor:.6g}, to {target.name} at {over}"
     return replace_samples(motion, factor * motion.acceleration, motion.dt, change)
@@ -342,8 +342,8 @@ class SuiteCheck(Plotted, Summarised):
     @property
     def least(self) -> tuple[float, float]:
         """Least ratio of the mean spectrum to the target within 0.2 to 2 times the period, and its period [s]."""
-        own = _range_of(self.period)
-        within = (self.periods >= own[0]) & (self.periods <= own[-1])
+        periods = _range_of(self.period)
+        within = (self.periods >= periods[0]) & (self.periods <= periods[-1])
         ratios = self.mean[within] / self.target.acceleration(self.periods[within])
         at = int(ratios.argmin())
         return float(ratios[at]), float(self.periods[within][at])
@@ -351,8 +351,8 @@ class SuiteCheck(Plotted, Summarised):
     @property
     def peak_ratio(self) -> float | None:
         """Mean of the peaks over the target at the period zero; `None` where the target has no value there."""
-        known = self.target.ends[0] == 0.0
-        return float(self.peaks.mean() / self.target.accelerations[0]) if known else None
+        has_peak = self.target.ends[0] == 0.0
+        return float(self.peaks.mean() / self.target.accelerations[0]) if has_peak else None
 
     @property
     def factor(self) -> float:
@@ -364,20 +364,20 @@ class SuiteCheck(Plotted, Summarised):
     def shortcomings(self) -> tuple[str, ...]:
         """Sentences on what the rule wants and the suite does not have; empty if it meets the rule."""
         rule, (least, at), peak, count = self.target.rule, self.least, self.peak_ratio, self.n_records
-        said = [f"{sentence}." for sentence in copies_in_words(self.copies)]
+        gaps = [f"{sentence}." for sentence in copies_in_words(self.copies)]
         if count < rule.fewest:
-            said.append(f"A suite has {rule.fewest} records or more by {rule.clause}, and this one {count}.")
+            gaps.append(f"A suite has {rule.fewest} records or more by {rule.clause}, and this one {count}.")
         if least < LEAST_RATIO * _ROUNDED:
-            said.append(
+            gaps.append(
                 f"The mean spectrum falls to {100.0 * least:.3g} % of the target at {at:.3g} s, and is to be "
                 f"{100.0 * LEAST_RATIO:g} % or more from {self._range_in_words}."
             )
         if rule.holds_peak and peak is not None and peak < _ROUNDED:
             share = f"{100.0 * peak:.3g} % of the target at the period zero"
-            said.append(f"The mean of the peaks is {share}, and is to be 100 % or more.")
+            gaps.append(f"The mean of the peaks is {share}, and is to be 100 % or more.")
         if self.factor * _ROUNDED > 1.0:
-            said.append(f"A factor of {math.ceil(1e3 * self.factor) / 1e3:g} on every motion is enough.")
-        return tuple(said)
+            gaps.append(f"A factor of {math.ceil(1e3 * self.factor) / 1e3:g} on every motion is enough.")
+        return tuple(gaps)
 
     @property
     def in_words(self) -> tuple[str, ...]:
