@@ -150,9 +150,9 @@ def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> Flo
     m = material
     degradation = {"deltaA": m.deltaA, "deltaNu": m.deltaNu, "deltaEta": m.deltaEta}
     if any(degradation.values()):
-        given = ", ".join(f"{name} = {value:g}" for name, value in degradation.items() if value)
+        terms = ", ".join(f"{name} = {value:g}" for name, value in degradation.items() if value)
         raise SettingError(
-            f"{given}: the material degrades with absorbed energy, and a bouc_wen does not; set it to 0"
+            f"{terms}: the material degrades with absorbed energy, and a bouc_wen does not; set it to 0"
         )
     if not 0.0 <= m.alpha < 1.0:
         raise SettingError(f"alpha is {m.alpha:g}; a ratio of post-yield to initial stiffness lies in [0, 1)")

@@ -47,7 +47,7 @@ class Box:
     log: tuple[bool, ...]
 
     def __post_init__(self) -> None:
-        lengths = [len(each) for each in (self.names, self.lower, self.upper, self.log)]
+        lengths = [len(entries) for entries in (self.names, self.lower, self.upper, self.log)]
         if len(set(lengths)) != 1 or len(set(self.names)) != len(self.names):
             raise SettingError(
                 f"a box has {lengths[0]} names, {lengths[1]} lower and {lengths[2]} upper bounds and {lengths[3]} "

@@ -66,8 +66,8 @@ def is_untested(tested: OperatingRange, command: ArrayLike | None) -> NDArray[np
     if command is None or tested.command is None:
         return np.zeros((), dtype=np.bool_)
     sent = np.asarray(command, dtype=np.float64)[..., None]
-    known = np.array(tested.levels) if tested.levels else np.clip(sent, *tested.command)
-    return np.asarray(np.abs(sent - known).min(axis=-1) > _BEYOND * abs(tested.command[1]))
+    levels = np.array(tested.levels) if tested.levels else np.clip(sent, *tested.command)
+    return np.asarray(np.abs(sent - levels).min(axis=-1) > _BEYOND * abs(tested.command[1]))
 
 
 def farthest_apart(forces: Floats, most: int, least: float) -> list[int]:
@@ -75,9 +75,9 @@ def farthest_apart(forces: Floats, most: int, least: float) -> list[int]:
 
     At most `most`, and none whose root mean square distance from another is below `least`.
     """
-    kept = list[int]()
+    indices = list[int]()
     distance = np.sqrt(np.mean(np.square(forces - forces[0]), axis=1))
-    while len(kept) < most and distance.max() >= least:
-        kept.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.sqrt(np.mean(np.square(forces - forces[kept[-1]]), axis=1)))
-    return kept
+    while len(indices) < most and distance.max() >= least:
+        indices.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.sqrt(np.mean(np.square(forces - forces[indices[-1]]), axis=1)))
+    return indices

@@ -100,7 +100,7 @@ class CommandLaw:
             return self._values_at_nodes(parameter, commands, column)
         full = self.fitted_degree
         degree = min(full, len(commands) - 1)
-        polynomial = [float(each) for each in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
+        polynomial = [float(number) for number in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
             full - degree
         )
         if self.is_exponential:
@@ -113,9 +113,9 @@ class CommandLaw:
     def _values_at_nodes(self, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
         """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
         log = parameter.is_positive and self.logarithms
-        given = np.log(np.maximum(column, parameter.lower)) if log else column
+        ordinates = np.log(np.maximum(column, parameter.lower)) if log else column
         degree = min(len(self.nodes), len(commands)) - 1
-        values = np.polyval(np.polyfit(commands, given, degree), self.nodes)
+        values = np.polyval(np.polyfit(commands, ordinates, degree), self.nodes)
         if not parameter.is_positive:
             return [float(value) for value in values]
         least = max(parameter.lower, _LEAST_SHARE * float(np.max(column)))
@@ -195,8 +195,8 @@ class CommandLaw:
         if self.nodes:
             there = _powers(self.nodes, factor * np.array(self.nodes)) @ _basis(self.nodes)
             log = positive and self.logarithms
-            given = np.log(coefficients) if log else coefficients
-            return np.asarray(np.exp(given @ there.T) if log else given @ there.T)
+            node_values = np.log(coefficients) if log else coefficients
+            return np.asarray(np.exp(node_values @ there.T) if log else node_values @ there.T)
         powers = np.arange(coefficients.shape[-1], dtype=np.float64)
         scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
         return np.asarray(coefficients * scale)

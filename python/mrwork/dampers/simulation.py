@@ -340,7 +340,7 @@ def _rows(spec: DamperSpec, theta: ArrayLike) -> Floats:
 class InstructionSets(Summarised):
     """Vector instructions by name, as `"avx512"`, `"avx2"` or `"plain"`; results have the same bits with each.
 
-    Simulations run on the set `used`; the compiled module has those `built`, this processor those of the `machine`,
+    Simulations run on the set `used`; the compiled module has the sets `built`, and this processor the sets `machine`,
     fastest first.
     """
 
@@ -355,10 +355,10 @@ class InstructionSets(Summarised):
 
     def __str__(self) -> str:
         """In one line."""
-        told = f"simulates with {self.used}; this build has {', '.join(self.built)}"
+        text = f"simulates with {self.used}; this build has {', '.join(self.built)}"
         if not self.left_out:
-            return told
-        return f"{told}; this machine has {', '.join(self.left_out)}, too: build with MRWORK_BUILD_SETS=all"
+            return text
+        return f"{text}; this machine has {', '.join(self.left_out)}, too: build with MRWORK_BUILD_SETS=all"
 
     def _summary(self) -> Summary:
         return Summary(title="Instruction sets", notes=[str(self)])

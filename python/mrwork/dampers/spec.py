@@ -183,13 +183,13 @@ class DamperSpec(Summarised):
             raise SettingError(
                 f"{self.name} has current laws already; give them to the plain model, all at once"
             )
-        given = laws_in_order(self.plain, laws, self.name)
-        pairs = zip(self.plain, given, strict=True)
+        all_laws = laws_in_order(self.plain, laws, self.name)
+        pairs = zip(self.plain, all_laws, strict=True)
         parameters = [
             coefficient for parameter, law in pairs for coefficient in law.coefficients_of(parameter, unit)
         ]
         parameters += [DRIVER_RATE] * lagged
-        return replace(self, parameters=tuple(parameters), laws=given, command_unit=unit, lagged=lagged)
+        return replace(self, parameters=tuple(parameters), laws=all_laws, command_unit=unit, lagged=lagged)
 
     @property
     def presets(self) -> tuple[str, ...]:
@@ -207,9 +207,9 @@ class DamperSpec(Summarised):
         >>> prototype.status, prototype.spec.command_unit, len(prototype.theta)
         ('verified', 'V', 14)
         """
-        known = {law_set.name: law_set for law_set in published_sets() if law_set.spec.name == self.name}
-        check_known(name, known, f"{self.name} has no published set called {name!r}", otherwise="it has")
-        return known[name]
+        presets = {law_set.name: law_set for law_set in published_sets() if law_set.spec.name == self.name}
+        check_known(name, presets, f"{self.name} has no published set called {name!r}", otherwise="it has")
+        return presets[name]
 
     def _summary(self) -> Summary:
         return Summary(
@@ -311,9 +311,9 @@ def damper(name: str) -> DamperSpec:
     >>> mr.damper("normalised_bouc_wen").names
     ('c', 'k', 'x0', 'k_w', 'rho', 'sigma', 'n')
     """
-    known = {spec.name: spec for spec in damper_models()}
-    check_known(name, known, f"no damper model is called {name!r}")
-    return known[name]
+    specs = {spec.name: spec for spec in damper_models()}
+    check_known(name, specs, f"no damper model is called {name!r}")
+    return specs[name]
 
 
 def _published(
@@ -335,10 +335,10 @@ def _published(
     `eta` [1/s] is the rate of the lag of the driver; without a command the `note` tells it.
     """
     spec = damper(model)
-    listed = [each if isinstance(each, tuple) else (each,) for each in map(values.__getitem__, spec.names)]
+    listed = [item if isinstance(item, tuple) else (item,) for item in map(values.__getitem__, spec.names)]
     theta = [coefficient for coefficients in listed for coefficient in coefficients]
     if unit is not None:
-        laws = {name: CommandLaw(len(own) - 1) for name, own in zip(spec.names, listed, strict=True)}
+        laws = {name: CommandLaw(len(numbers) - 1) for name, numbers in zip(spec.names, listed, strict=True)}
         spec = spec.with_current_laws(laws, unit=unit, lagged=eta is not None)
         theta += () if eta is None else (eta,)
     return Preset(
@@ -517,21 +517,21 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
         return ()
     unit, command = spec.command_unit, np.linspace(levels[:-1], levels[1:], _PER_GAP)
 
-    def passing(law: CommandLaw, parameter: ParamSpec, own: Floats) -> tuple[Floats, Floats]:
-        value = law.values(own, command.ravel(), positive=parameter.is_positive).reshape(command.shape)
+    def passing(law: CommandLaw, parameter: ParamSpec, row: Floats) -> tuple[Floats, Floats]:
+        value = law.values(row, command.ravel(), positive=parameter.is_positive).reshape(command.shape)
         ends = value[[0, -1]]
         beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
         return beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST), value
 
-    found = []
+    extrema = []
     coefficients = by_parameter(spec, np.asarray(theta, dtype=np.float64))
-    for (parameter, law), own in zip(spec.law_pairs, coefficients, strict=False):
-        share, value = passing(law, parameter, own)
+    for (parameter, law), row in zip(spec.law_pairs, coefficients, strict=False):
+        share, value = passing(law, parameter, row)
         if share.max() <= _OVERSHOOT:
             continue
         most = int(np.argmax(share))
         if instead := law.other_form(parameter):
-            others, values = passing(instead, parameter, own)
+            others, values = passing(instead, parameter, row)
             dies = values.min() < max(parameter.lower, _VANISHED * values.max())
             if others.max() > _OVERSHOOT or dies or values.max() > parameter.upper:
                 instead = None
@@ -542,16 +542,16 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
             f"the law of {parameter.name} has an extremum between the tested commands {low:.3g} and {high:.3g} {unit}, "
             f"{at} at {of_unit(float(command.flat[most]), unit, 3)}, that no test shows: test there, or {remedy}"
         )
-        found.append(HiddenExtremum(parameter.name, float(value.flat[most]), (low, high), instead, words))
-    return tuple(found)
+        extrema.append(HiddenExtremum(parameter.name, float(value.flat[most]), (low, high), instead, words))
+    return tuple(extrema)
 
 
 def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
     """For each parameter the limit with the largest deviation."""
     worst: dict[str, LawLimit] = {}
     for limit in limits:
-        known = worst.get(limit.parameter)
-        if known is None or abs(limit.value - limit.used) > abs(known.value - known.used):
+        previous = worst.get(limit.parameter)
+        if previous is None or abs(limit.value - limit.used) > abs(previous.value - previous.used):
             worst[limit.parameter] = limit
     return list(worst.values())
 
@@ -559,10 +559,10 @@ def worst_laws(limits: Iterable[LawLimit]) -> list[LawLimit]:
 def plain_parameters(spec: DamperSpec, theta: ArrayLike, command: float) -> Floats:
     """Parameters of the plain model at a command, within their admissible range, shape (n_plain,)."""
     values = []
-    for (parameter, law), own in zip(
+    for (parameter, law), coefficients in zip(
         spec.law_pairs, by_parameter(spec, np.asarray(theta, dtype=np.float64)), strict=False
     ):
-        value = float(law.values(own, np.float64(command), positive=parameter.is_positive))
+        value = float(law.values(coefficients, np.float64(command), positive=parameter.is_positive))
         values.append(value if law.is_constant else float(np.clip(value, parameter.lower, parameter.upper)))
     return np.array(values)
 
@@ -574,6 +574,6 @@ def by_parameter(spec: DamperSpec, theta: Floats) -> list[Floats]:
 
 def law_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tuple[ParamSpec, Floats]]:
     """Each parameter that follows the command, with the values that its law gives at commands, shape (n,)."""
-    for (parameter, law), own in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
+    for (parameter, law), coefficients in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
         if not law.is_constant:
-            yield parameter, law.values(own, command, positive=parameter.is_positive)
+            yield parameter, law.values(coefficients, command, positive=parameter.is_positive)

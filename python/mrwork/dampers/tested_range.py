@@ -111,8 +111,8 @@ class Exceedance(Summarised):
             tested = f"at {highest}" if single else f"from {lowest} to {highest}"
         if self.between:
             tested = f"up to {lowest} {unit} and from {highest}"
-        known = self.between or self.below or not isfinite(self.times)
-        times = "" if known else f" ({self.times:.2g} times)"
+        no_times = self.between or self.below or not isfinite(self.times)
+        times = "" if no_times else f" ({self.times:.2g} times)"
         name = _NAMES.get(self.quantity, self.quantity)
         laws = ""
         if self.extrapolated:
@@ -194,7 +194,7 @@ class OperatingRange(Summarised):
                     exceedances.append(
                         Exceedance(quantity="command", demanded=level, lowest=low, highest=high, unit=unit)
                     )
-        return tuple(sorted(filter(None, exceedances), key=lambda each: each.rank))
+        return tuple(sorted(filter(None, exceedances), key=lambda exceedance: exceedance.rank))
 
     @property
     def in_words(self) -> str:
@@ -327,13 +327,13 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
 def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
     """For each quantity, above, below or in a gap of its range, or above its rating: worst, label and number."""
     groups: dict[tuple[str, bool, bool, bool], list[tuple[str, Exceedance]]] = {}
-    for label, each in exceedances:
-        groups.setdefault((each.quantity, each.below, each.between, each.rated), []).append((label, each))
+    for label, case in exceedances:
+        groups.setdefault((case.quantity, case.below, case.between, case.rated), []).append((label, case))
     worst = []
     for members in groups.values():
         label, exceedance = max(members, key=lambda member: member[1].severity)
         worst.append((exceedance, label, len(members)))
-    return sorted(worst, key=lambda each: each[0].rank)
+    return sorted(worst, key=lambda row: row[0].rank)
 
 
 def _exceedance(
@@ -372,15 +372,15 @@ def half_cycle_ends(displacement: Floats) -> NDArray[np.intp]:
     least = _LEAST_HALF_CYCLE * float(np.ptp(displacement))
     turned = np.flatnonzero(np.diff(np.sign(np.diff(displacement)))) + 1
     samples = np.concatenate([[0], turned, [displacement.size - 1]])
-    kept, ends = [float(displacement[0])], [0]
+    reversals, ends = [float(displacement[0])], [0]
     # 1, -1: the motion goes up, down since the last reversal; 0: it has not begun.
     way = 0
     for sample, turned_at in zip(samples.tolist(), displacement[samples].tolist(), strict=True):
-        moved = turned_at - kept[-1]
+        moved = turned_at - reversals[-1]
         if way * moved > 0.0:
-            kept[-1], ends[-1] = turned_at, sample
+            reversals[-1], ends[-1] = turned_at, sample
         elif abs(moved) > least:
-            kept.append(turned_at)
+            reversals.append(turned_at)
             ends.append(sample)
             way = 1 if moved > 0.0 else -1
     if len(ends) > 3:
@@ -396,8 +396,8 @@ def least_stroke(displacement: Floats) -> float:
 
 
 def _hull(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
-    known = [span for span in spans if span is not None]
-    return (min(low for low, _ in known), max(high for _, high in known)) if known else None
+    bounds = [span for span in spans if span is not None]
+    return (min(low for low, _ in bounds), max(high for _, high in bounds)) if bounds else None
 
 
 def _is_single(lowest: float, highest: float) -> bool:

@@ -99,9 +99,9 @@ def fluid(name: str) -> MRFluid:
     >>> round(mr.dampers.design.fluid("MRF-132DG").largest_yield_stress)
     47862
     """
-    known = {each.name: each for each in FLUIDS}
-    check_known(name, known, f"no fluid is called {name!r}", otherwise="make an `MRFluid`, or choose one of")
-    return known[name]
+    fluids = {entry.name: entry for entry in FLUIDS}
+    check_known(name, fluids, f"no fluid is called {name!r}", otherwise="make an `MRFluid`, or choose one of")
+    return fluids[name]
 
 
 FluxDensities = Annotated[ArrayLike, Within(least=0.0, most=1e6)]
@@ -170,6 +170,6 @@ STEELS = (
 @checked
 def steel(name: str) -> Steel:
     """Return the steel with this name."""
-    known = {each.name: each for each in STEELS}
-    check_known(name, known, f"no steel is called {name!r}", otherwise="make a `Steel`, or choose one of")
-    return known[name]
+    steels = {entry.name: entry for entry in STEELS}
+    check_known(name, steels, f"no steel is called {name!r}", otherwise="make a `Steel`, or choose one of")
+    return steels[name]

@@ -266,8 +266,8 @@ def size_damper(
     sizing.so_far = sized
     with sizing.keeping("sizing"):
         _smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng, sizing=sizing)
-    if (found := sized()) is not None:
-        return found
+    if (result := sized()) is not None:
+        return result
     worst = ", ".join(f"{name} by {100.0 * share:.3g} %" for name, share in best()[1].items())
     raise SettingError(
         f"no damper with {fluid.name} meets the wishes after {sizing.evaluations} candidates, the best misses {worst}; "
@@ -287,9 +287,9 @@ def _smallest(
     def objective(units: Floats) -> Floats:
         return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
 
-    def on_generation(found: SearchResult) -> bool:
-        sizing.best, sizing.evaluations = found.best_unit, found.evaluations
-        return sizing.ends("smallest", found.best_misfit)
+    def on_generation(result: SearchResult) -> bool:
+        sizing.best, sizing.evaluations = result.best_unit, result.evaluations
+        return sizing.ends("smallest", result.best_misfit)
 
     return run_search(
         replace(optimiser, stop=stop), objective, rng=rng, n_params=N_FREE, on_generation=on_generation
@@ -427,8 +427,8 @@ def size_front(
         nonlocal units, values
         front = np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in points])
         units, values = np.vstack([units, points]), np.vstack([values, front])
-        kept = select_nondominated(values)
-        units, values = units[kept], values[kept]
+        indices = select_nondominated(values)
+        units, values = units[indices], values[indices]
         return front
 
     def make_front(points: Floats) -> SizeFront | None:
@@ -485,8 +485,8 @@ def _front(
             values.append((design.envelope_volume, -on / off, design.power))
     if not met:
         return None
-    kept = select_nondominated(np.array(values))
-    order = kept[np.argsort(np.array(values)[kept, 0], kind="stable")]
+    indices = select_nondominated(np.array(values))
+    order = indices[np.argsort(np.array(values)[indices, 0], kind="stable")]
     return SizeFront(designs=tuple(met[index] for index in order), evaluations=evaluations)
 
 
