@@ -149,8 +149,8 @@ class BuildingTable:
 
     def override_with(self, other: BuildingTable) -> BuildingTable:
         """Replace keys of the table by the keys that another table gives."""
-        given = {name: getattr(other, name) for name in _list_given_keys(other)}
-        return replace(self, **given)
+        values = {name: getattr(other, name) for name in _list_given_keys(other)}
+        return replace(self, **values)
 
     def build(self, folder: Path = Path()) -> Building:
         """The building; names of files are relative to `folder`."""
@@ -217,9 +217,9 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
 
 
 def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]) -> Building:
-    given = _list_given_keys(table)
-    forms: list[str] = [name for name in ("published", "file", "system", "masses") if name in given]
-    forms += ["mass"] if "mass" in given and not forms else []
+    keys = _list_given_keys(table)
+    forms: list[str] = [name for name in ("published", "file", "system", "masses") if name in keys]
+    forms += ["mass"] if "mass" in keys and not forms else []
     if len(forms) != 1:
         ways = "published, file, system, mass and stiffness, or masses"
         here = " and ".join(forms) or "none of them"
@@ -229,15 +229,13 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
     foreign += ("damping", "stiffness") if form == "system" else ("inputs",)
     with all_mistakes() as part:
         for name in foreign:
-            if name in given:
+            if name in keys:
                 goes = "system" if name == "inputs" else "masses" if name in _SHEAR else "matrices"
                 with part():
                     raise InvalidSettingError(
                         name, f"{name} goes with {goes}, and this building is given by {form}"
                     )
-        damped = [
-            name for name in ("damping", "storey_damping", "rayleigh", "modal_damping") if name in given
-        ]
+        damped = [name for name in ("damping", "storey_damping", "rayleigh", "modal_damping") if name in keys]
         if len(damped) > 1:
             with part():
                 sentence = f"{' and '.join(damped[:2])} both give the damping; keep one"
@@ -260,10 +258,10 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
                 )
             with keyed(form):
                 if isinstance(name, str):
-                    known = published_building(name) if form == "published" else _read(folder / name, readers)
+                    base = published_building(name) if form == "published" else _read(folder / name, readers)
                 else:
-                    known = name
-            built = _replace_matrices(known, table, folder)
+                    base = name
+            built = _replace_matrices(base, table, folder)
         built = _with_statements(built, table).check()
         of_damping = (table.rayleigh, table.modal_damping)
         if table.element or any(addition not in of_damping for addition in table.additions()):
@@ -296,11 +294,11 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
     count = max(len(building.storeys) - n_strokes, 0)
     if table.height is not None and table.heights is not None:
         raise InvalidSettingError("height", "height and heights both give the heights; keep one")
-    given = (table.height,) * count if table.height is not None else table.heights
-    if given is not None and len(given) != count:
+    heights = (table.height,) * count if table.height is not None else table.heights
+    if heights is not None and len(heights) != count:
         raise InvalidSettingError(
             "heights",
-            f"heights has {counted(len(given), 'number')} for {counted(count, 'storey')}; give one for each, or one "
+            f"heights has {counted(len(heights), 'number')} for {counted(count, 'storey')}; give one for each, or one "
             "height for all",
         )
     strokes = np.zeros(len(building.storeys) - count)
@@ -308,7 +306,7 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
         "n_strokes": table.n_strokes,
         "elements": (*building.elements, *elements) if elements else None,
         "drift_limit": table.drift_limit,
-        "heights": None if given is None else np.append(given, strokes),
+        "heights": None if heights is None else np.append(heights, strokes),
         "loads": None if table.loads is None else np.append(table.loads, strokes),
     }
     stated = {name: value for name, value in stated.items() if value is not None}
@@ -345,14 +343,14 @@ def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     return values * count if len(values) == 1 else values
 
 
-def _replace_matrices(known: Building, table: BuildingTable, folder: Path) -> Building:
+def _replace_matrices(building: Building, table: BuildingTable, folder: Path) -> Building:
     """Replace matrices, names and source of a building by the entries of a table."""
     arrays: dict[str, Any] = _arrays(table, folder)
     if arrays:
-        status = known.status if known.status == WITHOUT_MASSES else "ours"
-        arrays |= {"status": status, "source": source_with(known, f"{', '.join(arrays)} replaced")}
+        status = building.status if building.status == WITHOUT_MASSES else "ours"
+        arrays |= {"status": status, "source": source_with(building, f"{', '.join(arrays)} replaced")}
     words = {name: getattr(table, name) for name in ("floor_names", "storey_names", "name", "source")}
-    return replace(known, **arrays, **{name: word for name, word in words.items() if word is not None})
+    return replace(building, **arrays, **{name: word for name, word in words.items() if word is not None})
 
 
 def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
@@ -370,26 +368,26 @@ def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
 def _from_system(table: BuildingTable, folder: Path) -> Building:
     """The building of a state space; masses are stated, follow from forces of dampers, or stay unknown."""
     path = folder / str(table.system)
-    name, given = table.name or path.stem, _arrays(table, folder)
+    name, arrays = table.name or path.stem, _arrays(table, folder)
     with keyed("system"):
-        found = read_matrices(path, ("A", "B", "M"))
-        if "A" not in found:
+        matrices = read_matrices(path, ("A", "B", "M"))
+        if "A" not in matrices:
             raise InvalidSettingError(
-                (), f"{path}: a state space needs A, and M or B; found {', '.join(found) or 'nothing'}"
+                (), f"{path}: a state space needs A, and M or B; found {', '.join(matrices) or 'nothing'}"
             )
-        A = found["A"]
-        B = found.get("B", np.empty((len(A), 0)))
+        A = matrices["A"]
+        B = matrices.get("B", np.empty((len(A), 0)))
         system = LinearSystem(A=A, B=B, C=np.empty((0, len(A))), D=np.empty((0, B.shape[1])))
         order, n = order_of_states(A, name), len(A) // 2
-    floors = given.get("floors", np.eye(n))
-    influence, mass = given.get("influence", np.ones(n)), given.get("mass", found.get("M"))
+    floors = arrays.get("floors", np.eye(n))
+    influence, mass = arrays.get("influence", np.ones(n)), arrays.get("mass", matrices.get("M"))
     inputs = table.inputs or ()
     if inputs and len(inputs) != B.shape[1]:
         raise InvalidSettingError(
             "inputs",
             f"inputs has {counted(len(inputs), 'name')}, and B has {counted(B.shape[1], 'column')}; name each",
         )
-    if "ground" in inputs and "influence" not in given:
+    if "ground" in inputs and "influence" not in arrays:
         influence = -B[order[n:], inputs.index("ground")]
     built = partial(
         building_of,
@@ -397,7 +395,7 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
         name=name,
         influence=influence.ravel(),
         floors=floors,
-        storeys=given.get("storeys", np.diff(floors, axis=0, prepend=0.0)),
+        storeys=arrays.get("storeys", np.diff(floors, axis=0, prepend=0.0)),
         floor_names=table.floor_names or (),
         storey_names=table.storey_names or (),
         source=table.source or str(path),
@@ -424,8 +422,8 @@ def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Buil
     named = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     for title in ("mass", "stiffness"):
         if title not in named:
-            found = ", ".join(matrices) or "nothing"
-            sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}"
+            names = ", ".join(matrices) or "nothing"
+            sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {names}"
             raise InvalidSettingError((), sentence)
     n = len(named["mass"])
     floors = named.get("floors", np.eye(n))

@@ -44,7 +44,7 @@ def refuse_rate(devices: Sequence[Device], rate: float, name: str) -> None:
 
 def groups_of(devices: Sequence[Device]) -> list[list[int]]:
     """Indices of the devices of each group: neighbours whose dampers have equal models and laws of the command."""
-    return [list(each) for _, each in groupby(range(len(devices)), key=lambda index: devices[index].spec)]
+    return [list(group) for _, group in groupby(range(len(devices)), key=lambda index: devices[index].spec)]
 
 
 def commands_of(devices: Sequence[Device], command: float | Sequence[float], name: str = "command") -> Floats:
@@ -65,18 +65,18 @@ def commands_of(devices: Sequence[Device], command: float | Sequence[float], nam
             name,
             f"{name} is one number, and the dampers follow commands in A and in V; give one for each damper",
         )
-    largest, given = np.array([device.largest_command for device in devices]), np.atleast_1d(command)
+    largest, commands = np.array([device.largest_command for device in devices]), np.atleast_1d(command)
     most = largest if np.ndim(command) else largest.max(keepdims=True)
-    if given.shape != most.shape:
+    if commands.shape != most.shape:
         raise InvalidSettingError(
             name,
-            f"{name} has {counted(given.size, 'number')} for {counted(most.size, 'damper')} that follow a command; "
+            f"{name} has {counted(commands.size, 'number')} for {counted(most.size, 'damper')} that follow a command; "
             "give one for each, or one for all",
         )
-    for one, limit in zip(given.tolist(), most.tolist(), strict=True):
+    for one, limit in zip(commands.tolist(), most.tolist(), strict=True):
         if one > limit:
             raise InvalidSettingError(name, f"{name} is {one:g}, and the driver gives {limit:g} at most")
-    return np.asarray(np.minimum(given, largest))
+    return np.asarray(np.minimum(commands, largest))
 
 
 def products_of(devices: Sequence[Device]) -> list[list[int]]:

@@ -402,8 +402,8 @@ class Building(Plotted, Summarised):
         """`damping_warnings`, and what a colleague would ask about modes, coordinates, damping and strength."""
         if len(self.mass) > _MOST_QUESTIONED or not self.total_mass > 0.0:
             return self.damping_warnings
-        said = (*_ask_of_modes(self), *_ask_of_coordinates(self), *_ask_of_storeys(self))
-        return (*self.damping_warnings, *(f"{self.name}: {each}" for each in said))
+        questions = (*_ask_of_modes(self), *_ask_of_coordinates(self), *_ask_of_storeys(self))
+        return (*self.damping_warnings, *(f"{self.name}: {question}" for question in questions))
 
     @property
     def poles(self) -> NDArray[np.complex128]:
@@ -575,9 +575,9 @@ def _check_form(building: Building) -> None:
         possible = np.abs(matrix) <= _LARGEST
         if not possible.all():
             index = tuple(np.argwhere(~possible)[0])
-            place = ", ".join(str(each + 1) for each in index)
+            entry = ", ".join(str(number + 1) for number in index)
             raise SettingError(
-                f"{where}: entry {place} of {title} is {matrix[index]:g}, which is beyond any building; correct it"
+                f"{where}: entry {entry} of {title} is {matrix[index]:g}, which is beyond any building; correct it"
             )
     _check_heights(building, where)
     _check_loads(building, where)
@@ -691,7 +691,7 @@ def _ask_of_storeys(building: Building) -> Iterator[str]:
     """Questions on heights, drifts, strengths and passive devices, beside weight and modes."""
     heights, weight = building.drift_heights, building.total_mass * STANDARD_GRAVITY
     real, drifts = heights[heights > 0.0], building.yield_drifts[: len(building.drifts)]
-    numbers = [("the height of a storey", each, (0.05, 25.0), "m") for each in (*real[:1], *real[-1:])]
+    numbers = [("the height of a storey", height, (0.05, 25.0), "m") for height in (*real[:1], *real[-1:])]
     if building.drift_limit:
         numbers.append(("drift_limit", building.drift_limit, DRIFT_RATIOS, "1"))
     if drifts.any():

@@ -98,11 +98,11 @@ def modal_damping(mass: Floats, damping: Floats, stiffness: Floats, floors: Floa
     free = omega <= _FREE * omega[-1]
     n, n_free = len(omega), int(free.sum())
     if n > _MOST_COUPLED:
-        kept = ~free
+        elastic = ~free
         return ModalDamping(
-            frequency=omega[kept] / (2.0 * np.pi),
-            ratio=np.diag(coupled)[kept] / (2.0 * omega[kept]),
-            apart=apart_of(modes[:, kept], mass, floors),
+            frequency=omega[elastic] / (2.0 * np.pi),
+            ratio=np.diag(coupled)[elastic] / (2.0 * omega[elastic]),
+            apart=apart_of(modes[:, elastic], mass, floors),
             n_free=n_free,
         )
     # In modal coordinates the state [omega y; y'] scales all entries alike.

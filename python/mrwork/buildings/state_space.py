@@ -55,8 +55,8 @@ class LinearSystem(Summarised):
         n, n_inputs, n_outputs = len(self.A), self.B.shape[-1], len(self.C)
         shapes = {"A": (n, n), "B": (n, n_inputs), "C": (n_outputs, n), "D": (n_outputs, n_inputs)}
         for title, expected in shapes.items():
-            if (given := getattr(self, title).shape) != expected:
-                raise SettingError(f"linear system: {title} has shape {given}; give {expected}")
+            if (shape := getattr(self, title).shape) != expected:
+                raise SettingError(f"linear system: {title} has shape {shape}; give {expected}")
         for field, noun, count in (("input_names", "input", n_inputs), ("output_names", "output", n_outputs)):
             names = getattr(self, field)
             if names and len(names) != count:
@@ -376,19 +376,19 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
         raise SettingError(
             f"building {building.name}: modes {cut.start + 1} to {cut.stop} have one frequency, "
             f"{omega[cut.start] / (2.0 * np.pi):.4g} Hz, and {n_modes} modes would keep an arbitrary part of their "
-            f"motion; keep {' or '.join(str(each) for each in (cut.start, cut.stop) if each)} modes"
+            f"motion; keep {' or '.join(str(count) for count in (cut.start, cut.stop) if count)} modes"
         )
-    kept = modes[:, :n_modes]
+    basis = modes[:, :n_modes]
     return replace(
         building,
         name=f"{building.name}, {n_modes} modes",
         mass=np.eye(n_modes),
-        damping=kept.T @ building.damping @ kept,
+        damping=basis.T @ building.damping @ basis,
         stiffness=np.diag(omega[:n_modes] ** 2),
-        influence=kept.T @ building.mass @ building.influence,
-        floors=building.floors @ kept,
-        storeys=building.storeys @ kept,
-        elements=transform_elements(building.elements, kept),
+        influence=basis.T @ building.mass @ building.influence,
+        floors=building.floors @ basis,
+        storeys=building.storeys @ basis,
+        elements=transform_elements(building.elements, basis),
         source=source_with(building, f"reduced to {n_modes} modes"),
         status="ours",
     )

@@ -66,15 +66,15 @@ def with_storeys_that_yield(
         raise SettingError(
             f"the storeys of {building.name} yield already; give a building whose storeys are elastic"
         )
-    given = {
+    settings = {
         "yield_drift": yield_drift, "yield_drift_ratio": yield_drift_ratio, "yield_shear": yield_shear,
     }  # fmt: skip
-    if sum(value is not None for value in given.values()) != 1:
-        raise SettingError(f"give one of {', '.join(given)}, which follow from each other")
+    if sum(value is not None for value in settings.values()) != 1:
+        raise SettingError(f"give one of {', '.join(settings)}, which follow from each other")
     if yield_drift_ratio is not None and not building.heights.size:
         raise SettingError("yield_drift_ratio stands on heights; give height or heights in [building]")
     count = len(stiffnesses)
-    ((name, value),) = ((name, value) for name, value in given.items() if value is not None)
+    ((name, value),) = ((name, value) for name, value in settings.items() if value is not None)
     drifts = _of_each(name, value, count)
     if yield_drift_ratio is not None:
         drifts = drifts * building.drift_heights
@@ -142,8 +142,8 @@ def with_factors(
     )
 
 
-def _of_each(name: str, given: float | Sequence[float] | None, count: int) -> Floats:
-    numbers = np.atleast_1d(np.asarray(given, dtype=np.float64))
+def _of_each(name: str, value: float | Sequence[float] | None, count: int) -> Floats:
+    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if numbers.shape not in ((1,), (count,)):
         raise SettingError(
             f"{name} has {counted(numbers.size, 'number')} for {counted(count, 'storey')}; give one for all, or one "
