@@ -91,8 +91,8 @@ class ControlLawSpec:
     @property
     def takes_both_units(self) -> bool:
         """Whether it commands dampers in A beside others in V: by shares, by a command for each, or forces."""
-        each = self.needs_model or (bool(self.gains) and all(gain.is_command for gain in self.gains))
-        return self.sends_share or self.commands_force or each
+        by_device = self.needs_model or (bool(self.gains) and all(gain.is_command for gain in self.gains))
+        return self.sends_share or self.commands_force or by_device
 
 
 def refuse_units(spec: ControlLawSpec, devices: Sequence[Device]) -> None:
@@ -248,13 +248,13 @@ class ControlLaw(Summarised):
         blocks = []
         for gain in spec.gains:
             shape = gain.shape_for(n_devices, n_states)
-            given = np.asarray(self.gains[gain.name], dtype=np.float64)
-            if given.shape[-len(shape) :] != shape or given.ndim > len(shape) + 1:
+            values = np.asarray(self.gains[gain.name], dtype=np.float64)
+            if values.shape[-len(shape) :] != shape or values.ndim > len(shape) + 1:
                 raise SettingError(
-                    f"`{gain.name}` of {spec.name} has shape {given.shape}; give {shape}, "
+                    f"`{gain.name}` of {spec.name} has shape {values.shape}; give {shape}, "
                     f"or a row of that shape for each candidate"
                 )
-            blocks.append(given.reshape(-1, int(np.prod(shape))))
+            blocks.append(values.reshape(-1, int(np.prod(shape))))
         n_candidates = max((len(block) for block in blocks), default=1)
         wide = [np.broadcast_to(block, (n_candidates, block.shape[1])) for block in blocks]
         return np.ascontiguousarray(np.hstack(wide)) if wide else np.zeros((1, 0))
@@ -268,8 +268,8 @@ class ControlLaw(Summarised):
 
     def _candidates(self, gain: GainSpec) -> int:
         """Number of candidates of a gain; 1 if it is the same for all."""
-        given = self.gains[gain.name]
-        return np.shape(given)[0] if np.ndim(given) > gain.dimensions else 1
+        values = self.gains[gain.name]
+        return np.shape(values)[0] if np.ndim(values) > gain.dimensions else 1
 
     def _summary(self) -> Summary:
         return Summary(
@@ -313,17 +313,17 @@ def control_law(name: str) -> ControlLawSpec:
     UnknownNameError
         If there is none.
     """
-    known = {spec.name: spec for spec in control_laws()}
-    check_known(name, known, f"no control law is called {name!r}")
-    return known[name]
+    specs = {spec.name: spec for spec in control_laws()}
+    check_known(name, specs, f"no control law is called {name!r}")
+    return specs[name]
 
 
 def _check_names(
-    spec: ControlLawSpec, kind: str, given: Mapping[str, ArrayLike], expected: Sequence[str]
+    spec: ControlLawSpec, kind: str, names: Mapping[str, ArrayLike], expected: Sequence[str]
 ) -> None:
-    for name in given:
+    for name in names:
         sentence = f"{spec.name} has no {kind} {name!r}"
         check_known(name, expected, sentence, otherwise="it has", kind=SettingError)
     for name in expected:
-        if name not in given:
+        if name not in names:
             raise SettingError(f"{spec.name} lacks the {kind} {name!r}; give {', '.join(expected)}")

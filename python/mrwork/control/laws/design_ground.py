@@ -30,10 +30,10 @@ def ground_of(
     damping: float | None = None,
 ) -> StationaryGround:
     """The stationary ground of the motions of a problem, which keeps it."""
-    known, key = problem.whole._grounds, (kind, frequency, damping)
-    if key not in known:
-        known[key] = stationary_ground(problem.motions, kind, frequency=frequency, damping=damping)
-    return known[key]
+    grounds, key = problem.whole._grounds, (kind, frequency, damping)
+    if key not in grounds:
+        grounds[key] = stationary_ground(problem.motions, kind, frequency=frequency, damping=damping)
+    return grounds[key]
 
 
 def source_in_words(problem: DesignProblem) -> str:
@@ -99,7 +99,7 @@ def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperFo
     else:
         rms = [np.ones(len(devices)), np.ones(len(devices))]
     strokes = [
-        _stroke(problem, *each) for each in zip(devices, *(value.tolist() for value in rms), strict=True)
+        _stroke(problem, *row) for row in zip(devices, *(value.tolist() for value in rms), strict=True)
     ]
     forces = [
         [sine_force(device, amplitude, velocity, command) for command in (device.largest_command, 0.0)]

@@ -146,11 +146,11 @@ class DesignProblem(Summarised):
         devices = tuple(
             replace(
                 device,
-                largest_command=command * own.largest_command
+                largest_command=command * original.largest_command
                 if shares
                 else min(command, device.largest_command),
             )
-            for device, own in zip(self.devices, self.whole.devices, strict=True)
+            for device, original in zip(self.devices, self.whole.devices, strict=True)
         )
         return replace(self, devices=devices, limited_from=self.whole)
 
@@ -181,10 +181,10 @@ def unlike_first(problem: DesignProblem) -> tuple[str, ...]:
         return device.spec == first.spec and np.array_equal(device.draws[0], first.draws[0])
 
     others = [device.name for device in problem.devices if not same(device)]
-    said = (
+    sentence = (
         f"It knows the force of {first.name} alone, and takes it for the force of {list_names(others)} too."
     )
-    return (said,) if others else ()
+    return (sentence,) if others else ()
 
 
 @array_dataclass(repr=False)

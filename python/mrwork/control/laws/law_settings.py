@@ -225,7 +225,7 @@ def design_candidates(
 ) -> DesignedCandidates:
     """Design one law with many settings, for a batch of simulations.
 
-    Settings whose tables or models of the loop differ from those of the first design are refused, because candidates of
+    Settings with other tables or models of the loop than the first design are refused, because candidates of
     a batch share them.
     """
     spec = control_law(name)

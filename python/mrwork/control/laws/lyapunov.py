@@ -33,12 +33,12 @@ class LyapunovFunction(Summarised):
 
     def value(self, state: ArrayLike) -> Floats:
         """V of each state, shape (n_time,) for states of shape (n_time, 2n); in J for the weight `plant.energy`."""
-        given = np.asarray(state, dtype=np.float64)
-        if given.ndim != 2 or given.shape[1] != len(self.P):
+        states = np.asarray(state, dtype=np.float64)
+        if states.ndim != 2 or states.shape[1] != len(self.P):
             raise SettingError(
-                f"`state` has shape {given.shape}; give (n_time, {len(self.P)}), such as `History.state`"
+                f"`state` has shape {states.shape}; give (n_time, {len(self.P)}), such as `History.state`"
             )
-        return np.asarray(0.5 * np.einsum("ti,ij,tj->t", given, self.P, given))
+        return np.asarray(0.5 * np.einsum("ti,ij,tj->t", states, self.P, states))
 
 
 @checked
@@ -139,7 +139,7 @@ class LyapunovSettings(CostWeights, LawSettings):
         """Weight of the state of each, shape (n_devices, 2n): B'P of the Lyapunov function."""
         functions = solve_together(
             lambda weights: _lyapunov_functions(problem.plant, weights),
-            attempt_each(lambda each: each.weigh_outputs(problem).Q, many),
+            attempt_each(lambda settings: settings.weigh_outputs(problem).Q, many),
         )
         return [
             function if isinstance(function, SettingError) else function.vectors for function in functions

@@ -57,7 +57,7 @@ class RegulatorSettings(CostWeights, LawSettings):
     def __post_init__(self) -> None:
         LawSettings.__post_init__(self)
         if self.gain is None and self.control_weight is None:
-            entry = next(each for each in keys_of(type(self)) if each.name == "control_weight")
+            entry = next(entry for entry in keys_of(type(self)) if entry.name == "control_weight")
             raise SettingError(f"the law has no control_weight; give {entry.in_words}")
 
     def design(self, problem: DesignProblem) -> Design:
@@ -104,18 +104,18 @@ class RegulatorSettings(CostWeights, LawSettings):
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The designs of many settings, all their regulators by one call of the compiled solver."""
-        given = iter(
-            attempt_each(lambda each: each.design(problem), [item for item in many if item.gain is not None])
+        designs = iter(
+            attempt_each(lambda item: item.design(problem), [item for item in many if item.gain is not None])
         )
         costs = attempt_each(
-            lambda each: (each.weigh_outputs(problem), each.control_weight_of(problem)),
+            lambda item: (item.weigh_outputs(problem), item.control_weight_of(problem)),
             [item for item in many if item.gain is None],
         )
         regulators = iter(regulators_of_costs(problem.plant, costs))
         outcomes: list[Design | SettingError] = []
         for settings in many:
-            known = next(regulators if settings.gain is None else given)
-            outcomes.append(settings.of_gain(problem, known.gain) if isinstance(known, Regulator) else known)
+            law = next(regulators if settings.gain is None else designs)
+            outcomes.append(settings.of_gain(problem, law.gain) if isinstance(law, Regulator) else law)
         return outcomes
 
     def margins(
@@ -135,13 +135,13 @@ class RegulatorSettings(CostWeights, LawSettings):
 
     def notes(self, problem: DesignProblem, design: Design) -> tuple[str, ...]:
         """A sentence on a finished gain, and one on a gain that asks for no force."""
-        given = (
+        notes = (
             () if self.gain is None else (f"The gain, {len(self.gain)} x {len(self.gain[0])}, is as given.",)
         )
         (asked,) = asked_forces(problem, [design.gains["gain"]])
         if asked is None or not asked.asks_for_none:
-            return given
-        return (*given, f"Asks for no force: {asked.in_words}; {self._too_small(problem, asked)}.")
+            return notes
+        return (*notes, f"Asks for no force: {asked.in_words}; {self._too_small(problem, asked)}.")
 
     def _too_small(self, problem: DesignProblem, asked: AskedForce) -> str:
         """Say which number of a law that asks for no force is too large or too small, and by which factor."""

@@ -227,24 +227,24 @@ class RolloutSettings(LawSettings):
 
     def _references(self, problem: DesignProblem) -> tuple[Floats, float, float]:
         """Base command of each device, reference drift and acceleration: given, or else from the problem."""
-        given = {"base": self.base, "drift": self.drift, "acceleration": self.acceleration}
-        missing = [name for name, value in given.items() if value is None]
+        settings = {"base": self.base, "drift": self.drift, "acceleration": self.acceleration}
+        missing = [name for name, value in settings.items() if value is None]
         if missing and problem.reference_peaks is None:
             raise InvalidSettingError(
                 missing[0],
                 f"predictive_rollout has no {missing[0]}, and the problem no training motions to take it from; give it",
             )
-        known = None
+        peaks = None
         if missing and problem.reference_peaks is not None:
-            known = problem.reference_peaks(self.model == "elastic")
+            peaks = problem.reference_peaks(self.model == "elastic")
         base = commands_of(problem.devices, self.base or 0.0, "base")
-        if known is None:
+        if peaks is None:
             return base, float(self.drift or 1.0), float(self.acceleration or 1.0)
         if self.base is None:
             # A limited problem has smaller largest commands than that under which the reference was found.
-            base = np.minimum(known.commands, [device.largest_command for device in problem.devices])
+            base = np.minimum(peaks.commands, [device.largest_command for device in problem.devices])
         return (
             base,
-            known.drift if self.drift is None else self.drift,
-            known.acceleration if self.acceleration is None else self.acceleration,
+            peaks.drift if self.drift is None else self.drift,
+            peaks.acceleration if self.acceleration is None else self.acceleration,
         )

@@ -121,12 +121,12 @@ def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurfac
     from scipy.signal import place_poles
 
     try:
-        with catch_warnings(record=True) as said:
+        with catch_warnings(record=True) as messages:
             simplefilter("always")
             placement = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
     except ValueError as error:
         raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
-    if said:
+    if messages:
         warn(
             "the gain that places the poles of the surface is not the least sensitive one, whose search did not "
             "converge; give poles further from zero and from each other",

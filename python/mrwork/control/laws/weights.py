@@ -87,10 +87,10 @@ class WeightWishes(RmsLimits):
 
         The problem keeps them, because a search tries many sizes of R.
         """
-        known = problem.whole._weights
-        if (self, budget_scale) not in known:
-            known[self, budget_scale] = self._design(problem, budget_scale)
-        return known[self, budget_scale]
+        weights = problem.whole._weights
+        if (self, budget_scale) not in weights:
+            weights[self, budget_scale] = self._design(problem, budget_scale)
+        return weights[self, budget_scale]
 
     def _design(self, problem: DesignProblem, budget_scale: float) -> DesignedWeights:
         plant = problem.plant
@@ -153,8 +153,8 @@ class WeightWishes(RmsLimits):
         if len(numbers) == 3 or not problem.motions:
             soil = KanaiTajimi(**{name.removeprefix("ground_"): value for name, value in numbers.items()})
             firm = "firm soil of about 0.3 g, since no motion of a study is known"
-            given = f"with {', '.join(numbers)} as given" if numbers else ""
-            source = "as given" if len(numbers) == 3 else ", ".join(filter(None, (firm, given)))
+            text = f"with {', '.join(numbers)} as given" if numbers else ""
+            source = "as given" if len(numbers) == 3 else ", ".join(filter(None, (firm, text)))
             return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil), source
         try:
             design_ground = ground_of(problem, self.spectrum, self.ground_frequency, self.ground_damping)
@@ -238,16 +238,16 @@ class CostWeights:
                 "budget_scale is a factor of the budget of designed weights; give designed, or leave it out",
             )
         plant = problem.plant
-        given: list[tuple[Outputs, Floats]] = []
-        for name, make, each, _ in _OUTPUTS:
+        pairs: list[tuple[Outputs, Floats]] = []
+        for name, make, noun, _ in _OUTPUTS:
             weights = getattr(self, name)
             if weights is not None:
                 outputs = make(plant)
-                given.append((outputs, weight_matrix(name, weights, len(outputs.names), each)))
+                pairs.append((outputs, weight_matrix(name, weights, len(outputs.names), noun)))
         parts = []
-        if given:
-            W = scipy.linalg.block_diag(*(weights for _, weights in given))
-            parts.append(weighed_outputs(stack_outputs(*(outputs for outputs, _ in given)), W))
+        if pairs:
+            W = scipy.linalg.block_diag(*(weights for _, weights in pairs))
+            parts.append(weighed_outputs(stack_outputs(*(outputs for outputs, _ in pairs)), W))
         if self.state_weight is not None:
             Q = weight_matrix("state_weight", self.state_weight, 2 * plant.n_coordinates, "states")
             parts.append(weighed_state(plant, Q))

@@ -52,10 +52,10 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     matrix = np.diag(value) if value.ndim == 1 else value
     if matrix.shape != (size, size):
         count = f"{size} {each}" if size > 1 else f"1 {each.removesuffix('s')}"
-        given = counted(value.size, "weight") if value.ndim == 1 else f"shape {value.shape}"
+        form = counted(value.size, "weight") if value.ndim == 1 else f"shape {value.shape}"
         raise InvalidSettingError(
             name,
-            f"{name} has {given}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "
+            f"{name} has {form}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "
             f"or a symmetric {size} x {size} matrix",
         )
     if not np.isfinite(matrix).all():
@@ -242,12 +242,12 @@ def regulators_of_weights(
         )
 
     def cost(pair: tuple[Weighed | ArrayLike, ArrayLike]) -> tuple[Floats, Floats, Floats]:
-        each, control_weight = pair
-        if not isinstance(each, Weighed):
-            Q = weight_matrix("state_weight", each, 2 * plant.n_coordinates, "states")
-            each = weighed_state(plant, Q)
-        R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
-        return each.Q, R, each.N
+        weight, control_weight = pair
+        if not isinstance(weight, Weighed):
+            Q = weight_matrix("state_weight", weight, 2 * plant.n_coordinates, "states")
+            weight = weighed_state(plant, Q)
+        R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + weight.S
+        return weight.Q, R, weight.N
 
     costs = attempt_each(cost, zip(weighed, control_weights, strict=True))
     return tuple(solve_together(lambda sound: _regulators(plant, sound, threads), costs))
@@ -408,7 +408,7 @@ def observer_of(
         )
     T, ground = plant.scaling, ground_intensity / sample_time
     inputs = np.column_stack([plant.B, plant.E])
-    slope, pushed = (np.linalg.solve(T, each).astype(np.float64) for each in (plant.A @ T, inputs))
+    slope, pushed = (np.linalg.solve(T, matrix).astype(np.float64) for matrix in (plant.A @ T, inputs))
     F_z, held = hold_input(slope, pushed, sample_time)
     Ad, Bd, Ed = T @ F_z @ np.linalg.inv(T), (T @ held)[:, :-1], (T @ held)[:, -1]
     # The Riccati equation is solved in z, with sensors scaled by their noise.

@@ -256,8 +256,8 @@ class _SampledLoop:
 
     def transfer(self, angles: Floats, device: int) -> Complexes:
         """L at the break of a device, in the shape of the angles, the loops of the others closed."""
-        each = np.ravel(angles)
-        parts = [self._transfer(each[n : n + _AT_ONCE], device) for n in range(0, each.size, _AT_ONCE)]
+        points = np.ravel(angles)
+        parts = [self._transfer(points[n : n + _AT_ONCE], device) for n in range(0, points.size, _AT_ONCE)]
         return np.concatenate(parts).reshape(np.shape(angles))
 
     def _transfer(self, angles: Floats, device: int) -> Complexes:
@@ -268,12 +268,12 @@ class _SampledLoop:
             modes = self.seen[None, :, :] / (z[:, None, None] - self.poles)
             H = (modes @ new + modes @ old / z[:, None, None]) * (z**-self.delay)[:, None, None]
         others = [number for number in range(len(self.K)) if number != device]
-        own: Complexes = H[:, device, device]
+        L: Complexes = H[:, device, device]
         if others:
             closed = np.eye(len(others)) + H[:, others][:, :, others]
             back = np.linalg.solve(closed, H[:, others, device][:, :, None])[:, :, 0]
-            own = own - np.einsum("ki,ki->k", H[:, device][:, others], back)
-        return own
+            L = L - np.einsum("ki,ki->k", H[:, device][:, others], back)
+        return L
 
 
 def _margins(
@@ -311,6 +311,6 @@ def _roots(of: Callable[[float], float], angles: Floats, values: Floats) -> Iter
     from scipy.optimize import brentq  # takes a quarter of a second to load
 
     signs = np.sign(values)
-    known = np.isfinite(values)
-    for k in np.flatnonzero((signs[1:] != signs[:-1]) & known[1:] & known[:-1] & (signs[:-1] != 0.0)):
+    finite = np.isfinite(values)
+    for k in np.flatnonzero((signs[1:] != signs[:-1]) & finite[1:] & finite[:-1] & (signs[:-1] != 0.0)):
         yield float(brentq(of, angles[k], angles[k + 1], xtol=1e-15, rtol=1e-12))

@@ -154,17 +154,17 @@ def regulator_gains(
     """
     n = _columns("A", A)
     m = _columns("B", B)
-    given = {
+    stacks = {
         "state": _stack("A", A, n, n),
         "control": _stack("B", B, n, m),
         "state_weight": _stack("state_weight", state_weight, n, n),
         "control_weight": _stack("control_weight", control_weight, m, m),
     }
     if cross_weight is not None:
-        given["cross_weight"] = _stack("cross_weight", cross_weight, n, m)
+        stacks["cross_weight"] = _stack("cross_weight", cross_weight, n, m)
     if scaling is not None:
-        given["scaling"] = _scaling(scaling, n)
-    return _solve(given, time, threads)
+        stacks["scaling"] = _scaling(scaling, n)
+    return _solve(stacks, time, threads)
 
 
 def solve_riccati(
@@ -217,18 +217,18 @@ def kalman_gains(
             f"`C` has shape {rows.shape}; give (n_measurements, {n}), or a stack of such matrices"
         )
     m = rows.shape[-2]
-    given = {
+    stacks = {
         "state": _transpose(states),
         "control": _transpose(_stack("C", C, m, n)),
         "state_weight": _stack("process_noise", process_noise, n, n),
         "control_weight": _stack("sensor_noise", sensor_noise, m, m),
     }
     if cross_noise is not None:
-        given["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
+        stacks["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
     if scaling is not None:
         # The scaling of A' that corresponds to the scaling of A.
-        given["scaling"] = _transpose(np.linalg.inv(_scaling(scaling, n)).astype(np.float64))
-    dual = _solve(given, time, threads)
+        stacks["scaling"] = _transpose(np.linalg.inv(_scaling(scaling, n)).astype(np.float64))
+    dual = _solve(stacks, time, threads)
     return RiccatiSolutions(gain=_transpose(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
 
 
@@ -264,33 +264,33 @@ def lyapunov_solutions(
         If shapes do not fit, or a matrix holds a value that is not finite.
     """
     n = _columns("A", A)
-    given = {
+    stacks = {
         "state": _stack("A", A, n, n),
         "control": np.zeros((1, n, 0)),
         "state_weight": _stack("weight", weight, n, n),
         "control_weight": np.zeros((1, 0, 0)),
     }
     if scaling is not None:
-        given["scaling"] = _scaling(scaling, n)
-    return _solve(given, time, threads)
+        stacks["scaling"] = _scaling(scaling, n)
+    return _solve(stacks, time, threads)
 
 
-def _solve(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
-    counts = {len(matrices) for matrices in given.values()} - {1}
+def _solve(stacks: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
+    counts = {len(matrices) for matrices in stacks.values()} - {1}
     if len(counts) > 1:
         raise SettingError(
             f"the matrices have {', '.join(str(count) for count in sorted(counts))} rows; give the same number of "
             "each, or one that all rows share"
         )
-    _warn_of_time(given["state"].shape[-1])
+    _warn_of_time(stacks["state"].shape[-1])
     try:
-        gain, P, residual, status = _rust.riccati_equations(time, **given, threads=threads)
+        gain, P, residual, status = _rust.riccati_equations(time, **stacks, threads=threads)
     except ValueError as error:
         raise SettingError(str(error)) from error
     unsolved = (RiccatiStatus.NO_STABILISING_SOLUTION, RiccatiStatus.NOT_CONVERGED)
     for row in np.flatnonzero(np.isin(status, unsolved)):
-        own = {name: matrices[row if len(matrices) > 1 else 0] for name, matrices in given.items()}
-        if (again := _judge_again(own, time)) is not None:
+        equation = {name: matrices[row if len(matrices) > 1 else 0] for name, matrices in stacks.items()}
+        if (again := _judge_again(equation, time)) is not None:
             gain[row], P[row], residual[row] = again
             status[row] = RiccatiStatus.SOLVED
     return RiccatiSolutions(gain=gain, P=P, residual=residual, status=status)
@@ -306,26 +306,26 @@ _LEAST_DECAY = 3e-8
 
 
 @np.errstate(all="ignore")
-def _judge_again(given: Mapping[str, Floats], time: Time) -> tuple[Floats, Floats, float] | None:
+def _judge_again(equation: Mapping[str, Floats], time: Time) -> tuple[Floats, Floats, float] | None:
     """Gain, P and residual of an equation that the compiled solver has refused; `None` if it has no solution.
 
     That solver works in coordinates in which P is the identity, and no such coordinates exist where P is singular, as
     for a mode that is damped and not weighed. Here the given coordinates z of s = T z are kept, and a solution has a
     small residual over its terms, a stable loop, and a gain that Newton's step no longer moves.
     """
-    n, m = given["control"].shape
+    n, m = equation["control"].shape
     norm = np.linalg.norm
-    T = given.get("scaling")
+    T = equation.get("scaling")
     if T is None:
-        T = np.diag(scipy.linalg.matrix_balance(given["state"], permute=False, separate=True)[1][0])
+        T = np.diag(scipy.linalg.matrix_balance(equation["state"], permute=False, separate=True)[1][0])
     try:
-        upper = np.linalg.cholesky(symmetric(given["control_weight"])).T
+        upper = np.linalg.cholesky(symmetric(equation["control_weight"])).T
     except np.linalg.LinAlgError:
         return None
-    Q, one = T.T @ symmetric(given["state_weight"]) @ T, np.eye(m)
-    A = np.linalg.solve(T, given["state"] @ T)
-    B = np.linalg.solve(T, given["control"]) @ np.linalg.inv(upper)
-    N = T.T @ given.get("cross_weight", np.zeros((n, m))) @ np.linalg.inv(upper)
+    Q, one = T.T @ symmetric(equation["state_weight"]) @ T, np.eye(m)
+    A = np.linalg.solve(T, equation["state"] @ T)
+    B = np.linalg.solve(T, equation["control"]) @ np.linalg.inv(upper)
+    N = T.T @ equation.get("cross_weight", np.zeros((n, m))) @ np.linalg.inv(upper)
     step = float(time == "discrete")
     rate = A - step * np.eye(n)
 
@@ -422,9 +422,9 @@ def _columns(name: str, matrix: ArrayLike) -> int:
     return int(shape[-1])
 
 
-def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
+def _stack(name: str, value: ArrayLike, rows: int, columns: int) -> Floats:
     """Array with a leading batch axis for the core; the axis has length one if all rows share the matrix."""
-    matrices = np.asarray(given, dtype=np.float64)
+    matrices = np.asarray(value, dtype=np.float64)
     if matrices.ndim not in (2, 3) or matrices.shape[-2:] != (rows, columns):
         raise SettingError(
             f"`{name}` has shape {matrices.shape}; give ({rows}, {columns}), or a stack of such matrices, one for each "
@@ -437,8 +437,8 @@ def _transpose(matrices: Floats) -> Floats:
     return np.ascontiguousarray(np.swapaxes(matrices, 1, 2))
 
 
-def _scaling(given: ArrayLike, n: int) -> Floats:
-    scaling = _stack("scaling", given, n, n)
+def _scaling(matrix: ArrayLike, n: int) -> Floats:
+    scaling = _stack("scaling", matrix, n, n)
     if np.any(np.linalg.slogdet(scaling)[0] == 0.0):
         raise SettingError("`scaling` is singular; give coordinates of the whole state")
     return scaling

@@ -55,28 +55,28 @@ class RmsLimits:
             raise SettingError(
                 f'limits are {type(given).__name__}; give them by name, as {{"rms_drift": 2e-3}}, or RmsLimits'
             )
-        known = {entry.name: entry.says.unit for entry in keys_of(cls)}
+        units = {entry.name: entry.says.unit for entry in keys_of(cls)}
         for name in given:
-            if name not in known:
+            if name not in units:
                 hint = (
                     f"limits are rms values, of which a peak is about three times: give rms_{name[5:]}"
-                    if name.startswith("peak_") and f"rms_{name[5:]}" in known
-                    else f"there are {', '.join(known)}"
+                    if name.startswith("peak_") and f"rms_{name[5:]}" in units
+                    else f"there are {', '.join(units)}"
                 )
                 raise SettingError(f"no limit is called {name!r}; {hint}")
-        return cls(**{name: _in_si(name, value, known[name]) for name, value in given.items()})
+        return cls(**{name: _in_si(name, value, units[name]) for name, value in given.items()})
 
 
-def _in_si(name: str, given: object, unit: str) -> Any:
+def _in_si(name: str, value: object, unit: str) -> Any:
     """A number, or several, of which a text has a unit; `None` stays."""
-    if isinstance(given, str):
-        number = number_in(given, unit)
+    if isinstance(value, str):
+        number = number_in(value, unit)
         if isinstance(number, str):
             raise SettingError(f"{name} {number}")
         return number
-    if isinstance(given, Sequence):
-        return tuple(_in_si(name, each, unit) for each in given)
-    return given
+    if isinstance(value, Sequence):
+        return tuple(_in_si(name, entry, unit) for entry in value)
+    return value
 
 
 @array_dataclass()
@@ -93,11 +93,11 @@ class LimitedOutputs:
         """The outputs of a plant that have a limit."""
         limited: list[tuple[str, str, str, float]] = []
         for setting, (unit, quantity, outputs_of) in _QUANTITIES.items():
-            given = getattr(limits, setting)
-            if given is None:
+            bound = getattr(limits, setting)
+            if bound is None:
                 continue
             outputs = outputs_of(plant)
-            values = np.asarray(given, dtype=np.float64)
+            values = np.asarray(bound, dtype=np.float64)
             if values.shape not in ((), (len(outputs.names),)):
                 raise InvalidSettingError(
                     setting,

@@ -40,9 +40,9 @@ class WeightProgram:
         self._multipliers = cp.Variable(n_multipliers, nonneg=True)
         self._cost, self._total = cp.Parameter(n_multipliers), cp.Parameter(n_multipliers)
         self._damping, self._square = cp.Parameter(m, nonneg=True), cp.Parameter(m, nonneg=True)
-        own = self._multipliers[n_multipliers - m :]
+        conditions = self._multipliers[n_multipliers - m :]
         weights = rows.weights(
-            self._multipliers, cp.multiply(self._damping, own), cp.multiply(self._square, own)
+            self._multipliers, cp.multiply(self._damping, conditions), cp.multiply(self._square, conditions)
         )
         P = cp.Variable((n, n), symmetric=True)
         budgets = 1.0 / np.diag(rows.D[rows.budgets])

@@ -87,7 +87,7 @@ def design_system(
         of_state, of_force = np.split(follows, [int(np.sum(~fast))], axis=1)
         B, D = B[~fast] + A[np.ix_(~fast, fast)] @ of_force, D + C[:, fast] @ of_force
         A, C, rates, state = (
-            each[:, ~fast] + each[:, fast] @ of_state for each in (A[~fast], C, rates, state)
+            rows[:, ~fast] + rows[:, fast] @ of_state for rows in (A[~fast], C, rates, state)
         )
     noise = np.zeros((len(A), 1))
     noise[-n_soil:, 0] = soil.noise

@@ -196,8 +196,8 @@ class DesignedWeights(Summarised):
             "least_ratio": self.reachable_ratio,
             "gain": self.gain.tolist(),
             "outputs": [
-                dict(zip(("name", "unit", "limit", "rms_without_control", "rms"), each, strict=True))
-                for each in zip(
+                dict(zip(("name", "unit", "limit", "rms_without_control", "rms"), row, strict=True))
+                for row in zip(
                     outputs.names, outputs.units, outputs.limits.tolist(), bare, ruled, strict=True
                 )
             ],
@@ -232,10 +232,10 @@ class DesignedWeights(Summarised):
     def _of_places(self, setting: str, places: tuple[str, ...]) -> Floats:
         """Weights of all places of a quantity, zero without a limit."""
         weights = np.zeros(len(places))
-        for name, own, weight in zip(
+        for name, key, weight in zip(
             self.outputs.names, self.outputs.settings, self.output_weights, strict=True
         ):
-            if own == setting:
+            if key == setting:
                 weights[next(k for k, location in enumerate(places) if name.endswith(f" {location}"))] = (
                     weight
                 )
@@ -281,8 +281,8 @@ class DesignedWeights(Summarised):
         check = self.certificate
         if check.law_ratio <= _NEAR * ratio and check.law_force <= _NEAR:
             return (first, *self.binding)
-        own = f"The gain of the law reaches {check.law_in_words}: {_FORECAST}"
-        return (first, own, *self.binding)
+        sentence = f"The gain of the law reaches {check.law_in_words}: {_FORECAST}"
+        return (first, sentence, *self.binding)
 
     def _summary(self) -> Summary:
         check = self.certificate
@@ -303,7 +303,7 @@ class DesignedWeights(Summarised):
                 (name, format_rounded(weight), format_rounded(float(rms / limit)))
                 for name, weight, rms, limit in sorted(
                     zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
-                    key=lambda each: -each[2] / each[3],
+                    key=lambda row: -row[2] / row[3],
                 )[:_SHOWN]
             ],
             notes=(*self.origin, *self._reached_in_words[: 2 + _SHOWN], self.advice),

@@ -167,13 +167,13 @@ class _Task:
             rates = np.sqrt(np.einsum("ij,jk,ik->i", whole.rates, whole.uncontrolled, whole.rates))
             self.unit = budgets / rates
         if semi_active is not None and semi_active.damping is not None:
-            given = np.atleast_1d(semi_active.damping)
-            if len(given) not in (1, len(budgets)):
+            damping = np.atleast_1d(semi_active.damping)
+            if len(damping) not in (1, len(budgets)):
                 raise SettingError(
-                    f"the semi-active condition has {len(given)} dampings, and the number of devices is "
+                    f"the semi-active condition has {len(damping)} dampings, and the number of devices is "
                     f"{len(budgets)}; give one for each, or one for all"
                 )
-            self.damping = given / self.unit
+            self.damping = damping / self.unit
         self.rows = self.rows_of(whole)
         # What adds up the multipliers of the limits, of the budgets, and of the conditions.
         self.of_limits, self.of_budgets, self.of_conditions = np.zeros((3, len(self.rows.plain.T)))
