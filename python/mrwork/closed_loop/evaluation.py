@@ -41,7 +41,7 @@ class Scales(Summarised):
 
     @staticmethod
     def of(building: Building) -> Scales:
-        """Those of a building without dampers."""
+        """The scales of a building without dampers."""
         drifts = len(building.drifts)
         return Scales(
             weight=building.total_mass * STANDARD_GRAVITY,
@@ -52,13 +52,13 @@ class Scales(Summarised):
 
     @staticmethod
     def of_rows(scales: Sequence[Scales], n_further: int) -> Scales:
-        """Those of several rows along a first axis, before `n_further` axes of other things than storeys."""
+        """The scales of several rows along a first axis, before `n_further` axes of other things than storeys."""
         further = (1,) * n_further
 
         def stacked(name: str) -> Floats:
-            each: list[Floats] = [getattr(one, name) for one in scales]
-            size = max(map(np.size, each))
-            rows = np.array([one if np.size(one) else np.full(size, np.nan) for one in each])
+            arrays: list[Floats] = [getattr(one, name) for one in scales]
+            size = max(map(np.size, arrays))
+            rows = np.array([one if np.size(one) else np.full(size, np.nan) for one in arrays])
             return rows.reshape(len(rows), *further, size) if size else np.empty(0)
 
         return Scales(
@@ -194,8 +194,8 @@ def criterion(name: str) -> Criterion:
     for entry in _CRITERIA:
         if entry.name == name:
             return entry
-    known = ", ".join(entry.name for entry in _CRITERIA)
-    raise UnknownNameError(f"no criterion is called {name!r}; choose from {known}")
+    names = ", ".join(entry.name for entry in _CRITERIA)
+    raise UnknownNameError(f"no criterion is called {name!r}; choose from {names}")
 
 
 def values(responses: object, scales: Scales) -> dict[str, Floats]:

@@ -40,11 +40,11 @@ def beyond_twin(
     """
     actuators = any(spec.name == law and spec.commands_force for spec in control_laws())
     simulated = devices[len(commanded(devices)) :] if actuators else devices
-    own = [device.spec.name for device in simulated if device.spec.own is not None]
-    lacking = lacking_in_twin(building, hardware, law) if own else []
+    user_dampers = [device.spec.name for device in simulated if device.spec.own is not None]
+    lacking = lacking_in_twin(building, hardware, law) if user_dampers else []
     if not lacking:
         return ""
     return (
-        f"{own[0]} is a damper of your own, and its loop cannot have {', or '.join(lacking)}; let a "
+        f"{user_dampers[0]} is a damper of your own, and its loop cannot have {', or '.join(lacking)}; let a "
         'model of the package take its place by like = "normalised_bouc_wen" beside its run, or mr.fit_like(fit)'
     )

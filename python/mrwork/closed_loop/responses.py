@@ -328,7 +328,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
                 (device.name, exceedance) for outside in exceedances for exceedance in outside.exceedances
             ]
             laws += [law for outside in exceedances for law in outside.laws]
-        worst = [f"{name}: {each.in_words}" for each, name, _ in worst_of(exceeded)]
+        worst = [f"{name}: {exceedance.in_words}" for exceedance, name, _ in worst_of(exceeded)]
         return [*worst, *(law.in_words for law in worst_laws(laws))]
 
     def _least_stroke(self, run: int, device: int) -> float | None:
@@ -367,8 +367,8 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
                     quantity_named(name).unit,
                 )
                 for name in _SHOWN
-                for each in [getattr(self, name).reshape(len(finished), -1).max(axis=1, initial=0.0)]
-                for largest in [each[finished] if finished.any() else np.array([np.nan])]
+                for values in [getattr(self, name).reshape(len(finished), -1).max(axis=1, initial=0.0)]
+                for largest in [values[finished] if finished.any() else np.array([np.nan])]
             ],
             notes=[f"warning: {warning}" for warning in self.warnings()],
         )

@@ -77,12 +77,12 @@ def _core_dampers(devices: Sequence[Device], theta: Sequence[Floats]) -> list[_r
             model=group[0].spec.name,
             laws=[*map(str, group[0].spec.laws)],
             lagged=group[0].spec.lagged,
-            theta=np.ascontiguousarray(own),
+            theta=np.ascontiguousarray(parameters),
             counts=[float(device.count) for device in group],
             differential=[device.differential for device in group],
             ranges=[_range_of(device) for device in group],
         )
-        for group, own in zip(groups, theta, strict=True)
+        for group, parameters in zip(groups, theta, strict=True)
     ]
 
 
@@ -101,10 +101,10 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     """
     stretched = np.repeat(theta[None], len(factors), axis=0)
     for candidate, device in np.ndindex(*factors.shape):
-        *given, rest = by_parameter(spec, theta[:, device])
+        *blocks, rest = by_parameter(spec, theta[:, device])
         rescaled = (
-            law.rescale_command(each, float(factors[candidate, device]), positive=parameter.is_positive)
-            for (parameter, law), each in zip(spec.law_pairs, given, strict=True)
+            law.rescale_command(block, float(factors[candidate, device]), positive=parameter.is_positive)
+            for (parameter, law), block in zip(spec.law_pairs, blocks, strict=True)
         )
         stretched[candidate, :, device] = np.concatenate([*rescaled, rest], axis=-1)
     return stretched.reshape(-1, *theta.shape[1:])
@@ -192,7 +192,7 @@ class RunsOfLoop:
     def part(self, which: slice) -> RunsOfLoop:
         """Some of the runs, with the candidates and the draws from their first to their last ones."""
         runs = self.runs[which].copy()
-        candidates, draws = (slice(int(each.min()), int(each.max()) + 1) for each in (runs[:, 0], runs[:, 2]))
+        candidates, draws = (slice(int(ids.min()), int(ids.max()) + 1) for ids in (runs[:, 0], runs[:, 2]))
         runs[:, 0] -= np.uint32(candidates.start)
         runs[:, 2] -= np.uint32(draws.start)
         return RunsOfLoop(
@@ -200,7 +200,7 @@ class RunsOfLoop:
             streams=self.streams[which],
             gains=self.gains[candidates],
             shaping=None if self.shaping is None else self.shaping[candidates],
-            theta=tuple(each[draws] for each in self.theta),
+            theta=tuple(parameters[draws] for parameters in self.theta),
         )
 
 
@@ -322,7 +322,7 @@ def _respond(
         )
 
 
-def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *, histories: bool) -> Any:
+def _respond_by_twin(core: _Core, loop_runs: RunsOfLoop, runs: NDArray[np.uint32], *, histories: bool) -> Any:
     """Runs with dampers of the user, in the form of `_rust.respond`."""
     # JAX is needed for these dampers only.
     from mrwork.twins.loop import MATRICES, LoopDevice, believed_devices
@@ -332,12 +332,12 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
     gains, start = {}, 0
     for gain in law.spec.gains:
         shape = gain.shape_for(loop.n_commanded, 2 * loop.building.n_coordinates)
-        columns = given.gains[:, start : start + math.prod(shape)]
-        gains[gain.name] = columns.reshape(len(given.gains), *shape)
+        columns = loop_runs.gains[:, start : start + math.prod(shape)]
+        gains[gain.name] = columns.reshape(len(loop_runs.gains), *shape)
         start += columns.shape[1]
     devices = tuple(LoopDevice.of(device) for device in loop.devices)
     layouts = core.building.summary_layout, core.building.history_layout
-    own = OwnLoop(
+    own_loop = OwnLoop(
         matrices={name: np.asarray(getattr(loop.building, name), dtype=np.float64) for name in MATRICES},
         varied=loop.varied,
         devices=devices,
@@ -353,8 +353,8 @@ def _respond_by_twin(core: _Core, given: RunsOfLoop, runs: NDArray[np.uint32], *
         step_factor=loop.step_factor,
         widths=(sum(count for _, count in layouts[0]), sum(count for _, count in layouts[1])),
     )
-    theta = tuple(theta[:, place] for theta in given.theta for place in range(theta.shape[1]))
-    return respond(own, OwnRuns(runs, gains, given.shaping, theta), histories=histories)
+    theta = tuple(theta[:, index] for theta in loop_runs.theta for index in range(theta.shape[1]))
+    return respond(own_loop, OwnRuns(runs, gains, loop_runs.shaping, theta), histories=histories)
 
 
 def respond_alone(core: _Core, runs: RunsOfLoop) -> list[NDArray[Any]]:
@@ -374,21 +374,21 @@ def _respond_elsewhere(
     while block > 1 and block * costs.mean() > least:
         block //= 2
     blocks = cut_into_chunks(np.add.reduceat(costs, np.arange(0, len(costs), block)).tolist(), least)
-    chunks = [slice(each.start * block, min(each.stop * block, len(costs))) for each in blocks]
-    kept, finished = None, dict[int, list[NDArray[Any]]]()
+    chunks = [slice(chunk.start * block, min(chunk.stop * block, len(costs))) for chunk in blocks]
+    kept_chunks, finished = None, dict[int, list[NDArray[Any]]]()
     if workers.journal is not None:
         arrays = runs.runs, runs.streams, runs.gains, runs.shaping, *runs.theta
-        kept = KeptChunks.beside(workers.journal, digest_of(json.dumps(plain(loop)), *arrays))
-        finished = kept.recall(len(chunks))
+        kept_chunks = KeptChunks.beside(workers.journal, digest_of(json.dumps(plain(loop)), *arrays))
+        finished = kept_chunks.recall(len(chunks))
     missing = [number for number in range(len(chunks)) if number not in finished]
     done = sum(chunks[number].stop - chunks[number].start for number in finished)
 
-    def count(place: int, future: Future[list[NDArray[Any]]]) -> None:
+    def count(index: int, future: Future[list[NDArray[Any]]]) -> None:
         nonlocal done
-        number = missing[place]
+        number = missing[index]
         done += chunks[number].stop - chunks[number].start
-        if kept is not None and future.exception() is None:
-            kept.keep(number, future.result())
+        if kept_chunks is not None and future.exception() is None:
+            kept_chunks.keep(number, future.result())
         if on_progress is not None:
             on_progress(done, len(runs.runs))
 
@@ -421,14 +421,14 @@ def loop_observer(
     for noun, rows, measured in (
         ("storeys", building.storeys, hardware.measured_storeys), ("floors", building.floors, floors)
     ):  # fmt: skip
-        if unknown := [each for each in measured if each >= len(rows)]:
+        if unknown := [index for index in measured if index >= len(rows)]:
             raise SettingError(
                 f"{building.name} has {len(rows)} {noun}, counted from 0; {unknown} do not exist"
             )
     rows, names = elongation_rows(building, devices), [device.name for device in devices]
     asked = building, rows.tolist(), names, list(floors), replace(hardware, seed=0, faults=())
-    for known, observer in _OBSERVERS:
-        if known == asked:
+    for key, observer in _OBSERVERS:
+        if key == asked:
             return observer
     observer = _design_observer(plant_of(building, rows, names), hardware, floors)
     if not hardware.kinematic and any(element.in_stiffness for element in building.elements):
@@ -530,7 +530,7 @@ class LoopVariation(Summarised):
                     f"{own.name} is no realisation of {building.name}: it may differ in stiffness and damping only; "
                     "simulate it in a call of its own"
                 )
-        places = {id(own): place for place, own in enumerate(distinct)}
+        places = {id(own): index for index, own in enumerate(distinct)}
         return distinct, [places[id(own)] for own in self.buildings]
 
 
@@ -656,8 +656,8 @@ def simulate_loop(
         factors = np.hstack([factors, np.ones((len(factors), len(devices) - len(driven)))])
         counts["`largest_commands`"] = len(factors)
         theta = tuple(
-            _stretch_theta(devices[group[0]].spec, own, factors[:, group])
-            for group, own in zip(groups_of(devices), theta, strict=True)
+            _stretch_theta(devices[group[0]].spec, parameters, factors[:, group])
+            for group, parameters in zip(groups_of(devices), theta, strict=True)
         )
     n_candidates = max(counts.values())
     if not n_candidates or {*counts.values()} - {1, n_candidates}:
@@ -772,17 +772,17 @@ class _Call:
     def respond(
         self,
         core: _Core,
-        own: RunsOfLoop,
+        runs: RunsOfLoop,
         histories: bool,
         threads: int,
         on_progress: Callable[[int, int], None] | None,
     ) -> tuple[list[Any], NDArray[np.intp]]:
         """Runs in this process part by part, and the order in which they were simulated."""
-        loop, equipped, order = self.loop, core.driven(own), np.arange(len(own.runs))
+        loop, equipped, order = self.loop, core.driven(runs), np.arange(len(runs.runs))
         if self.user is None:
             # Runs that last equally long share lanes: side by side, so that they are in one call of the core.
             seconds = np.array([motion.duration for motion in loop.motions])
-            order = np.argsort(seconds[own.runs[:, 1]], kind="stable")
+            order = np.argsort(seconds[runs.runs[:, 1]], kind="stable")
         parts = []
         done, count = 0, _RUNS_AT_A_TIME if on_progress is None else _FEWEST_RUNS
         while done < len(order):
@@ -790,13 +790,13 @@ class _Call:
             began, outside = perf_counter(), None
             if self.user is not None:
                 driven = loop.devices[: loop.n_commanded]
-                outside = self.user.asked(own.runs[part, :3], driven, loop.hardware.sample_time)
+                outside = self.user.asked(runs.runs[part, :3], driven, loop.hardware.sample_time)
             parts.append(
                 _respond(
                     core,
                     equipped,
-                    own.runs[part],
-                    own.streams[part],
+                    runs.runs[part],
+                    runs.streams[part],
                     histories=histories,
                     threads=threads,
                     outside=outside,
@@ -822,15 +822,15 @@ class _Call:
             moves = [reach * slopes[:, k] for k in range(slopes.shape[1]) for reach in reaches]
             shape = (1 + len(moves), *shape[1:])
             summary = np.concatenate([summary, *(summary + move for move in moves)])
-            outcome, steps = (np.tile(each, shape[0]) for each in (outcome, steps))
+            outcome, steps = (np.tile(values, shape[0]) for values in (outcome, steps))
         elif parts[0][3] is not None:
-            layout, rows = building.history_layout, [own for part in parts for own in part[3]]
+            layout, rows = building.history_layout, [history for part in parts for history in part[3]]
             histories = tuple(
                 History(
-                    time=np.arange(len(rows[place]), dtype=np.float64) * loop.hardware.sample_time,
-                    numbers=columns_by_name(rows[place], history_signals(), layout),
+                    time=np.arange(len(rows[run]), dtype=np.float64) * loop.hardware.sample_time,
+                    numbers=columns_by_name(rows[run], history_signals(), layout),
                 )
-                for place in places
+                for run in places
             )
         candidate, _, realisation = np.indices(shape).reshape(3, -1)
         numbers = columns_by_name(summary, run_quantities(), building.summary_layout)
@@ -863,8 +863,8 @@ def _shears(
     """Shears of a run that the core does not know, and NaN for what of them the building does not say."""
     springs, is_chain = building.storey_springs, bool(building.unit_drifts.any())
     is_linear = all(element.is_linear for element in building.elements)
-    own = np.array(varied)[places] if varied else springs
-    known = {
+    stiffness = np.array(varied)[places] if varied else springs
+    flags = {
         "peak_storey_shear": is_chain,
         "peak_frame_shear": bool(springs.any()) and (is_linear or len(varied) < 2),
         "storey_energy": is_chain,
@@ -872,16 +872,16 @@ def _shears(
     }
     drifts = numbers["peak_drift"]
     # A stroke has no spring, also in a run without an end.
-    shears = np.multiply(drifts, own, out=np.zeros_like(drifts), where=own > 0.0)
+    shears = np.multiply(drifts, stiffness, out=np.zeros_like(drifts), where=stiffness > 0.0)
     linear = {"peak_frame_shear": shears} if is_linear else {}
-    return linear | {name: np.full_like(numbers[name], np.nan) for name, says in known.items() if not says}
+    return linear | {name: np.full_like(numbers[name], np.nan) for name, says in flags.items() if not says}
 
 
-def _core_shaping(law: ControlLaw, given: ArrayLike | None) -> Floats | None:
+def _core_shaping(law: ControlLaw, values: ArrayLike | None) -> Floats | None:
     """Dead zone and slope of the command, shape (1 or n_candidates, 2); `None` for no shaping."""
-    if given is None:
+    if values is None:
         return None if law.shaping is None else np.array([law.shaping])
-    shaping = np.asarray(given, dtype=np.float64)
+    shaping = np.asarray(values, dtype=np.float64)
     if shaping.ndim != 2 or shaping.shape[1] != 2 or not len(shaping):
         raise SettingError(
             f"`shaping` has shape {shaping.shape}; give (n_candidates, 2), a dead zone and a slope for each candidate"
@@ -930,13 +930,13 @@ def _command_factors(
             "largest commands of candidates go with neither histories nor a rate limit or faults of the command; "
             "simulate devices of that largest command"
         )
-    given = np.ravel(np.asarray(largest_commands, dtype=np.float64))
+    limit = np.ravel(np.asarray(largest_commands, dtype=np.float64))
     largest = [1.0 if sends_shares(devices) else device.largest_command for device in devices]
-    factors: Floats = given[:, None] / np.array(largest)
+    factors: Floats = limit[:, None] / np.array(largest)
     # A device of a smaller driver gets what that gives.
     if not (factors > 0.0).all() or not (factors.min(axis=1) <= 1.0).all():
         raise SettingError(
-            f"`largest_commands` are from {given.min():g} to {given.max():g}; give one for each candidate, positive "
+            f"`largest_commands` are from {limit.min():g} to {limit.max():g}; give one for each candidate, positive "
             "and up to the largest of the devices"
         )
     return np.minimum(factors, 1.0)

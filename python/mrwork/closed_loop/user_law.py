@@ -152,7 +152,7 @@ class _Fading:
         self._squares[places] = squares
         roots = np.split(np.sqrt(squares), np.cumsum([column.shape[1] for column in columns])[:-1], axis=1)
         named = zip(RunningRms._units, roots, readings, strict=True)
-        return RunningRms(**{name: root.reshape(each.shape) for name, root, each in named})
+        return RunningRms(**{name: root.reshape(reading.shape) for name, root, reading in named})
 
 
 @checked
@@ -215,8 +215,8 @@ class UserLaw(Summarised):
     @property
     def _title(self) -> str:
         """Name of the law, and where it stands."""
-        place = place_of(self.command)
-        return f"{self.name} ({place})" if place else self.name
+        location = place_of(self.command)
+        return f"{self.name} ({location})" if location else self.name
 
     @checked
     def placeholder(self, devices: Sequence[Device]) -> ControlLaw:
@@ -241,7 +241,7 @@ class UserLaw(Summarised):
         )
 
         def ask(number: int, places: NDArray[np.uintp], *readings: Floats) -> Floats:
-            kept = np.zeros((len(places), self.n_memory)) if number == 0 else memory[places]
+            memory_rows = np.zeros((len(places), self.n_memory)) if number == 0 else memory[places]
             sample = LoopSample(
                 time=number * sample_time,
                 candidate=runs[places, 0].astype(np.intp),
@@ -251,15 +251,15 @@ class UserLaw(Summarised):
                 rms=None if running is None else running.take(number, places, readings[2:]),
             )
             try:
-                returned = self.command(sample, kept)
+                returned = self.command(sample, memory_rows)
             except Exception as error:
-                place = place_raised(error, file_of(self.command))
-                where = f" in {place}" if place else ""
+                location = place_raised(error, file_of(self.command))
+                where = f" in {location}" if location else ""
                 raise SettingError(
                     f"{self.name} failed at {sample.time:g} s{where}: {in_words(error)}; correct it"
                 ) from error
             commands = self._commands(returned, sample, (len(places), len(devices)))
-            memory[places] = kept
+            memory[places] = memory_rows
             return commands
 
         return ask
