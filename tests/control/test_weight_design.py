@@ -248,6 +248,14 @@ def test_the_semi_active_condition_is_met() -> None:
         )
 
 
+def test_a_budget_that_a_semi_active_design_does_not_use_leaves_a_control_weight() -> None:
+    """Its multiplier may be zero; a law gives one size of R as a ratio to the control weight."""
+    found = design(
+        frame(), limits={"rms_drift": 1e-3}, budget=2e5, semi_active=SemiActiveCondition(share=0.1)
+    )
+    assert 0.0 < found.control_weight[0] <= 1e-3 * found.R[0, 0]
+
+
 def force_and_rate(found: DesignedWeights) -> float:
     """Correlation of desired force and rate of elongation under the Riccati gain on all states."""
     A, B, ground, _, _ = in_si(frame())

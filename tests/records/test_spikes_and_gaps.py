@@ -145,7 +145,8 @@ def test_every_path_of_the_misfit_leaves_the_spans_out() -> None:
         ]
         one, other = found
         np.testing.assert_array_equal(one(theta), other(theta))
-        np.testing.assert_array_equal(one(theta, np.ones(2)), other(theta, np.ones(2)))
+        shares = np.ones((2, 1))
+        np.testing.assert_array_equal(one(theta, shares), other(theta, shares))
         np.testing.assert_array_equal(one.residuals(theta), other.residuals(theta))
         np.testing.assert_allclose(np.linalg.norm(one.residuals(theta), axis=1), one(theta), rtol=1e-12)
         assert one.residuals(theta).shape[1] == one.tests[0].n_counted

@@ -119,10 +119,8 @@ def takes_fields(
     }
     # The annotations use names of the modules of the fields.
     parameters = [
-        parameter_name.replace(
-            annotation=hints[name], default=made[name]() if name in made else parameter_name.default
-        )
-        for name, parameter_name in inspect.signature(declaring).parameters.items()
+        parameter.replace(annotation=hints[name], default=made[name]() if name in made else parameter.default)
+        for name, parameter in inspect.signature(declaring).parameters.items()
     ]
 
     def decorated(function: Callable[[Value], Result]) -> Callable[Given, Result]:
@@ -133,7 +131,7 @@ def takes_fields(
         texts = parameter_texts(declaring)
         taking.__doc__ = with_parameters(
             function.__doc__ or "",
-            {parameter_name.name: texts[parameter_name.name] for parameter_name in parameters},
+            {parameter.name: texts[parameter.name] for parameter in parameters},
         )
         taking.__signature__ = inspect.signature(function).replace(parameters=parameters)  # type: ignore[attr-defined]
         return checked(taking)
@@ -145,16 +143,11 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     """The function with its arguments checked; a constructor takes the fields of its class, the `owner`."""
     signature = inspect.signature(function)
     parameters = signature.parameters
-    rest = [
-        parameter
-        for parameter, parameter_name in parameters.items()
-        if parameter_name.kind is parameter_name.VAR_POSITIONAL
-    ]
+    rest = [parameter for parameter, entry in parameters.items() if entry.kind is entry.VAR_POSITIONAL]
     required = [
         parameter
-        for parameter, parameter_name in parameters.items()
-        if parameter_name.default is parameter_name.empty
-        and parameter_name.kind not in (parameter_name.VAR_POSITIONAL, parameter_name.VAR_KEYWORD)
+        for parameter, entry in parameters.items()
+        if entry.default is entry.empty and entry.kind not in (entry.VAR_POSITIONAL, entry.VAR_KEYWORD)
     ]
     declared: dict[str, Node] = {}
     shapes: dict[str, Shape] = {}

@@ -295,10 +295,9 @@ def nodes_of(function: Any, owner: type = object) -> dict[str, Node]:
     # Without what the function returns, which may be a name for the type checker only.
     annotated = SimpleNamespace(
         __annotations__={
-            name: parameter_name.annotation
-            for name, parameter_name in parameters.items()
-            if parameter_name.annotation is not parameter_name.empty
-            and parameter_name.kind is not parameter_name.VAR_KEYWORD
+            name: parameter.annotation
+            for name, parameter in parameters.items()
+            if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
         }
     )
     hints = get_type_hints(annotated, inspect.unwrap(function).__globals__, include_extras=True)

@@ -177,10 +177,7 @@ keys_of: Callable[[Table], tuple[Key, ...]] = cache(_keys_of)
 
 def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
     declared = fields_of(function) if isinstance(function, type) else nodes_of(function)
-    defaults = {
-        name: parameter_name.default
-        for name, parameter_name in inspect.signature(function).parameters.items()
-    }
+    defaults = {name: parameter.default for name, parameter in inspect.signature(function).parameters.items()}
     return tuple(
         Key(name=name, node=declared[name], default=defaults[name], says=says)
         for name in defaults

@@ -213,7 +213,7 @@ def building(name: str) -> Building:
     >>> building("dyke1996").frequencies.round(2).tolist()
     [5.46, 15.81, 23.64]
     """
-    frames = {building_name.name: building_name for building_name in buildings()}
+    frames = {building.name: building for building in buildings()}
     check_known(name, frames, f"no published building is called {name!r}")
     return frames[name]
 

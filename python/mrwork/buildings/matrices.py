@@ -713,7 +713,7 @@ def _ask_of_storeys(building: Building) -> Iterator[str]:
         elif element.is_linear and ratio:
             numbers.append((f"the damping ratio that {element.name} adds to a mode", ratio, (2e-4, 50.0), ""))
     questions = [question_on(name, float(value), usual, unit) for name, value, usual, unit in numbers]
-    yield from (f"{fromkey}." for fromkey in dict.fromkeys(questions) if fromkey)
+    yield from (f"{question}." for question in dict.fromkeys(questions) if question)
     heaviest = float(np.diag(building.mass).max())
     if real.size and real.min() > _HUMAN and heaviest < _LEAST_FLOOR:
         yield (

@@ -252,7 +252,7 @@ class UserLaw(Summarised):
             )
             try:
                 returned = self.command(sample, memory_rows)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
                 location = place_raised(error, file_of(self.command))
                 where = f" in {location}" if location else ""
                 raise SettingError(

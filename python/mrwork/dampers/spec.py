@@ -223,13 +223,11 @@ class DamperSpec(Summarised):
             columns=("parameter", "nominal", "lower", "upper", "scale", "unit", "meaning"),
             rows=[
                 (
-                    parameter_name.name,
-                    *map(
-                        format_rounded, (parameter_name.nominal, parameter_name.lower, parameter_name.upper)
-                    ),
-                    *(parameter_name.scale, parameter_name.unit, parameter_name.description),
+                    parameter.name,
+                    *map(format_rounded, (parameter.nominal, parameter.lower, parameter.upper)),
+                    *(parameter.scale, parameter.unit, parameter.description),
                 )
-                for parameter_name in self.parameters
+                for parameter in self.parameters
             ],
         )
 
@@ -275,8 +273,8 @@ class Preset(Summarised):
             ),
             columns=("parameter", "value", "unit"),
             rows=[
-                (parameter_name.name, format_rounded(value, 6), parameter_name.unit)
-                for parameter_name, value in zip(self.spec.parameters, self.theta, strict=True)
+                (parameter.name, format_rounded(value, 6), parameter.unit)
+                for parameter, value in zip(self.spec.parameters, self.theta, strict=True)
             ],
             notes=(self.note,),
         )

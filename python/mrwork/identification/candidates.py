@@ -179,7 +179,7 @@ def sensitivities(
     return ForceSensitivities(
         model=spec.name,
         names=spec.names,
-        units=tuple(parameter_name.unit for parameter_name in spec.parameters),
+        units=tuple(parameter.unit for parameter in spec.parameters),
         time=start + loading.dt * np.arange(run.force.shape[1], dtype=np.float64),
         force=run.force[0] if one else run.force,
         jacobian=jacobian[0] if one else jacobian,

@@ -120,9 +120,9 @@ def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
 def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName | CommandLaw], commands: Floats) -> str:
     """Options that let the dampings and yield forces of a model follow these commands, beside the laws given."""
     defaults = {
-        parameter_name.name: "linear" if parameter_name.unit == "N s/m" or len(commands) < 3 else "quadratic"
-        for parameter_name in plain.parameters
-        if parameter_name.scale == "log" and parameter_name.unit in ("N", "N s/m")
+        parameter.name: "linear" if parameter.unit == "N s/m" or len(commands) < 3 else "quadratic"
+        for parameter in plain.parameters
+        if parameter.scale == "log" and parameter.unit in ("N", "N s/m")
     }
     laws = " ".join(f"--law {name}={law}" for name, law in {**defaults, **given}.items())
     return f"--model {plain.name} {laws}"

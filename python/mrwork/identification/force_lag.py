@@ -222,11 +222,7 @@ def _advice(
 
 def _damping(problem: Problem) -> list[int]:
     """Indices of the viscous damping in the requested model."""
-    return [
-        index
-        for index, parameter_name in enumerate(problem.spec.parameters)
-        if parameter_name.unit == "N s/m"
-    ]
+    return [index for index, parameter in enumerate(problem.spec.parameters) if parameter.unit == "N s/m"]
 
 
 def _unknown_delay(problem: Problem, on_time: _LateFit, errors: Floats, seconds: float) -> tuple[str, ...]:

@@ -113,9 +113,7 @@ def _shifts(spec: DamperSpec) -> tuple[str, ...]:
         for parameter in spec.plain
         if parameter.scale == "offset" and parameter.unit in ("N", "m")
     }
-    return tuple(
-        parameter_name.name for parameter_name in spec.parameters if parameter_name.plain_name in shifts
-    )
+    return tuple(member.name for member in spec.parameters if member.plain_name in shifts)
 
 
 def without_nuisance(force: AnyArray, measured: AnyArray, names: Sequence[NuisanceName]) -> Any:

@@ -227,7 +227,7 @@ def force(
         f"Force of {spec.name}",
         Kernel.of(spec, substeps=_substeps(substeps), threads=threads),
         box=Box.of(spec),
-        units=tuple(parameter_name.unit for parameter_name in spec.parameters),
+        units=tuple(parameter.unit for parameter in spec.parameters),
         coordinates=coordinates,
         start=np.array(spec.nominal),
         data=RecordArrays.of(loading_for(record, spec).history()),

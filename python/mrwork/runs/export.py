@@ -199,7 +199,7 @@ def _matlab_of_fit(fit: Fit, path: Path | None) -> bytes:
         "warnings": _cells(fit.warnings),
         "theta": np.array(fit.theta),
         "theta_names": _cells(spec.names),
-        "theta_units": _cells([parameter_name.unit for parameter_name in spec.parameters]),
+        "theta_units": _cells([parameter.unit for parameter in spec.parameters]),
         "parameters": _rename_keys(parameters),
     }
     if spec.command_unit is not None:
@@ -207,11 +207,7 @@ def _matlab_of_fit(fit: Fit, path: Path | None) -> bytes:
             plain.name: {
                 "law": str(law),
                 "parameters": _cells(
-                    [
-                        parameter_name.name
-                        for parameter_name in spec.parameters
-                        if parameter_name.plain_name == plain.name
-                    ]
+                    [parameter.name for parameter in spec.parameters if parameter.plain_name == plain.name]
                 ),
             }
             for plain, law in spec.law_pairs

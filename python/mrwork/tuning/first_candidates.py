@@ -109,7 +109,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> tuple[LawCandidate, .
     at_most = {LARGEST: space.largest_command}
     if not kind.weight_names():
         return (LawCandidate({**middle, **at_most}, "middle of the ranges"),)
-    scanned = next((name for name in space.free if name.name == _WEIGHT), None)
+    scanned = next((setting for setting in space.free if setting.name == _WEIGHT), None)
     return distinct(
         LawCandidate({**shape, **middle, **R, **at_most}, origin)
         for shape, origin in _shapes(space, basis)

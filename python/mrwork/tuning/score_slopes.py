@@ -92,7 +92,7 @@ def check_slopes(plan: LawPlan) -> None:
 
 def _places(plan: LawPlan) -> list[int]:
     """Places of the settings with derivatives: all but the largest command."""
-    return [index for index, name in enumerate(plan.space.free) if name.name != LARGEST]
+    return [index for index, setting in enumerate(plan.space.free) if setting.name != LARGEST]
 
 
 def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats, dict[str, str]]:

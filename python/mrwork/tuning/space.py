@@ -319,7 +319,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         ends = (table.free or {}).get(name, ())
         free += _free(name, ends, spans.get(name), magnitudes)
         held.pop(name, None)
-    chosen = {name.name for name in free}
+    chosen = {setting.name for setting in free}
     if is_semi_active(held) and "control_weight" in spans and "control_weight" not in chosen:
         held.setdefault("control_weight", 1.0)
     for name, span in spans.items():

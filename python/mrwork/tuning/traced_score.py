@@ -190,17 +190,17 @@ def study_score(
     if lacking := without_gradient(study, table):
         raise SettingError(lacking)
     plan = plan_of(study, replace(table, gradient_steps=0), threads)
-    free = tuple(name for name in plan.space.free if name.name != LARGEST)
+    free = tuple(setting for setting in plan.space.free if setting.name != LARGEST)
     if not free:
         raise SettingError(f"{plan.law} has no free setting but the largest command; free one that it has")
     space = replace(plan.space, free=free)
     plan = replace(plan, space=space)
     check_slopes(plan)
     box = Box(
-        names=tuple(name.label for name in free),
-        lower=tuple(name.lower for name in free),
-        upper=tuple(name.upper for name in free),
-        log=tuple(name.scale == "log" for name in free),
+        names=tuple(setting.label for setting in free),
+        lower=tuple(setting.lower for setting in free),
+        upper=tuple(setting.upper for setting in free),
+        log=tuple(setting.scale == "log" for setting in free),
     )
     return StudyScore.of(
         f"Score of {plan.law} in {study.title}",
@@ -208,7 +208,7 @@ def study_score(
         box=box,
         units=("",) * len(free),
         coordinates=coordinates,
-        start=np.array([name.value(name.start, exact=True) for name in free]),
+        start=np.array([setting.value(setting.start, exact=True) for setting in free]),
         data=None,
         held=settings_in_words({**space.held, LARGEST: space.largest_command}, study.command_unit),
     )

@@ -61,9 +61,7 @@ class Noise(ABC):
 
     def estimate(self, residual: Floats) -> Floats:
         """Moment estimates of the noise parameters, shape (n_noise,), from the residuals of a fit, (n_time,)."""
-        lower, upper = np.array(
-            [(parameter_name.lower, parameter_name.upper) for parameter_name in self.parameters]
-        ).T
+        lower, upper = np.array([(parameter.lower, parameter.upper) for parameter in self.parameters]).T
         return np.clip(self._estimate(residual), lower, upper)
 
     @abstractmethod

@@ -48,7 +48,7 @@ class LogLikelihood:
         n_params = len(self.residuals.kernel.spec.parameters)
         theta, noise_values = values[:n_params], values[n_params:]
         lower, upper = jnp.array(
-            [(parameter_name.lower, parameter_name.upper) for parameter_name in self.noise.parameters]
+            [(parameter.lower, parameter.upper) for parameter in self.noise.parameters]
         ).T
         inside = jnp.isclose(noise_values, jnp.clip(noise_values, lower, upper), rtol=_ROUNDING, atol=0.0)
         noise = jnp.where(inside, noise_values, upper)

@@ -118,7 +118,7 @@ def _rows(building: Building, devices: Sequence[Device] | ArrayLike) -> tuple[Fl
     """Rows of elongation and names of devices."""
     if isinstance(devices, Sequence) and devices and all(isinstance(device, Device) for device in devices):
         named = [device for device in devices if isinstance(device, Device)]
-        return elongation_rows(building, named), tuple(name.name for name in named)
+        return elongation_rows(building, named), tuple(device.name for device in named)
     return np.atleast_2d(np.asarray(devices, dtype=np.float64)), ()
 
 
@@ -130,7 +130,7 @@ def _blame_budget(plant: Plant, spectrum: SpectralDensity, budgets: Floats) -> I
             yield
     except SettingError as error:
         useful = useful_force(plant, spectrum)
-        shown = ", ".join(f"{fromkey:.3g}" for fromkey in dict.fromkeys(budgets.tolist()))
+        shown = ", ".join(f"{force:.3g}" for force in dict.fromkeys(budgets.tolist()))
         if budgets.max() > useful:
             raise SettingError(
                 f"the budget is {shown} N, and the limits have no use for more than about {useful:.2g} N rms, a fifth "
@@ -258,6 +258,8 @@ def _designed(
         v = deformation_rates(plant).C
         Q, N = Q + (v.T * (s * c**2)) @ v, N - v.T * (s * c)
         R = R + np.diag(s * (1.0 - task.semi_active.share**2))
+        # The multiplier of a budget that does not bind is zero, to which no size of R has a ratio.
+        control_weight = np.maximum(control_weight, 1e-9 * np.diag(R))
     gain, _ = solve_riccati(plant.A, plant.B, Q, R, N, scaling=plant.scaling)
     return DesignedWeights(
         plant=plant,

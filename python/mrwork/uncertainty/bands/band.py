@@ -187,7 +187,7 @@ def noise_band(
     """
     _check_draws(forces)
     if noise_draws.shape[1] != len(noise.parameters):
-        names = ", ".join(parameter_name.name for parameter_name in noise.parameters)
+        names = ", ".join(parameter.name for parameter in noise.parameters)
         raise SettingError(
             f"`noise_draws` has shape {noise_draws.shape}; {noise.name} noise has the parameters {names}"
         )

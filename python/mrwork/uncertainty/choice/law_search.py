@@ -181,9 +181,7 @@ class LawSearch:
 
     def _laws_of(self, *scales: Scale) -> Laws:
         law = CommandLaw(min(_FIRST_DEGREE, self.most))
-        names = sorted(
-            parameter_name.name for parameter_name in self.plain.parameters if parameter_name.scale in scales
-        )
+        names = sorted(parameter.name for parameter in self.plain.parameters if parameter.scale in scales)
         return {name: law for name in names if name in self.free}
 
     def run(self, first: Fit) -> None:
@@ -235,17 +233,13 @@ class LawSearch:
 
         Where a shape follows the command, too, it may take over what a damping does at the tested velocities.
         """
-        names = [
-            parameter_name.name
-            for parameter_name in self.plain.parameters
-            if parameter_name.scales_with_force
-        ]
+        names = [parameter.name for parameter in self.plain.parameters if parameter.scales_with_force]
         laws = {name: law for name, law in self.first_laws.items() if name in names}
         searched = search_box(self.plain, Box.of(self.plain), self.tests)
         least = dict(zip(searched.names, _ALIVE * np.array(searched.lower), strict=True))
         while laws:
             spec, box = self.model(laws)
-            lower = [least.get(parameter_name.plain_name, 0.0) for parameter_name in spec.parameters]
+            lower = [least.get(parameter.plain_name, 0.0) for parameter in spec.parameters]
             starts = self.transfer_starts(dead, spec, box)
             starts = np.where(box.log, np.maximum(starts, lower), starts)
             self._fit_laws([laws], [np.asarray(box.inside(np.minimum(starts, box.upper)))])
@@ -350,20 +344,16 @@ class LawSearch:
     def _changes(self, laws: Laws) -> list[tuple[str, Laws]]:
         """Laws of which one has another degree by one or another form, with the parameter that it is of."""
         changed = []
-        for parameter_name in self.plain.parameters:
-            if parameter_name.name not in self.free:
+        for parameter in self.plain.parameters:
+            if parameter.name not in self.free:
                 continue
-            law = laws.get(parameter_name.name, CONSTANT)
+            law = laws.get(parameter.name, CONSTANT)
             degree, is_direct = law.fitted_degree, bool(law.nodes)
             wanted = [(near, is_direct and near > 0) for near in (degree - 1, degree + 1)]
-            if (
-                parameter_name.scale == "log"
-                and degree > 0
-                and (self.varies or degree < len(self.commands) - 1)
-            ):
+            if parameter.scale == "log" and degree > 0 and (self.varies or degree < len(self.commands) - 1):
                 wanted.append((degree, not is_direct))
             changed += [
-                (parameter_name.name, self._with_law(laws, parameter_name.name, near, direct=direct))
+                (parameter.name, self._with_law(laws, parameter.name, near, direct=direct))
                 for near, direct in wanted
                 if 0 <= near <= self.most
             ]

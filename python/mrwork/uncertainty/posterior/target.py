@@ -126,10 +126,10 @@ _ROUNDING = 1e-12
 def with_noise(box: Box, noise: Noise) -> Box:
     """The ranges of the parameters of a model and then of a noise model."""
     return Box(
-        names=box.names + tuple(NOISE + parameter_name.name for parameter_name in noise.parameters),
-        lower=box.lower + tuple(parameter_name.lower for parameter_name in noise.parameters),
-        upper=box.upper + tuple(parameter_name.upper for parameter_name in noise.parameters),
-        log=box.log + tuple(parameter_name.log for parameter_name in noise.parameters),
+        names=box.names + tuple(NOISE + parameter.name for parameter in noise.parameters),
+        lower=box.lower + tuple(parameter.lower for parameter in noise.parameters),
+        upper=box.upper + tuple(parameter.upper for parameter in noise.parameters),
+        log=box.log + tuple(parameter.log for parameter in noise.parameters),
     )
 
 
