@@ -192,7 +192,7 @@ class Likeness:
 def likenesses_in_words(likenesses: Sequence[Likeness]) -> str:
     """The first few of several likenesses."""
     more = f", and {len(likenesses) - 3} more alike" if len(likenesses) > 3 else ""
-    return "; ".join(likenesse.in_words for likenesse in likenesses[:3]) + more
+    return "; ".join(likeness.in_words for likeness in likenesses[:3]) + more
 
 
 def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:

@@ -88,7 +88,7 @@ def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
     )
     places = {}
     for where, excesses, meaning in kinds:
-        if ratios := [excesse.ratio for excesse in excesses if excesse.is_found]:
+        if ratios := [excess.ratio for excess in excesses if excess.is_found]:
             times = f"{shortest(max(ratios), 2)} times as large as elsewhere"
             several = f"up to {times} on {tests_of(len(ratios), len(tests))}"
             places[f"{where} are {several if len(tests) > 1 else times}"] = meaning
