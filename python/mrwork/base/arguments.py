@@ -133,7 +133,8 @@ def takes_fields(
             function.__doc__ or "",
             {parameter.name: texts[parameter.name] for parameter in parameters},
         )
-        taking.__signature__ = inspect.signature(function).replace(parameters=parameters)  # type: ignore[attr-defined]
+        signature = inspect.signature(function).replace(parameters=parameters)
+        taking.__signature__ = signature  # type: ignore[attr-defined] # `inspect` reads it, stubs lack it
         return checked(taking)
 
     return decorated

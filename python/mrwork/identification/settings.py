@@ -208,10 +208,11 @@ class FitSettings:
         """Plain values of all fields, for JSON; a search is a record with its name."""
         search = self.search
         assert not isinstance(search, str)
+        record: dict[str, Any] = plain(self)
         if search is None:
-            return plain(self)  # type: ignore[no-any-return] # of a dataclass it is a dictionary
+            return record
         settings = search.settings if isinstance(search, UnregisteredSearch) else plain(search)
-        return plain(self) | {"search": {"name": search.name, **settings}}  # type: ignore[no-any-return]
+        return record | {"search": {"name": search.name, **settings}}
 
     @classmethod
     @checked
