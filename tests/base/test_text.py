@@ -16,9 +16,9 @@ from mrwork.errors import MrworkWarning, RecordError, escape_text, escaped_lines
 from mrwork.report.section import Table
 
 COLUMNS = (
-    TableColumn(heading="test", cell=lambda each: each[0], words=True),
+    TableColumn(heading="test", cell=lambda each: each[0]),
     TableColumn(heading="peak force", unit="N", cell=lambda each: each[1]),
-    TableColumn(heading="remark", cell=lambda each: each[2], words=True),
+    TableColumn(heading="remark", cell=lambda each: each[2]),
 )
 ITEMS = (("k_w <1>", "12.5", ""), ("slow", "3", "at 5 %"))
 
@@ -38,7 +38,7 @@ def test_the_unit_of_a_column_is_in_the_headings_of_every_medium() -> None:
 def test_a_page_leaves_out_what_is_empty_in_every_row() -> None:
     items = [("a", "1", ""), ("b", "2", "–")]
     table = replace(text_table(COLUMNS, items), foot=("all", "3", "")).filled
-    assert (table.columns, table.foot, table.words) == (("test", "peak force [N]"), ("all", "3"), (0,))
+    assert (table.columns, table.foot) == (("test", "peak force [N]"), ("all", "3"))
     assert page_table("Tests", COLUMNS, items).columns == ("Test", "Peak force (N)")
 
 

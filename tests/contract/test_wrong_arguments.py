@@ -107,16 +107,9 @@ def built() -> Iterator[tuple[str, Any]]:
     yield from (data[short] for short in sorted(found))
 
 
-def declared(target: Any) -> dict[str, Node]:
-    """What the parameters take; of a method also its object."""
-    function = vars(target)["__init__"] if isinstance(target, type) else target
-    owner = target if isinstance(target, type) else object
-    return nodes_of(function, owner)
-
-
 def checked_parameters(target: Any) -> dict[str, Node]:
     """Those of the parameters that are checked against their annotation."""
-    return {name: node for name, node in declared(target).items() if in_words(node) != "anything"}
+    return {name: node for name, node in nodes_of(target).items() if in_words(node) != "anything"}
 
 
 PUBLIC = [
@@ -151,7 +144,7 @@ ODD = (
 
 @pytest.mark.parametrize("target", PUBLIC)
 def test_what_an_annotation_excludes_is_refused_with_the_argument_and_a_remedy(target: Any) -> None:
-    for name, node in declared(target).items():
+    for name, node in nodes_of(target).items():
         parameter = inspect.signature(target).parameters[name]
         if in_words(node) == "anything":
             assert UNCHECKED.search(str(parameter.annotation)), f"{name} takes anything and does not say so"

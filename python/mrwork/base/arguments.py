@@ -27,13 +27,12 @@ from typing import Annotated, Any, ParamSpec, TypeVar, cast, dataclass_transform
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.base import hints as nodes
 from mrwork.base.docstrings import parameter_texts, with_parameters
 from mrwork.base.hints import (
     LARGEST,
+    Form,
     InUnit,
     Node,
-    fields_of,
     instead_of,
     nodes_of,
     note_of,
@@ -96,7 +95,7 @@ def checked(target: TargetT) -> TargetT:
             kind = dataclass(frozen=True, slots=True, kw_only=True)(target)
         kind.__init__ = _check_calls(kind.__init__, kind.__name__, kind)
         with suppress(NameError):
-            kind.__doc__ = documented(kind, fields_of(kind))
+            kind.__doc__ = documented(kind, nodes_of(kind))
         return cast(TargetT, kind)
     # A method is named with its class, a constructor by its class, a function within a function by its own name.
     name = target.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
@@ -140,7 +139,7 @@ def takes_fields(
     return decorated
 
 
-def _check_calls(function: Any, name: str, owner: type = object) -> Any:
+def _check_calls(function: Any, name: str, owner: type | None = None) -> Any:
     """The function with its arguments checked; a constructor takes the fields of its class, the `owner`."""
     signature = inspect.signature(function)
     parameters = signature.parameters
@@ -154,8 +153,10 @@ def _check_calls(function: Any, name: str, owner: type = object) -> Any:
     shapes: dict[str, Shape] = {}
 
     def read_annotations() -> None:
-        declared.update(nodes_of(function, owner))
-        declared.update({name: nodes.Items(tuple, (declared[name],)) for name in rest if name in declared})
+        declared.update(nodes_of(owner or function))
+        declared.update(
+            {name: Node(Form.ITEMS, tuple, (declared[name],)) for name in rest if name in declared}
+        )
         shapes.update({name: shape for name, node in declared.items() if (shape := note_of(node, Shape))})
 
     # An annotation may name what is defined after the function; the first call reads it then.
@@ -197,10 +198,10 @@ def _misfit(function: str, kwargs: Mapping[str, Any], names: list[str], reason: 
     return ArgumentError(f"{function} has {reason}; give each argument once, by name")
 
 
-def _error(parameter: str, function: str, refusal: Refusal, owner: type = object) -> MrworkError:
+def _error(parameter: str, function: str, refusal: Refusal, owner: type | None = None) -> MrworkError:
     name = f"`{parameter}{''.join(f'[{key!r}]' for key in refusal.path)}`"
     sentence = f"{name} of {function} {refusal.in_words()}"
-    is_setting = owner is not object and issubclass(refusal.error, SettingError)
+    is_setting = owner is not None and issubclass(refusal.error, SettingError)
     error = InvalidSettingError(parameter, sentence) if is_setting else refusal.error(sentence)
     error.key, error.in_a_file = parameter, f"{name} {refusal.in_words()}"
     return error
@@ -252,7 +253,7 @@ class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the
 
 def accept(node: Node, value: Any) -> Any:
     """The value, converted to what the annotation declares; raises `Refusal` where it is something else."""
-    return _CHECKS[type(node)](node, value)
+    return _CHECKS.get(node.form, _instance)(node, value)
 
 
 def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str:
@@ -268,33 +269,33 @@ def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str
         return in_words(part, in_file=in_file, several=several)
 
     match node:
-        case nodes.Scalar(kind) if kind in _NOUNS:
+        case Node(Form.SCALAR, kind) if kind in _NOUNS:
             unit = _unit_of(node)
             return noun(_NOUNS[kind], f" [{unit}]" if unit and unit != "1" else "")
-        case nodes.Scalar(kind):
+        case Node(Form.SCALAR, kind):
             return "true or false" if kind is bool else "None"
-        case nodes.Enumerated(choices):
+        case Node(Form.ENUMERATED, choices):
             return " or ".join(map(repr, choices))
-        case nodes.Array(kind):
+        case Node(Form.ARRAY, kind):
             return noun("array", " of numbers" if kind in _NUMBERS else f" of {np.dtype(kind)}")
-        case nodes.Items(_, (item,)):
+        case Node(Form.ITEMS, _, (item,)):
             items = words(item, several=True)
-            alone = isinstance(item, nodes.Items) or (in_file and isinstance(item, nodes.Record))
+            alone = item.form is Form.ITEMS or (in_file and item.form is Form.RECORD)
             return items if alone else noun("row" if several else "list", f" of {items}")
-        case nodes.Fixed(_, parts):
+        case Node(Form.FIXED, _, parts):
             return f"{len(parts)} values: {', '.join(map(words, parts))}"
-        case nodes.ByName(_, (_, value)):
+        case Node(Form.BY_NAME, _, (_, value)):
             values = words(value, several=True)
             return noun("table" if in_file else "dict", "" if values == "anything" else f" of {values}")
-        case nodes.Either(_, parts):
+        case Node(Form.EITHER, _, parts):
             return " or ".join(filter(None, map(words, parts)))
-        case nodes.Record(kind) if in_file and is_table(kind):
+        case Node(Form.RECORD, kind) if in_file and is_table(kind):
             return noun("table")
-        case nodes.Record() | nodes.Instance() | nodes.Function() if in_file:
+        case Node(Form.RECORD | Form.INSTANCE | Form.FUNCTION) if in_file:
             return ""
-        case nodes.Function((takes, _)):
+        case Node(Form.FUNCTION, (takes, _)):
             return noun("function", "" if takes is ... else f" of {counted(len(takes), 'argument')}")
-        case nodes.Record(kind) | nodes.Instance(kind):
+        case Node(Form.RECORD | Form.INSTANCE, kind):
             made = getattr(kind, "_made_by", "")
             return noun("path" if kind is os.PathLike else kind.__name__, made and f", made by {made}")
     return "anything"
@@ -416,8 +417,7 @@ def _sequence(node: Node, value: Any) -> Any:
         value = tuple(value)
     (of,) = node.parts
     # The rows of a matrix are items of their own where items are lists or arrays.
-    kinds = (of, *of.parts)
-    rows = any(isinstance(kind, nodes.Fixed | nodes.Array) for kind in kinds)
+    rows = any(part.form in (Form.ITEMS, Form.FIXED, Form.ARRAY) for part in (of, *of.parts))
     listed = _listed(node, value, most_axes=2 if rows else 1)
     items = [_accept_at(of, item, index) for index, item in enumerate(listed)]
     return items if isinstance(listed, list) and node.kind is not tuple else tuple(items)
@@ -485,16 +485,14 @@ def _either(node: Node, value: Any) -> Any:
     raise next(iter(refusals), Refusal(node, value))
 
 
-_CHECKS: dict[type[Node], Callable[[Node, Any], Any]] = {
-    Node: lambda _, value: value,
-    nodes.Scalar: lambda node, value: {float: _number, int: _whole}.get(node.kind, _instance)(node, value),
-    nodes.Enumerated: _choice,
-    nodes.Array: _array,
-    nodes.Items: _sequence,
-    nodes.Fixed: _fixed,
-    nodes.ByName: _mapping,
-    nodes.Record: _instance,
-    nodes.Instance: _instance,
-    nodes.Either: _either,
-    nodes.Function: _function,
+_CHECKS: dict[Form, Callable[[Node, Any], Any]] = {
+    Form.ANYTHING: lambda _, value: value,
+    Form.SCALAR: lambda node, value: {float: _number, int: _whole}.get(node.kind, _instance)(node, value),
+    Form.ENUMERATED: _choice,
+    Form.ARRAY: _array,
+    Form.ITEMS: _sequence,
+    Form.FIXED: _fixed,
+    Form.BY_NAME: _mapping,
+    Form.EITHER: _either,
+    Form.FUNCTION: _function,
 }

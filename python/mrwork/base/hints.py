@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum, auto
 from functools import cache
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -134,53 +134,41 @@ NoteT = TypeVar("NoteT")
 # Nodes
 
 
+class Form(Enum):
+    """What a node declares, and what its `kind` is then."""
+
+    # What cannot be checked, such as `Any`.
+    ANYTHING = auto()
+    # A number, a flag, a text or `None`, by its class.
+    SCALAR = auto()
+    # One of the values that are the kind.
+    ENUMERATED = auto()
+    # An array of this kind of numbers; where that is `None`, also what NumPy turns into an array.
+    ARRAY = auto()
+    # A tuple with an item of each part.
+    FIXED = auto()
+    # A tuple, another sequence, or an iterable, of any number of items of the one part.
+    ITEMS = auto()
+    # Values by name; the parts are the nodes of the names and of the values.
+    BY_NAME = auto()
+    # A dataclass, whose fields `nodes_of` has.
+    RECORD = auto()
+    # One of the parts; also `None`, where that is the kind.
+    EITHER = auto()
+    # A function; its kind is the list of what it takes, or an ellipsis, and what it returns.
+    FUNCTION = auto()
+    # An object of another class.
+    INSTANCE = auto()
+
+
 @dataclass(frozen=True, slots=True)
 class Node:
-    """What cannot be checked, such as `Any`; and the root of all kinds of nodes, with the `parts` of containers."""
+    """What an annotation declares, with the `parts` of a container."""
 
+    form: Form = Form.ANYTHING
     kind: Any = object
     parts: tuple[Node, ...] = ()
     notes: Notes = ()
-
-
-class Scalar(Node):
-    """A number, a flag, a text or `None`, by its class."""
-
-
-class Enumerated(Node):
-    """One of the values that are its kind."""
-
-
-class Array(Node):
-    """An array of this kind of numbers; where that is `None`, also what NumPy turns into an array."""
-
-
-class Fixed(Node):
-    """A tuple with an item of each part."""
-
-
-class Items(Fixed):
-    """A tuple, another sequence, or an iterable, of any number of items."""
-
-
-class ByName(Node):
-    """Values by name; its parts are the nodes of the names and of the values."""
-
-
-class Record(Node):
-    """A dataclass, whose fields `fields_of` has."""
-
-
-class Either(Node):
-    """One of its parts; also `None`, where that is its kind."""
-
-
-class Function(Node):
-    """A function; its kind is the list of what it takes, or an ellipsis, and what it returns."""
-
-
-class Instance(Node):
-    """An object of another class."""
 
 
 _SCALARS = frozenset({float, int, bool, str, NoneType})
@@ -220,18 +208,18 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         others = [member for member in members if not (takes_arrays and member in _ARRAY_LIKE)]
         parts = [node_of(other, notes) for other in others if other is not NoneType]
         # NumPy makes an array of what other members are meant for.
-        parts.sort(key=lambda part: isinstance(part, Array))
-        parts += [Array(None, (), notes)] * takes_arrays
-        return Either(NoneType if NoneType in members else object, tuple(parts), notes)
+        parts.sort(key=lambda part: part.form is Form.ARRAY)
+        parts += [Node(Form.ARRAY, None, (), notes)] * takes_arrays
+        return Node(Form.EITHER, NoneType if NoneType in members else object, tuple(parts), notes)
     if origin is Literal:
-        return Enumerated(inner, (), notes)
+        return Node(Form.ENUMERATED, inner, (), notes)
     if origin is np.ndarray:
         # NDArray[T] is ndarray[shape, dtype[T]].
-        return Array(get_args(inner[1])[0], (), notes)
+        return Node(Form.ARRAY, get_args(inner[1])[0], (), notes)
     if hint in _SCALARS:
-        return Scalar(hint, (), notes)
+        return Node(Form.SCALAR, hint, (), notes)
     if hint is Any and May.BE_TRACED in notes:
-        return Array(None, (), notes)
+        return Node(Form.ARRAY, None, (), notes)
     kind: Any = origin or hint
     if kind in (Any, object):
         return Node(notes=notes)
@@ -242,63 +230,54 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
             f"the annotation {hint!r} is of a form that `node_of` does not know; add the form, or use Any"
         )
     if is_dataclass(kind):
-        return Record(kind, (), notes)
+        return Node(Form.RECORD, kind, (), notes)
     if kind is Callable:
-        return Function(inner or (..., Any), (), notes)
+        return Node(Form.FUNCTION, inner or (..., Any), (), notes)
     if issubclass(kind, Mapping):
         name, value = inner or (Any, Any)
-        return ByName(kind, (node_of(name), node_of(value, notes)), notes)
+        return Node(Form.BY_NAME, kind, (node_of(name), node_of(value, notes)), notes)
     if kind is tuple and inner and inner[1:] != (...,):
-        return Fixed(kind, tuple(node_of(entry, notes) for entry in inner), notes)
+        return Node(Form.FIXED, kind, tuple(node_of(entry, notes) for entry in inner), notes)
     if inner and (kind is Iterable or issubclass(kind, Sequence)):
         if get_origin(inner[0]) in (tuple, Sequence):
             # A range holds for numbers and arrays of numbers, but not for entries beside the diagonal of a matrix.
             notes = tuple(note for note in notes if not isinstance(note, Within))
-        return Items(kind, (node_of(inner[0], notes),), notes)
-    return Instance(kind, tuple(map(node_of, inner)), notes)
+        return Node(Form.ITEMS, kind, (node_of(inner[0], notes),), notes)
+    return Node(Form.INSTANCE, kind, tuple(map(node_of, inner)), notes)
 
 
-def note_of(node: Node, kind: type[NoteT], inside: type[Node] = Either) -> NoteT | None:
-    """The first note of a kind that an annotation has, or a part of it: by default a member of a union."""
-    parts = node.parts if isinstance(node, inside) else ()
+def note_of(node: Node, kind: type[NoteT], *, inside: bool = False) -> NoteT | None:
+    """The first note of a kind that an annotation has, or a member of a union, or with `inside` any part of it."""
     notes = (note for note in node.notes if isinstance(note, kind))
-    return next(notes, None) or next(filter(None, (note_of(part, kind, inside) for part in parts)), None)
-
-
-# Fields
+    parts = node.parts if inside or node.form is Form.EITHER else ()
+    further = (note_of(part, kind, inside=inside) for part in parts)
+    return next(notes, None) or next(filter(None, further), None)
 
 
 @cache
-def fields_of(kind: type) -> Mapping[str, Node]:
-    """What each field of a dataclass declares by its annotation, its default, and its `key` if it has one."""
-    hints = get_type_hints(kind, include_extras=True)
+def nodes_of(declaring: Any) -> Mapping[str, Node]:
+    """What a function declares of each parameter, or a dataclass of each field: by annotation, default and `key`."""
+    if isinstance(declaring, type):
+        hints = get_type_hints(declaring, include_extras=True)
+        entries = {entry.name: (entry.default, entry.metadata.get(NOTES, ())) for entry in fields(declaring)}
+    else:
+        parameters = inspect.signature(declaring).parameters
+        entries = {
+            name: (parameter.default, ())
+            for name, parameter in parameters.items()
+            if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
+        }
+        # Without what the function returns, which may be a name for the type checker only.
+        annotated = SimpleNamespace(__annotations__={name: parameters[name].annotation for name in entries})
+        hints = get_type_hints(annotated, inspect.unwrap(declaring).__globals__, include_extras=True)
     return {
-        field.name: node_of(
-            hints[field.name], (*field.metadata.get(NOTES, ()), *notes_of_default(field.default))
-        )
-        for field in fields(cast(Any, kind))
+        name: node_of(hints[name], (*notes, *_notes_of_default(default)))
+        for name, (default, notes) in entries.items()
     }
 
 
-def notes_of_default(default: Any) -> Notes:
+def _notes_of_default(default: Any) -> Notes:
     """What a default says of the other values: numbers may be infinite or NaN where it is."""
     if not isinstance(default, float) or math.isfinite(default):
         return ()
     return (May.BE_NAN if math.isnan(default) else May.BE_INFINITE,)
-
-
-def nodes_of(function: Any, owner: type = object) -> dict[str, Node]:
-    """What each parameter of a function declares by its annotation, or of the constructor of the dataclass `owner`."""
-    parameters = inspect.signature(function).parameters
-    if is_dataclass(owner):
-        return {name: node for name, node in fields_of(owner).items() if name in parameters}
-    # Without what the function returns, which may be a name for the type checker only.
-    annotated = SimpleNamespace(
-        __annotations__={
-            name: parameter.annotation
-            for name, parameter in parameters.items()
-            if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
-        }
-    )
-    hints = get_type_hints(annotated, inspect.unwrap(function).__globals__, include_extras=True)
-    return {name: node_of(hint, notes_of_default(parameters[name].default)) for name, hint in hints.items()}

@@ -18,9 +18,8 @@ from functools import cache, partial
 from itertools import chain
 from typing import Any, NoReturn, cast
 
-from mrwork.base import hints as nodes
 from mrwork.base.docstrings import with_parameters
-from mrwork.base.hints import NOTES, May, Node, Record, Says, Within, fields_of, nodes_of, note_of
+from mrwork.base.hints import NOTES, Form, May, Node, Says, Within, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import synonyms, without_style
 from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
@@ -152,7 +151,7 @@ class Key:
     @property
     def within(self) -> Within:
         """Permitted range of its numbers in a document, where counts may start from one."""
-        within = note_of(self.node, Within, Node) or Within()
+        within = note_of(self.node, Within, inside=True) or Within()
         if not self.says.from_one:
             return within
         return replace(within, least=within.least + 1, most=within.most + 1)
@@ -176,7 +175,7 @@ keys_of: Callable[[Table], tuple[Key, ...]] = cache(_keys_of)
 
 
 def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
-    declared = fields_of(function) if isinstance(function, type) else nodes_of(function)
+    declared = nodes_of(function)
     defaults = {name: parameter.default for name, parameter in inspect.signature(function).parameters.items()}
     return tuple(
         Key(name=name, node=declared[name], default=defaults[name], says=says)
@@ -304,11 +303,11 @@ def is_table(kind: type) -> bool:
 
 
 def _table_in(node: Node) -> tuple[type | None, bool]:
-    if isinstance(node, Record):
+    if node.form is Form.RECORD:
         return (node.kind if is_table(node.kind) else None), False
     inner = [_table_in(part) for part in node.parts]
     kind = next((table for table, _ in inner if table is not None), None)
-    return kind, isinstance(node, nodes.Fixed) or any(several for _, several in inner)
+    return kind, node.form in (Form.FIXED, Form.ITEMS) or any(several for _, several in inner)
 
 
 def refuse_repeated(table: Any) -> None:

@@ -12,7 +12,7 @@ from textwrap import wrap
 from typing import Any, ClassVar
 
 from mrwork.base.numbers import format_rounded
-from mrwork.base.table import Table, columns_in_words, escape
+from mrwork.base.table import Table, escape
 
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
@@ -45,7 +45,7 @@ class Summary:
     @property
     def shown_tables(self) -> Sequence[Table]:
         """The tables that have rows, of their columns with an entry."""
-        first = Table(columns=self.columns, rows=self.rows, words=columns_in_words(self.rows))
+        first = Table(columns=self.columns, rows=self.rows)
         return [
             replace(table.filled, label=table.label or table.title or self.title)
             for table in (first, *self.tables)

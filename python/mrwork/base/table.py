@@ -26,7 +26,7 @@ _LONG = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableColumn:
-    """A column: its heading, the unit of its cells, the cell of an item, and whether cells are words, not numbers.
+    """A column: its heading, the unit of its cells, and the cell of an item.
 
     A result declares its columns once: `key` is the attribute of an item and its name in JSON and in arrays, where
     `long_name` says in words what it is. A column without a heading is in no table, one without a key in tables alone.
@@ -35,7 +35,6 @@ class TableColumn:
     heading: str = ""
     cell: Callable[[Any], str] = str
     unit: str = ""
-    words: bool = False
     key: str = ""
     long_name: str = ""
 
@@ -47,7 +46,7 @@ class TableColumn:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Table:
-    """Text or markup in rows; the first column names the row, those in `words` are text, all others numbers.
+    """Text or markup in rows; the first column names the row, others are of numbers or of words, as their cells are.
 
     A table has a `title` above it, or a `label` for screen readers only; a `note` stands below. `over` are headings
     above the columns, each with the number of columns that it spans; `headings` are headings above rows, by the number
@@ -60,7 +59,6 @@ class Table:
     title: str = ""
     label: str = ""
     foot: tuple[str, ...] = ()
-    words: tuple[int, ...] = ()
     note: str = ""
     over: tuple[tuple[str, int], ...] = ()
     strong: frozenset[tuple[int, int]] = frozenset()
@@ -78,7 +76,6 @@ class Table:
             self,
             columns=tuple(self.columns[number] for number in numbers),
             rows=tuple(tuple(row[number] for number in numbers) for row in self.rows),
-            words=tuple(index for index, number in enumerate(numbers) if number in self.words),
             foot=tuple(self.foot[number] for number in numbers) if self.foot else (),
         )
 
@@ -107,6 +104,22 @@ class Table:
 
     def html(self) -> str:
         """The table for a page, in a region that scrolls."""
+        words = _columns_in_words(self.rows)
+
+        def kind(column: int, row: int | None = None, text: str = "") -> str:
+            """Attribute of a cell in a column, and in a row unless it is a heading or of the foot."""
+            if column in words:
+                return ' class="reason"' if len(text) > _LONG and row is not None else ""
+            strong = " strong" if (row, column) in self.strong else ""
+            return f' class="number{strong}{" remark" if (row, column) in self.alarming else ""}"'
+
+        def line(name: str, cells: Sequence[str], row: int | None = None) -> str:
+            rest = (
+                f"<td{kind(column, row, text)}>{escape(text)}</td>"
+                for column, text in enumerate(cells[1:], start=1)
+            )
+            return f'<tr><th scope="row" class="name">{name}</th>{"".join(rest)}</tr>'
+
         lines = [f"<h3>{escape(self.title)}</h3>"] if self.title else []
         region = f'tabindex="0" role="region" aria-label="{escape(self.label or self.title)}"'
         lines += [f'<div class="scroll" {region}>', "<table>", "<thead>"]
@@ -114,7 +127,7 @@ class Table:
             spans = (f'<th scope="colgroup" colspan="{n}">{_heading(text)}</th>' for text, n in self.over)
             lines.append(f'<tr class="over">{"".join(spans)}</tr>')
         heads = (
-            f'<th scope="col"{self._class(column) if column else ""}>{_heading(text)}</th>'
+            f'<th scope="col"{kind(column) if column else ""}>{_heading(text)}</th>'
             for column, text in enumerate(self.columns)
         )
         lines += [f"<tr>{''.join(heads)}</tr></thead>", "<tbody>"]
@@ -122,10 +135,10 @@ class Table:
             if row in self.headings:
                 heading = f'<th scope="rowgroup" colspan="{len(cells)}">{escape(self.headings[row])}</th>'
                 lines.append(f'<tr class="rank">{heading}</tr>')
-            lines.append(self._row(breakable(cells[0]), cells, row))
+            lines.append(line(breakable(cells[0]), cells, row))
         lines.append("</tbody>")
         if self.foot:
-            lines += ["<tfoot>", self._row(escape(self.foot[0]), self.foot), "</tfoot>"]
+            lines += ["<tfoot>", line(escape(self.foot[0]), self.foot), "</tfoot>"]
         lines += ["</table>", "</div>"]
         if self.note:
             lines.append(f'<p class="note">{format_code(self.note)}</p>')
@@ -144,20 +157,6 @@ class Table:
                 line = f"{line:<{start}}{text if column else ''}  "
             column += span
         return [line.rstrip()] if line.strip() else []
-
-    def _row(self, name: str, cells: Sequence[str], row: int | None = None) -> str:
-        rest = (
-            f"<td{self._class(column, row, text)}>{escape(text)}</td>"
-            for column, text in enumerate(cells[1:], start=1)
-        )
-        return f'<tr><th scope="row" class="name">{name}</th>{"".join(rest)}</tr>'
-
-    def _class(self, column: int, row: int | None = None, text: str = "") -> str:
-        """Attribute of a cell in a column, and in a row unless it is a heading or of the foot."""
-        if column in self.words:
-            return ' class="reason"' if len(text) > _LONG and row is not None else ""
-        strong = " strong" if (row, column) in self.strong else ""
-        return f' class="number{strong}{" remark" if (row, column) in self.alarming else ""}"'
 
 
 def document_of(columns: Sequence[TableColumn], item: object) -> dict[str, Any]:
@@ -178,23 +177,13 @@ def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
             f"{column.heading} [{column.unit}]" if column.unit else column.heading for column in columns
         ),
         rows=tuple(tuple(column.cell(item) for column in columns) for item in items),
-        words=tuple(number for number, column in enumerate(columns) if column.words),
     )
 
 
-def page_table(
-    label: str,
-    columns: Sequence[TableColumn],
-    items: Iterable[Any],
-    *,
-    note: str = "",
-) -> Table:
+def page_table(label: str, columns: Sequence[TableColumn], items: Iterable[Any], *, note: str = "") -> Table:
     """A table for a page, with a row for each item, without the columns that are empty in every row."""
-    table, headings = (
-        text_table(columns, items),
-        tuple(column.on_page for column in columns if column.heading),
-    )
-    return replace(table, label=label, columns=headings, note=note).filled
+    headings = tuple(column.on_page for column in columns if column.heading)
+    return replace(text_table(columns, items), label=label, columns=headings, note=note).filled
 
 
 def csv_text(rows: Iterable[Sequence[str]]) -> str:
@@ -208,7 +197,7 @@ def _align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of cells as lines: the first column to the left, others to the right where all their cells are numbers."""
     rows = [[escape_text(cell) for cell in row] for row in rows]
     columns = list(zip(*rows, strict=True))
-    words = columns_in_words(rows[1:])
+    words = _columns_in_words(rows[1:])
     widths = [max(map(len, column)) for column in columns]
     return [
         "  ".join(
@@ -219,14 +208,14 @@ def _align_rows(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-def columns_in_words(rows: Sequence[Sequence[str]]) -> tuple[int, ...]:
+def _columns_in_words(rows: Sequence[Sequence[str]]) -> tuple[int, ...]:
     """Places of the columns, behind the first, that are not of numbers."""
     columns = zip(*rows, strict=True)
     return tuple(index for index, column in enumerate(columns) if index and not all(map(_is_numeric, column)))
 
 
 def _is_numeric(cell: str) -> bool:
-    return cell in ("", "-", "–", "open", "∞") or cell.lstrip("+-−.")[:1].isdigit()
+    return cell in ("", "-", "–", "open", "∞") or cell.lstrip("+-−–.<> ")[:1].isdigit()
 
 
 def escape(text: str) -> str:

@@ -15,9 +15,8 @@ from dataclasses import MISSING, dataclass, fields, replace
 from functools import partial
 from typing import Any
 
-from mrwork.base import hints as nodes
 from mrwork.base.docstrings import parameter_texts
-from mrwork.base.hints import Node, fields_of, nodes_of
+from mrwork.base.hints import Form, Node, nodes_of
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, Range, finite_number
 from mrwork.errors import MrworkError
@@ -92,7 +91,7 @@ def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
     if isinstance(declaring, type):
         (field,) = (entry for entry in fields(declaring) if entry.name == name)
         made = field.default_factory
-        return fields_of(declaring)[name], field.default if made is MISSING else made(), text
+        return nodes_of(declaring)[name], field.default if made is MISSING else made(), text
     return nodes_of(declaring)[name], inspect.signature(declaring).parameters[name].default, text
 
 
@@ -122,29 +121,29 @@ class _Form:
 def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
     """The form of what an annotation declares; `None` where no text stands for it."""
     match node:
-        case nodes.ByName(_, (_, value)):
+        case Node(Form.BY_NAME, _, (_, value)):
             read, shape = (reads, "VALUE") if reads is not None else _entry_of(value)
             return _Form(reads=partial(read_entry, read, shape), metavar=f"NAME={shape}", repeated=True)
-        case nodes.Items(_, (nodes.Scalar(kind) as item,)) if kind in (int, float):
+        case Node(Form.ITEMS, _, (Node(Form.SCALAR, kind) as item,)) if kind in (int, float):
             return _Form(reads=Listed(Range.of(item)), metavar="LIST")
-        case nodes.Items(_, (item,)):
+        case Node(Form.ITEMS, _, (item,)):
             inner = _form_of(item, reads)
             return None if inner is None else replace(inner, repeated=True)
-        case nodes.Either():
+        case Node(Form.EITHER):
             forms = [form for part in node.parts if (form := _form_of(part, reads)) is not None]
             words = [word for form in forms for word in form.choices]
             numbers = [form.reads for form in forms if isinstance(form.reads, Range)]
             if words and numbers:
                 return _Form(reads=replace(numbers[0], word=words[0]))
             return next((form for form in forms if form.repeated), next(iter(forms), None))
-        case nodes.Enumerated(choices):
+        case Node(Form.ENUMERATED, choices):
             return _Form(choices=choices)
-        case nodes.Scalar(kind) if kind is bool:
+        case Node(Form.SCALAR, kind) if kind is bool:
             return _Form(action="store_true")
-        case nodes.Scalar(kind) if kind in (int, float):
+        case Node(Form.SCALAR, kind) if kind in (int, float):
             number = Range.of(node)
             return _Form(reads=number, metavar=number.metavar)
-        case nodes.Scalar():
+        case Node(Form.SCALAR):
             return _Form(metavar="NAME")
     return None if reads is None else _Form(reads=reads, metavar="VALUE")
 
@@ -168,7 +167,7 @@ def ends_of(text: str) -> tuple[float, float]:
 
 def _entry_of(value: Node) -> tuple[Callable[[str], Any], str]:
     """How the value of NAME=VALUE is read, and its form."""
-    if isinstance(value, nodes.Fixed):
+    if value.form in (Form.FIXED, Form.ITEMS):
         return ends_of, "LOWER:UPPER"
     return (finite_number, "NUMBER") if value.kind is float else (str, "VALUE")
 

@@ -102,7 +102,6 @@ def _list_presets(options: argparse.Namespace) -> int:
             )
             for preset in presets
         ],
-        words=(1, 2, 5, 6),
         note="Force and stroke to either side that one damper is made for; a study tells runs that exceed them.",
     )
     document = [asdict(preset) | {"force_class": preset.force_class or None} for preset in presets]

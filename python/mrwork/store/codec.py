@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.base import hints as nodes
-from mrwork.base.hints import Node, fields_of, node_of
+from mrwork.base.hints import Form, Node, node_of, nodes_of
 
 _HEX = "hex"
 _LITTLE_ENDIAN = "<f8"
@@ -76,24 +75,24 @@ def _built(node: Node, value: Any) -> Any:
     match node:
         case _ if value is None:
             return None
-        case nodes.Record(kind):
-            fields = fields_of(kind)
+        case Node(Form.RECORD, kind):
+            fields = nodes_of(kind)
             return kind(
                 **{name: _built(fields[name], entry) for name, entry in value.items() if name in fields}
             )
-        case nodes.Either():
+        case Node(Form.EITHER):
             return _built(next(part for part in node.parts if _takes(part, value)), value)
-        case nodes.Items(_, (item,)):
+        case Node(Form.ITEMS, _, (item,)):
             return tuple(_built(item, entry) for entry in value)
-        case nodes.Fixed():
+        case Node(Form.FIXED):
             return tuple(map(_built, node.parts, value))
-        case nodes.ByName(_, (name, inner)):
+        case Node(Form.BY_NAME, _, (name, inner)):
             return {_built(name, key): _built(inner, entry) for key, entry in value.items()}
-        case nodes.Array(scalar) if scalar in (None, np.float64):
+        case Node(Form.ARRAY, scalar) if scalar in (None, np.float64):
             return array_of(value)
-        case nodes.Array(scalar):
+        case Node(Form.ARRAY, scalar):
             return np.array(value, dtype=scalar)
-        case nodes.Scalar(kind) if kind in (int, float):
+        case Node(Form.SCALAR, kind) if kind in (int, float):
             return kind(value)
     return value
 
@@ -101,17 +100,17 @@ def _built(node: Node, value: Any) -> Any:
 def _takes(node: Node, value: Any) -> bool:
     """Whether a value, as it is in JSON, belongs to a member of a union."""
     match node:
-        case nodes.Record(kind):
-            return isinstance(value, Mapping) and value.keys() <= fields_of(kind).keys()
-        case nodes.ByName():
+        case Node(Form.RECORD, kind):
+            return isinstance(value, Mapping) and value.keys() <= nodes_of(kind).keys()
+        case Node(Form.BY_NAME):
             return isinstance(value, Mapping)
-        case nodes.Array() | nodes.Fixed():
+        case Node(Form.ARRAY | Form.FIXED | Form.ITEMS):
             return isinstance(value, list | tuple) or (isinstance(value, Mapping) and _HEX in value)
-        case nodes.Enumerated(choices):
+        case Node(Form.ENUMERATED, choices):
             return value in choices
-        case nodes.Scalar(kind) if kind is float:
+        case Node(Form.SCALAR, kind) if kind is float:
             return isinstance(value, int | float) or value in _LACKING
-        case nodes.Scalar(kind):
+        case Node(Form.SCALAR, kind):
             return isinstance(value, kind)
     return True
 

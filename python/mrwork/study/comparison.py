@@ -419,7 +419,6 @@ def change_table(comparison: StudyComparison, reference: int, shown: Collection[
             for line, row in enumerate(rows)
         ),
         foot=foot if sum(laws) > 1 else (),
-        words=(len(quantities) + 1,) if several else (),
         strong=best_cells(results, rows, columns, signed_percent),
         alarming=frozenset(
             (line, cell)

@@ -189,7 +189,6 @@ def step_table(results: StudyResults, rows: Collection[int]) -> Table:
             for change in largest_step_changes(results)
             if change.row in rows
         ),
-        words=(2,),
         note=f"Every run was repeated with half its integration step; changes are relative to the value. {ON_OFF}",
     )
 

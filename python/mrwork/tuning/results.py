@@ -258,7 +258,7 @@ class TuningResults(Plotted, WithAxes, Summarised):
                 ("searches", self.effort_in_words),
                 *(("best placement", location.in_words) for location in self.places[:1]),
             ),
-            tables=(*([] if places is None else [places]), Table(columns=columns, rows=rows, words=(2,))),
+            tables=(*([] if places is None else [places]), Table(columns=columns, rows=rows)),
             notes=[f"{law.label}: {law.certificate}" for law in self.laws if law.certificate],
         )
 
@@ -293,7 +293,6 @@ def places_table(results: TuningResults) -> Table | None:
             )
             for number, placement in shown
         ),
-        words=(1,),
         note="Laws are tuned at the first.",
     )
 

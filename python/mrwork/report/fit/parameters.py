@@ -70,28 +70,23 @@ def _parameter_table(fit: Fit) -> Table:
     ]
     # The symbol of the equations, and the name in files.
     name = Markup('<span class="symbol">{}</span> <code>{}</code>')
-    columns: list[tuple[str, Sequence[str], bool]] = [
-        (
-            "Parameter",
-            [name.format(Markup(symbol(estimate.name)), estimate.name) for estimate in estimates],
-            True,
-        ),
-        ("Value", _align_texts(values), False),
-        (fit.uncertainty_heading.capitalize(), errors if fit.intervals else _align_texts(errors), False),
-        ("Relative (%)", [] if fit.intervals else _align_texts(relative), False),
-        ("Unit", [shown_unit(estimate.unit) for estimate in estimates], True),
-        ("Lower bound", _align_texts([numbers.shortest(estimate.lower) for estimate in estimates]), False),
-        ("Upper bound", _align_texts([numbers.shortest(estimate.upper) for estimate in estimates]), False),
-        ("Verdict", verdicts if any(verdicts) else [], True),
-        ("Reason", reasons if any(reasons) else [], True),
-    ]
-    shown = [column for column in columns if column[1]]
-    index = next((index for index, column in enumerate(shown) if column[0] == "Verdict"), 0)
+    columns: dict[str, Sequence[str]] = {
+        "Parameter": [name.format(Markup(symbol(estimate.name)), estimate.name) for estimate in estimates],
+        "Value": _align_texts(values),
+        fit.uncertainty_heading.capitalize(): errors if fit.intervals else _align_texts(errors),
+        "Relative (%)": [] if fit.intervals else _align_texts(relative),
+        "Unit": [shown_unit(estimate.unit) for estimate in estimates],
+        "Lower bound": _align_texts([numbers.shortest(estimate.lower) for estimate in estimates]),
+        "Upper bound": _align_texts([numbers.shortest(estimate.upper) for estimate in estimates]),
+        "Verdict": verdicts if any(verdicts) else [],
+        "Reason": reasons if any(reasons) else [],
+    }
+    shown = {heading: cells for heading, cells in columns.items() if cells}
+    index = [*shown].index("Verdict") if "Verdict" in shown else 0
     return Table(
         label="Parameters",
-        columns=tuple(heading for heading, *_ in shown),
-        rows=tuple(zip(*(cells for _, cells, _ in shown), strict=True)),
-        words=tuple(number for number, (*_, words) in enumerate(shown) if words and number),
+        columns=tuple(shown),
+        rows=tuple(zip(*shown.values(), strict=True)),
         strong=frozenset((row, 1) for row in range(len(estimates))),
         alarming=frozenset(
             (row, index) for row, verdict in enumerate(verdicts) if index and verdict not in FINE

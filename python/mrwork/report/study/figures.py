@@ -266,14 +266,12 @@ def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke
 
 _MOTIONS = (
     TableColumn(heading="motion", cell=attrgetter("name")),
-    TableColumn(
-        heading="use", cell=lambda facts: f"{facts.use}{', synthetic' if facts.synthetic else ''}", words=True
-    ),
-    TableColumn(heading="groups", cell=lambda facts: ", ".join(facts.groups), words=True),
+    TableColumn(heading="use", cell=lambda facts: f"{facts.use}{', synthetic' if facts.synthetic else ''}"),
+    TableColumn(heading="groups", cell=lambda facts: ", ".join(facts.groups)),
     TableColumn(heading="peak", cell=lambda facts: significant(facts.peak, 4), unit="m/s²"),
     TableColumn(heading="duration", cell=lambda facts: significant(facts.duration, 4), unit="s"),
-    TableColumn(heading="source", cell=attrgetter("source"), words=True),
-    TableColumn(heading="changes", cell=lambda facts: "; ".join(facts.changes), words=True),
+    TableColumn(heading="source", cell=attrgetter("source")),
+    TableColumn(heading="changes", cell=lambda facts: "; ".join(facts.changes)),
 )
 
 
@@ -290,7 +288,7 @@ def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
 _RECORDS = (
     TableColumn(heading="record", cell=lambda motions: motions[0].at_level[0]),
     *map(_of_first, _MOTIONS[1:2]),
-    TableColumn(heading="levels", cell=_levels_in_words, words=True),
+    TableColumn(heading="levels", cell=_levels_in_words),
     *map(_of_first, _MOTIONS[4:6]),
 )
 

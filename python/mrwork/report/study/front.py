@@ -195,7 +195,6 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
         label="What each law is worth",
         columns=("", "Score", *ratio_head, *(("Drift", "Acc.") * len(references)), "Verdict"),
         rows=tuple(map(cells, drawn)),
-        words=(2 + len(ratio_head) + 2 * len(references),),
         over=(("", 2 + len(ratio_head)), *((head, 2) for head in heads), ("", 1)) if heads else (),
         note=f"{counted(more, 'more law')} below, in grey above." if more else "",
     )

@@ -102,7 +102,6 @@ def demand_section(results: StudyResults) -> Section | None:
             (label, *(dict(spans.rows() if spans else ()).get(name, NOTHING) for name in _DEMAND))
             for label, spans in ranges
         ),
-        words=tuple(range(1, 1 + len(_DEMAND))),
         note="Of all runs, on one damper of a group. Stroke, velocity and force are peaks, the power is the mean over "
         "the motion. "
         "The frequency is that of a sinusoid with the peak velocity and the peak stroke of a run.",

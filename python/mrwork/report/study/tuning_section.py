@@ -87,7 +87,6 @@ def _settings_section(results: TunedStudy) -> Section | None:
                 (name, setting_in_words(setting, shortest), ranges.get(name, "held"))
                 for name, setting in law.settings.items()
             ),
-            words=(2,),
         )
         groups.append(Group(title=law.label, prose=prose, table=table))
     return Section(title="How the settings were found", groups=tuple(groups))
@@ -115,7 +114,6 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
             for index, point in enumerate(front.points, start=1)
         ),
         over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
-        words=(1 + len(heads), 2 + len(heads)),
         note="Points of which no other is lower in every objective on the training motions.",
     )
     with style.drawn_in_style():

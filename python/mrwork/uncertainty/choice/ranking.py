@@ -220,8 +220,8 @@ _COLUMNS = (
     _column("left_out_behind_error", "standard error of that difference", unit="%"),
     _column("median_percent", "median fit of single tests left out", unit="%"),
     _column("worst_percent", "worst fit of single tests left out", "worst", unit="%"),
-    TableColumn(heading="remark", cell=attrgetter("remark"), words=True),
-    TableColumn(heading="laws", cell=attrgetter("laws_in_words"), words=True, key="laws"),
+    TableColumn(heading="remark", cell=attrgetter("remark")),
+    TableColumn(heading="laws", cell=attrgetter("laws_in_words"), key="laws"),
 )
 
 
