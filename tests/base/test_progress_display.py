@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from mrwork.base.progress import (
-    COMPILE_TIME,
     Display,
     ProgressLine,
     ProgressReport,
+    note_compilation,
     notebook_bar,
     plain_lines,
     terminal_bar,
@@ -67,8 +67,8 @@ def test_a_notebook_has_one_bar_that_moves(clock: list[float]) -> None:
 def test_the_time_of_compilation_is_told_in_the_end() -> None:
     written: list[str] = []
     with shown_on(plain_lines(written.append)):
-        COMPILE_TIME.count("/jax/core/compile/backend_compile_duration", 3.4)
-        COMPILE_TIME.count("/jax/core/compile/jaxpr_trace_duration", 50.0)
+        note_compilation("/jax/core/compile/backend_compile_duration", 3.4)
+        note_compilation("/jax/core/compile/jaxpr_trace_duration", 50.0)
     with shown_on(plain_lines(written.append)):
-        COMPILE_TIME.count("/jax/core/compile/backend_compile_duration", 0.2)
+        note_compilation("/jax/core/compile/backend_compile_duration", 0.2)
     assert written == ["JAX compiled for 3 s"]

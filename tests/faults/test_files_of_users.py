@@ -12,7 +12,7 @@ from refusals import command_refusal, refusal
 
 import mrwork as mr
 from mrwork.errors import OutputError
-from mrwork.store.output_file import Lock, replacing
+from mrwork.store.output_file import Lock, write_file
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 FIT = ("identify", "synthetic:spencer1997", "--model", "bingham", "--every", 40, "--threads", 1, "--quiet")
@@ -77,6 +77,6 @@ def test_a_file_of_a_run_is_not_replaced(run: Path) -> None:
 
 def test_a_file_takes_the_place_of_no_pipe(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
-    with pytest.raises(OutputError, match="is a pipe"), replacing(tmp_path / "pipe.csv"):
-        pass
+    with pytest.raises(OutputError, match="is a pipe"):
+        write_file(tmp_path / "pipe.csv", b"")
     assert (tmp_path / "pipe.csv").is_fifo()

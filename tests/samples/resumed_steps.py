@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from mrwork.errors import Interrupted
-from mrwork.store.run_folder import FIT_RUN
+from mrwork.store.journal import Journal
+from mrwork.store.run_folder import FIT_RUN, MODELS
 from mrwork.store.run_writer import Destination, RunAtWork
 from mrwork.uncertainty.choice.choose import ChoiceProgress
+
+
+def step_journal(work: RunAtWork, step: str) -> Journal:
+    return work.journal(f"{MODELS}/{step}.jsonl")
 
 
 def stopped_and_resumed(
@@ -30,7 +36,9 @@ def stopped_and_resumed(
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as interrupted, RunAtWork(place) as work:
-        choose(journal_of=work.step_journal, on_progress=interrupt)
+        choose(journal_of=partial(step_journal, work), on_progress=interrupt)
     with RunAtWork(again) as work:
         seen = told if told is not None else []
-        return interrupted.value.result, choose(journal_of=work.step_journal, on_progress=seen.append)
+        return interrupted.value.result, choose(
+            journal_of=partial(step_journal, work), on_progress=seen.append
+        )

@@ -21,8 +21,8 @@ from mrwork.store.input_file import (
     LEAST,
     TOML,
     Allowance,
+    bytes_of,
     is_there,
-    start_of,
     text_of,
 )
 from mrwork.store.members import _lines, members_of
@@ -67,7 +67,7 @@ def test_a_name_that_is_not_utf_8_is_read_as_far_as_asked(tmp_path: Path) -> Non
         path.write_text("abc")
     except OSError:
         pytest.skip("the file system takes UTF-8 names only")
-    assert (start_of(path, TOML, 2), start_of(path, TOML, 9), text_of(path, TOML)) == (b"ab", b"abc", "abc")
+    assert (bytes_of(path, TOML, 2), bytes_of(path, TOML, 9), text_of(path, TOML)) == (b"ab", b"abc", "abc")
     assert not is_there(tmp_path / "none", TOML)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import study_samples
 
-from mrwork.base.units import scale_of
+from mrwork.base.units import unit_of
 from mrwork.closed_loop import criteria
 from mrwork.closed_loop.evaluation import Spread
 from mrwork.dampers.simulation import Outcome
@@ -35,6 +35,12 @@ def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:
                 assert found[entry.name] == pytest.approx(wanted, rel=1e-12), entry.name
 
 
+def factor_of(unit: str) -> float:
+    known = unit_of(unit)
+    assert known is not None, unit
+    return known.factor
+
+
 def test_criteria_are_shown_in_their_units() -> None:
     declared = {entry.name: entry.unit for entry in criteria()}
     for name, unit, factor in tables._VALUES:
@@ -43,7 +49,7 @@ def test_criteria_are_shown_in_their_units() -> None:
         elif factor == 1.0:
             assert unit.replace("²", "2") in (declared[name], "", "1"), name
         else:
-            assert scale_of(declared[name]) == pytest.approx(factor * (scale_of(unit) or 0.0)), name
+            assert factor_of(declared[name]) == pytest.approx(factor * factor_of(unit)), name
 
 
 def test_ratios_of_the_references_themselves_are_one() -> None:

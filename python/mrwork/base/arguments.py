@@ -143,20 +143,16 @@ def _check_calls(function: Any, name: str, owner: type | None = None) -> Any:
     """The function with its arguments checked; a constructor takes the fields of its class, the `owner`."""
     signature = inspect.signature(function)
     parameters = signature.parameters
-    rest = [parameter for parameter, entry in parameters.items() if entry.kind is entry.VAR_POSITIONAL]
     required = [
         parameter
         for parameter, entry in parameters.items()
-        if entry.default is entry.empty and entry.kind not in (entry.VAR_POSITIONAL, entry.VAR_KEYWORD)
+        if entry.default is entry.empty and entry.kind is not entry.VAR_POSITIONAL
     ]
     declared: dict[str, Node] = {}
     shapes: dict[str, Shape] = {}
 
     def read_annotations() -> None:
         declared.update(nodes_of(owner or function))
-        declared.update(
-            {name: Node(Form.ITEMS, tuple, (declared[name],)) for name in rest if name in declared}
-        )
         shapes.update({name: shape for name, node in declared.items() if (shape := note_of(node, Shape))})
 
     # An annotation may name what is defined after the function; the first call reads it then.
@@ -170,7 +166,11 @@ def _check_calls(function: Any, name: str, owner: type | None = None) -> Any:
         try:
             call = signature.bind_partial(*args, **kwargs)
         except TypeError as reason:
-            raise _misfit(name, kwargs, list(parameters), reason) from None
+            known = [parameter for parameter in parameters if parameter not in ("self", "cls")]
+            if unknown := [word for word in kwargs if word not in parameters]:
+                named = suggestion(unknown[0], known, otherwise="it takes")
+                raise ArgumentError(f"{name} has no argument `{unknown[0]}`{named}") from None
+            raise ArgumentError(f"{name} has {reason}; give each argument once, by name") from None
         values = call.arguments
         for parameter, value in values.items():
             if parameter in declared:
@@ -186,16 +186,6 @@ def _check_calls(function: Any, name: str, owner: type | None = None) -> Any:
 
     checking.__doc__ = documented(function, declared)
     return checking
-
-
-def _misfit(function: str, kwargs: Mapping[str, Any], names: list[str], reason: TypeError) -> ArgumentError:
-    """The error of a call whose arguments do not fit the signature."""
-    for unknown in (word for word in kwargs if word not in names):
-        named = suggestion(
-            unknown, [entry for entry in names if entry not in ("self", "cls")], otherwise="it takes"
-        )
-        return ArgumentError(f"{function} has no argument `{unknown}`{named}")
-    return ArgumentError(f"{function} has {reason}; give each argument once, by name")
 
 
 def _error(parameter: str, function: str, refusal: Refusal, owner: type | None = None) -> MrworkError:
@@ -385,26 +375,21 @@ def _array(node: Node, value: Any) -> Any:
     if array.size and array.dtype.kind not in _MADE_OF[scalar.kind]:
         raise Refusal(node, value, f"has values of type {array.dtype}")
     array = array if array.size else array.astype(scalar)
-    _check_numbers(node, array)
-    if node.kind is None and not traced:
-        return value if isinstance(value, int | float | list | tuple) else array
-    return array.astype(scalar, copy=False)
-
-
-def _check_numbers(node: Node, values: Any) -> None:
-    """Refuse numbers that are not finite, and those out of the ranges among the notes."""
     # The limits are beyond single precision.
-    size = np.abs(values.astype(np.float64) if values.dtype.itemsize < 8 else values)
+    size = np.abs(array.astype(np.float64) if array.dtype.itemsize < 8 else array)
     permitted = (size <= LARGEST) | ((May.BE_INFINITE in node.notes) & (size > LARGEST))
     permitted |= (May.BE_NAN in node.notes) & np.isnan(size)
     for note in node.notes:
         if isinstance(note, Within):
-            permitted &= ~note.excludes(values)
+            permitted &= ~note.excludes(array)
     if not np.all(permitted):
         first = tuple(map(int, np.argwhere(~permitted)[0]))
-        number, where = values[first].item(), f" at {first[0] if len(first) == 1 else first}" if first else ""
+        number, where = array[first].item(), f" at {first[0] if len(first) == 1 else first}" if first else ""
         end = f"; give {instead_of(number, node.notes)}"
-        raise Refusal(node, values, f"is {number:g}{where}", end, SettingError)
+        raise Refusal(node, array, f"is {number:g}{where}", end, SettingError)
+    if node.kind is None and not traced:
+        return value if isinstance(value, int | float | list | tuple) else array
+    return array.astype(scalar, copy=False)
 
 
 # Containers

@@ -259,7 +259,11 @@ def nodes_of(declaring: Any) -> Mapping[str, Node]:
     """What a function declares of each parameter, or a dataclass of each field: by annotation, default and `key`."""
     if isinstance(declaring, type):
         hints = get_type_hints(declaring, include_extras=True)
-        entries = {entry.name: (entry.default, entry.metadata.get(NOTES, ())) for entry in fields(declaring)}
+        entries = {
+            entry.name: (entry.default, entry.metadata.get(NOTES, ()))
+            for entry in fields(declaring)
+            if entry.init
+        }
     else:
         parameters = inspect.signature(declaring).parameters
         entries = {

@@ -15,16 +15,14 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from functools import cache, partial
-from itertools import chain
 from typing import Any, NoReturn, cast
 
 from mrwork.base.docstrings import with_parameters
-from mrwork.base.hints import NOTES, Form, May, Node, Says, Within, nodes_of, note_of
+from mrwork.base.hints import NOTES, Form, Node, Says, Within, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import synonyms, without_style
 from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
 
-_REQUIRED: Any = MISSING
 LARGEST_SEED = 2**53 - 1
 """Largest seed, an integer that every reader of JSON keeps."""
 # As many characters of a value as a message repeats.
@@ -93,13 +91,12 @@ def key(
     words: str,
     *,
     unit: str = "",
-    default: Any = _REQUIRED,
+    default: Any = MISSING,
     least: float = -math.inf,
     above: float = -math.inf,
     most: float = math.inf,
     below: float = math.inf,
     most_items: float = math.inf,
-    may_be_nan: bool = False,
     matrix: bool = False,
     span: Any = None,
     from_one: bool = False,
@@ -111,7 +108,7 @@ def key(
     """Declare a field of a dataclass as a key, by the notes `Within` and `Says`; without a default it is required."""
     terms = locals()
     within, says = (note(**{item.name: terms[item.name] for item in fields(note)}) for note in (Within, Says))
-    metadata = {NOTES: (within, says, *([May.BE_NAN] * may_be_nan))}
+    metadata = {NOTES: (within, says)}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
@@ -160,8 +157,12 @@ class Key:
 def _keys_of(table: Table) -> tuple[Key, ...]:
     functions = table if isinstance(table, tuple) else (table,)
     alike: dict[str, list[Key]] = {}
-    for entry in chain.from_iterable(map(_keys_of_one, functions)):
-        alike.setdefault(entry.name_in_file, []).append(entry)
+    for function in functions:
+        parameters = inspect.signature(function).parameters
+        for name, node in nodes_of(function).items():
+            if says := note_of(node, Says):
+                entry = Key(name=name, node=node, default=parameters[name].default, says=says)
+                alike.setdefault(entry.name_in_file, []).append(entry)
     for keys in alike.values():
         if len(keys) < len(functions):
             keys[0] = replace(
@@ -172,16 +173,6 @@ def _keys_of(table: Table) -> tuple[Key, ...]:
 
 keys_of: Callable[[Table], tuple[Key, ...]] = cache(_keys_of)
 """The keys of a table: of functions all that one of them has, which is required where it is of each."""
-
-
-def _keys_of_one(function: Callable[..., Any]) -> tuple[Key, ...]:
-    declared = nodes_of(function)
-    defaults = {name: parameter.default for name, parameter in inspect.signature(function).parameters.items()}
-    return tuple(
-        Key(name=name, node=declared[name], default=defaults[name], says=says)
-        for name in defaults
-        if name in declared and (says := note_of(declared[name], Says))
-    )
 
 
 def given_in(table: Any) -> dict[str, Any]:
@@ -321,9 +312,7 @@ def refuse_repeated(table: Any) -> None:
 
 def toml_value(value: Any) -> str:
     """TOML text of a setting's value."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
+    if isinstance(value, bool | str):
         # JSON and TOML have the same escapes.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, Mapping):

@@ -28,20 +28,14 @@ _TOLD = 1.0
 _COMPILED = "/jax/core/compile/backend_compile_duration"
 
 
-@dataclass(slots=True)
-class CompileTime:
-    """Sum of the times that JAX reports as compilation [s]; `twins` lets JAX report them, where it is loaded."""
-
-    seconds: float = 0.0
-
-    def count(self, event: str, duration_secs: float, **_: str | int) -> None:
-        """Count an event of JAX, where it is a compilation."""
-        if event == _COMPILED:
-            self.seconds += duration_secs
+COMPILATIONS: list[float] = []
+"""Durations of the compilations of this process [s]; `twins` lets JAX report them, where it is loaded."""
 
 
-COMPILE_TIME = CompileTime()
-"""Of this process."""
+def note_compilation(event: str, duration_secs: float, **_: str | int) -> None:
+    """Note an event that JAX reports, where it is a compilation."""
+    if event == _COMPILED:
+        COMPILATIONS.append(duration_secs)
 
 
 class ProgressReport(ABC):
@@ -145,7 +139,7 @@ class ProgressLine(Generic[Report]):
     ) -> None:
         self._described, self._display = described, display
         self._next = time.monotonic() + max(patience, display.patience if display is not None else 0.0)
-        self._compiled = COMPILE_TIME.seconds
+        self._n_compiled = len(COMPILATIONS)
 
     def __call__(self, progress: Report) -> None:
         """Show a progress report."""
@@ -164,7 +158,7 @@ class ProgressLine(Generic[Report]):
 
     def __exit__(self, *_: object) -> None:
         """Clear the line, and say how long JAX compiled."""
-        compiled = COMPILE_TIME.seconds - self._compiled
+        compiled = sum(COMPILATIONS[self._n_compiled :])
         if self._display is not None:
             text = f"JAX compiled for {duration_in_words(compiled)}" if compiled >= _TOLD else ""
             self._display.close(text)

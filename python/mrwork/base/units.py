@@ -79,7 +79,7 @@ _PREFIXES: Final[Mapping[str, float]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class _Unit:
+class Unit:
     """Factor to SI, powers of the base units of which the unit is a product, and the prefixes usual with it."""
 
     factor: float
@@ -91,37 +91,37 @@ _FORCE: Final = {"kg": 1, "m": 1, "s": -2}
 _ACCELERATION_POWERS: Final = {"m": 1, "s": -2}
 # The radian, the cycle of a Hz and the volt count as base units. A prefix that is not usual makes no unit, as in kmin
 # or mkg, nor does one that makes another unit: milli-inches would be minutes.
-_SYMBOLS: Final[Mapping[str, _Unit]] = {
-    "1": _Unit(1.0, {}),
-    "s": _Unit(1.0, {"s": 1}, "mun"),
-    "min": _Unit(60.0, {"s": 1}),
-    "Hz": _Unit(1.0, {"cycle": 1, "s": -1}, "kMm"),
-    "rad": _Unit(1.0, {"rad": 1}, "m"),
-    "m": _Unit(1.0, {"m": 1}, "kcmun"),
-    "in": _Unit(0.0254, {"m": 1}),
-    "ft": _Unit(0.3048, {"m": 1}),
-    "gal": _Unit(1e-2, _ACCELERATION_POWERS),
-    "g": _Unit(STANDARD_GRAVITY, _ACCELERATION_POWERS, "m"),
-    "kg": _Unit(1.0, {"kg": 1}),
-    "t": _Unit(1e3, {"kg": 1}),
-    "Mg": _Unit(1e3, {"kg": 1}),
-    "lbm": _Unit(_POUND, {"kg": 1}),
-    "slug": _Unit(_POUND_FORCE / 0.3048, {"kg": 1}),
-    "N": _Unit(1.0, _FORCE, "GMkmu"),
-    "lbf": _Unit(_POUND_FORCE, _FORCE),
-    "kip": _Unit(1e3 * _POUND_FORCE, _FORCE),
-    "daN": _Unit(10.0, _FORCE),
-    "kgf": _Unit(STANDARD_GRAVITY, _FORCE),
-    "tf": _Unit(1e3 * STANDARD_GRAVITY, _FORCE),
-    "Pa": _Unit(1.0, {"kg": 1, "m": -1, "s": -2}, "GMk"),
-    "psi": _Unit(_POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
-    "ksi": _Unit(1e3 * _POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
-    "J": _Unit(1.0, {"kg": 1, "m": 2, "s": -2}, "GMkm"),
-    "A": _Unit(1.0, {"A": 1}, "kmun"),
-    "V": _Unit(1.0, {"V": 1}, "kmun"),
+_SYMBOLS: Final[Mapping[str, Unit]] = {
+    "1": Unit(1.0, {}),
+    "s": Unit(1.0, {"s": 1}, "mun"),
+    "min": Unit(60.0, {"s": 1}),
+    "Hz": Unit(1.0, {"cycle": 1, "s": -1}, "kMm"),
+    "rad": Unit(1.0, {"rad": 1}, "m"),
+    "m": Unit(1.0, {"m": 1}, "kcmun"),
+    "in": Unit(0.0254, {"m": 1}),
+    "ft": Unit(0.3048, {"m": 1}),
+    "gal": Unit(1e-2, _ACCELERATION_POWERS),
+    "g": Unit(STANDARD_GRAVITY, _ACCELERATION_POWERS, "m"),
+    "kg": Unit(1.0, {"kg": 1}),
+    "t": Unit(1e3, {"kg": 1}),
+    "Mg": Unit(1e3, {"kg": 1}),
+    "lbm": Unit(_POUND, {"kg": 1}),
+    "slug": Unit(_POUND_FORCE / 0.3048, {"kg": 1}),
+    "N": Unit(1.0, _FORCE, "GMkmu"),
+    "lbf": Unit(_POUND_FORCE, _FORCE),
+    "kip": Unit(1e3 * _POUND_FORCE, _FORCE),
+    "daN": Unit(10.0, _FORCE),
+    "kgf": Unit(STANDARD_GRAVITY, _FORCE),
+    "tf": Unit(1e3 * STANDARD_GRAVITY, _FORCE),
+    "Pa": Unit(1.0, {"kg": 1, "m": -1, "s": -2}, "GMk"),
+    "psi": Unit(_POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
+    "ksi": Unit(1e3 * _POUND_FORCE / 0.0254**2, {"kg": 1, "m": -1, "s": -2}),
+    "J": Unit(1.0, {"kg": 1, "m": 2, "s": -2}, "GMkm"),
+    "A": Unit(1.0, {"A": 1}, "kmun"),
+    "V": Unit(1.0, {"V": 1}, "kmun"),
 }
-_PREFIXED: Final[Mapping[str, _Unit]] = {
-    f"{prefix}{name}": _Unit(_PREFIXES[prefix] * unit.factor, unit.powers)
+_PREFIXED: Final[Mapping[str, Unit]] = {
+    f"{prefix}{name}": Unit(_PREFIXES[prefix] * unit.factor, unit.powers)
     for name, unit in _SYMBOLS.items()
     for prefix in ("", *unit.prefixes)
 }
@@ -138,7 +138,7 @@ _WORDS: Final = {
 }  # fmt: skip
 
 
-def _unit_of(text: str, pound: str = "lbf") -> _Unit | None:
+def unit_of(text: str, pound: str = "lbf") -> Unit | None:
     """The unit of a text as "kN s/mm", symbols with blanks between and at most one slash; `None` if it is not known.
 
     `pound`: whether a pound is a force, "lbf", or a mass, "lbm".
@@ -158,7 +158,7 @@ def _unit_of(text: str, pound: str = "lbf") -> _Unit | None:
             size = unit.factor**power
             factor = factor * size if sign > 0 else factor / size
             powers.update({base: sign * power * exponent for base, exponent in unit.powers.items()})
-    return _Unit(factor, {base: exponent for base, exponent in powers.items() if exponent})
+    return Unit(factor, {base: exponent for base, exponent in powers.items() if exponent})
 
 
 _KNOWN: Final[Mapping[MeasuredQuantity, str]] = {
@@ -180,7 +180,7 @@ _KNOWN: Final[Mapping[MeasuredQuantity, str]] = {
 
 FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyType(
     {
-        quantity: {name: unit.factor for name in names.split(", ") if (unit := _unit_of(name)) is not None}
+        quantity: {name: unit.factor for name in names.split(", ") if (unit := unit_of(name)) is not None}
         for quantity, names in _KNOWN.items()
     }
 )
@@ -249,8 +249,8 @@ def number_in(text: str, unit: str) -> float | str:
     if {"ton", "tons"} & set(symbol.casefold().split()):
         tons = "short (2000 lb), long (2240 lb) or metric (1000 kg)"
         return f"is {text!r}; a ton may be {tons}, so give another unit: {names}"
-    wanted = [target.powers for part in unit.split(" or ") if (target := _unit_of(part))]
-    read = [_unit_of(symbol, pound) for pound in ("lbf", "lbm")] if len(symbol) <= _LONGEST else [None]
+    wanted = [target.powers for part in unit.split(" or ") if (target := unit_of(part))]
+    read = [unit_of(symbol, pound) for pound in ("lbf", "lbm")] if len(symbol) <= _LONGEST else [None]
     if fitting := [entry for entry in read if entry is not None and entry.powers in wanted]:
         return value * fitting[0].factor
     if read[0] is None:
@@ -265,7 +265,7 @@ def number_in(text: str, unit: str) -> float | str:
 def _readable(unit: str) -> list[str]:
     """Units that a number in `unit` may have: that one first, usual ones, and every other symbol of the dimension."""
     usual = next((units for units in _EVERY if unit in units), (unit,))
-    target = _unit_of(unit)
+    target = unit_of(unit)
     alike = [name for name, other in _PREFIXED.items() if target and target.powers == other.powers != {}]
     weights = ["lb", *_OF_WEIGHT] if unit == "kg" else ["lb"] if unit == "N" else []
     return list(dict.fromkeys([*usual, *alike, *weights]))
@@ -320,25 +320,13 @@ def command_unit_of(unit: str) -> CommandUnit | None:
     return _COMMAND_SPELLINGS.get(" ".join(unit.split()).casefold()) if len(unit) <= _LONGEST else None
 
 
-def known_units(quantity: MeasuredQuantity) -> str:
-    """The units of a quantity, as messages list them."""
-    return ", ".join(FACTORS[quantity])
-
-
-def scale_of(unit: str) -> float | None:
-    """Factor of any unit or product of units to SI; `None` for another text."""
-    parsed = _unit_of(unit)
-    return None if parsed is None else parsed.factor
-
-
 def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> float:
     """Factor by which values in `unit`, as in `factor_of`, are multiplied to be in SI.
 
     `context` is the start of the error's sentence: the file and column, or the option.
     """
-    factor = factor_of(unit, quantity)
-    if factor is not None:
+    other, factor = _measured(unit)
+    if other == quantity:
         return factor
-    other = quantity_of(unit)
     says = f"is no unit of {quantity}" if other is None else f"is a unit of {other}, no unit of {quantity}"
-    raise UnitError(f"{context}: '{unit}' {says}; give one of {known_units(quantity)}")
+    raise UnitError(f"{context}: '{unit}' {says}; give one of {', '.join(FACTORS[quantity])}")

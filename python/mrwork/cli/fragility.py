@@ -12,7 +12,7 @@ from mrwork.cli.numbers import DISPERSION, LEVEL, add_number, named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result, undrawn_warned
 from mrwork.errors import SettingError
-from mrwork.store.output_file import replacing
+from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
@@ -90,8 +90,7 @@ def run(options: argparse.Namespace) -> int:
         contents += _figures(result) if files else []
     written = files[: len(contents)]
     for path, content in zip(written, contents, strict=True):
-        with replacing(path) as stream:
-            stream.write(content)
+        write_file(path, content)
     document = result.document(options.against) | {"files": list(map(str, written))}
     text = result._summary(options.against).text(whole=True)
     print_result(options, document, "\n".join([text, *(f"Written: {path}" for path in written)]))

@@ -209,7 +209,7 @@ def fit_best(verb: Identification, choose: Callable[..., Choice]) -> int:
                 tests=verb.tests,
                 threads=verb.frame.options.threads,
                 on_progress=line,
-                journal_of=work.step_journal,
+                journal_of=lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
             ),
             in_words,
             before="anything was compared",

@@ -15,7 +15,7 @@ from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.errors import OutputError
 from mrwork.records.rig_table import TABLE_NAME
-from mrwork.store.output_file import explain_failure, write_files
+from mrwork.store.output_file import explain_failure, write_file
 from mrwork.store.run_folder import refuse_path_in_run
 
 Sample = Literal["rig", "study"]
@@ -62,7 +62,8 @@ def run(options: argparse.Namespace) -> int:
 def _write_rig(folder: Path) -> _Written:
     _refuse_what_is_there(folder, within=True)
     contents = {path.name: path.read_bytes() for path in (_SAMPLES / "rig").iterdir()}
-    write_files(folder, contents)
+    for name, content in contents.items():
+        write_file(folder / name, content)
     rig, run = shlex.quote(str(folder)), shlex.quote(str(Path("out") / (folder.name or "rig")))
     table = folder / TABLE_NAME
     tests = sorted(folder / name for name in contents if name != TABLE_NAME)
@@ -78,7 +79,7 @@ def _write_rig(folder: Path) -> _Written:
 def _write_study(path: Path) -> _Written:
     file = path if path.suffix == ".toml" else path / _STUDY
     _refuse_what_is_there(file)
-    write_files(file.parent, {file.name: (_SAMPLES / _STUDY).read_bytes()})
+    write_file(file, (_SAMPLES / _STUDY).read_bytes())
     name = shlex.quote(str(file))
     commands = [f"mrwork respond {name}", f"mrwork tune {name} --quick"]
     return f"{file}, three storeys with one damper", [file], commands

@@ -15,7 +15,7 @@ from mrwork.base.summary import Summarised
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError, SettingError, reason_of
 from mrwork.store.codec import finite
-from mrwork.store.output_file import replacing
+from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
@@ -98,8 +98,7 @@ def write_figure(path: Path, figure: Any) -> None:
     """Write a figure of Matplotlib into a file that `check_figure` has seen."""
     from mrwork.plots.canvas import png_bytes, svg_bytes
 
-    with replacing(path) as stream:
-        stream.write(svg_bytes(figure) if path.suffix.lower() == ".svg" else png_bytes(figure))
+    write_file(path, svg_bytes(figure) if path.suffix.lower() == ".svg" else png_bytes(figure))
 
 
 def end_addition(

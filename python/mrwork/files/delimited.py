@@ -36,7 +36,7 @@ from mrwork.files.layout import (
     without_remark,
 )
 from mrwork.files.named_columns import ASIAN_WORDS, ColumnTable, unused_parts
-from mrwork.store.input_file import RECORD, bytes_of, start_of
+from mrwork.store.input_file import RECORD, bytes_of
 
 # Characters of a time of the day with its date.
 _LONGEST_STAMP: Final = 60
@@ -307,7 +307,7 @@ def decode_text(data: bytes) -> str:
 
 def read_text_bytes(path: Path) -> bytes:
     """Read a whole text file after a check of its start, because a wrong file may be very large."""
-    head = start_of(path, RECORD, _HEAD)
+    head = bytes_of(path, RECORD, _HEAD)
     if not head.strip():
         raise RecordError(f"{path}: the file is empty; a header line and data lines were expected")
     is_wide = head.startswith(_WIDE)

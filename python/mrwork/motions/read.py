@@ -19,7 +19,7 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.hints import SMALLEST
-from mrwork.base.units import factor_of, factor_to_si, known_units, quantity_of
+from mrwork.base.units import FACTORS, factor_of, factor_to_si, quantity_of
 from mrwork.base.values import Floats
 from mrwork.errors import MrworkWarning, RecordError, SettingError, UnitError
 from mrwork.files.delimited import DelimitedTable, read_text_bytes
@@ -53,7 +53,7 @@ from mrwork.motions.networks import (
     read_numbers,
     refuse_needless,
 )
-from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
+from mrwork.store.input_file import RECORD, bytes_of, is_file, is_folder
 
 # "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot".
 _ACCELERATION: Final = re.compile(r"(ground[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE)
@@ -204,7 +204,9 @@ def _ask(source: str, columns: str, number: int, unit: bool, step: bool) -> NoRe
     """Refuse a table with all open questions at once: which column, which unit, which step."""
     asked = {
         f"which column is the acceleration ({columns})": f'column="{number}"' if columns else "",
-        f"the unit of the acceleration (one of {known_units('acceleration')})": 'unit="g"' if unit else "",
+        f"the unit of the acceleration (one of {', '.join(FACTORS['acceleration'])})": 'unit="g"'
+        if unit
+        else "",
         "the step, for no column is time": "dt=0.01" if step else "",
     }
     typed = {words: option for words, option in asked.items() if option}
@@ -441,7 +443,7 @@ def motion_of_file(path: Path, stated: Stated) -> GroundMotion:
     """The motion of a file, without a word on its `warnings`."""
     # Overflowing values become infinite, and the readers refuse them.
     with np.errstate(over="ignore", invalid="ignore"):
-        if path.suffix.lower() == ".mat" or start_of(path, RECORD, len(_MATLAB_5)) == _MATLAB_5:
+        if path.suffix.lower() == ".mat" or bytes_of(path, RECORD, len(_MATLAB_5)) == _MATLAB_5:
             refuse_needless(stated, TABLE.needs, source=str(path), kind="a .mat file")
             motion = read_matrix_motion(path, stated)
         else:

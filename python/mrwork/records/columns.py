@@ -16,7 +16,6 @@ from mrwork.base.units import (
     command_unit_of,
     factor_of,
     factor_to_si,
-    known_units,
     quantity_of,
 )
 from mrwork.dampers.command import LARGEST_COMMAND, Command
@@ -175,7 +174,7 @@ class StatedCommand:
         if quantity is None and (other is None or not (number or column)):
             raise UnitError(
                 f"the command is '{stated}': '{unit}' is no unit of a command; give one of "
-                f"{', '.join(known_units(word) for word in COMMANDS)}, {', '.join(OTHER_COMMAND_UNITS)}"
+                f"{', '.join(unit for word in COMMANDS for unit in FACTORS[word])}, {', '.join(OTHER_COMMAND_UNITS)}"
             )
         if number is None:
             if quantity is None:
@@ -305,7 +304,7 @@ class _Names:
                 continue
             if quantity_of(unit) is None:
                 lacks = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
-                problem = f"column '{name}' {lacks} ({known_units(quantity)} are known)"
+                problem = f"column '{name}' {lacks} ({', '.join(FACTORS[quantity])} are known)"
                 remedy = f"rename it, for example to '{_EXAMPLE[quantity]}', or give the unit"
                 raise _UnclearError(problem, remedy, Missing(quantity=quantity, column=name), UnitError)
             factor_to_si(unit, quantity, context=f"{self.source}: column '{name}'")

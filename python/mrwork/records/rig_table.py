@@ -18,8 +18,8 @@ from mrwork.files.delimited import decode_text, read_text_bytes
 from mrwork.files.layout import delimiter_of, is_data, split, without_empty_end
 from mrwork.files.open_table import EXTENSIONS, TEXT_EXTENSIONS, listed_files
 from mrwork.records.columns import COMMAND, MARKERS, REQUIRED, check_specification
-from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
-from mrwork.store.output_file import replacing
+from mrwork.store.input_file import RECORD, bytes_of, is_file, is_folder
+from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output, real_path
 
 Use = Literal["fit", "calibration", "test"]
@@ -158,7 +158,7 @@ def is_test_table(path: Path) -> bool:
     if path.suffix.lower() not in TEXT_EXTENSIONS or not is_file(path):
         return False
     try:
-        start = decode_text(start_of(path, RECORD, 4096))
+        start = decode_text(bytes_of(path, RECORD, 4096))
     except RecordError:
         return False
     line = next(filter(is_data, start.splitlines()), "")
@@ -244,8 +244,7 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
         entries = (row.columns.get(key, "") for key in specified)
         facts = (row.facts.get(key, "") for key in fact_names)
         lines.append((name.as_posix(), row.use or UNUSED, *entries, *facts, row.doubt))
-    with replacing(path) as stream:
-        stream.write(csv_text(lines).encode())
+    write_file(path, csv_text(lines).encode())
 
 
 def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:

@@ -21,7 +21,7 @@ from mrwork.identification.fit_file import reopen
 from mrwork.records.columns import StatedCommand
 from mrwork.runs.damper_text import force_table, opensees_text
 from mrwork.runs.load import read_run
-from mrwork.store.output_file import replacing
+from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.results import StudyResults
 from mrwork.uncertainty.bands.predictions import predict
@@ -98,8 +98,7 @@ def export(
         time_step=time_step,
         tcl=path.suffix != ".py",
     )
-    with replacing(path) as stream:
-        stream.write(content)
+    write_file(path, content)
     return path
 
 

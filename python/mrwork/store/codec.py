@@ -68,26 +68,22 @@ def built(kind: Any, value: Any) -> Any:
 
     Keys that a dataclass does not have are left out. Raises whatever a value of another form leads to.
     """
-    return _built(node_of(kind), value)
-
-
-def _built(node: Node, value: Any) -> Any:
-    match node:
+    match node := kind if isinstance(kind, Node) else node_of(kind):
         case _ if value is None:
             return None
         case Node(Form.RECORD, kind):
             fields = nodes_of(kind)
             return kind(
-                **{name: _built(fields[name], entry) for name, entry in value.items() if name in fields}
+                **{name: built(fields[name], entry) for name, entry in value.items() if name in fields}
             )
         case Node(Form.EITHER):
-            return _built(next(part for part in node.parts if _takes(part, value)), value)
+            return built(next(part for part in node.parts if _takes(part, value)), value)
         case Node(Form.ITEMS, _, (item,)):
-            return tuple(_built(item, entry) for entry in value)
+            return tuple(built(item, entry) for entry in value)
         case Node(Form.FIXED):
-            return tuple(map(_built, node.parts, value))
+            return tuple(map(built, node.parts, value))
         case Node(Form.BY_NAME, _, (name, inner)):
-            return {_built(name, key): _built(inner, entry) for key, entry in value.items()}
+            return {built(name, key): built(inner, entry) for key, entry in value.items()}
         case Node(Form.ARRAY, scalar) if scalar in (None, np.float64):
             return array_of(value)
         case Node(Form.ARRAY, scalar):

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -80,19 +82,11 @@ def make_stored_kind(verb: str, *, name: str = "a file of the run") -> FileKind:
     return FileKind(name=name, largest=256 * _MIB, remedy=f"move it away, and run `mrwork {verb}` again")
 
 
-def bytes_of(path: Path, kind: FileKind) -> bytes:
-    """Content of a file, as long as it was when it was opened."""
-    return start_of(path, kind, kind.largest)
-
-
-def start_of(path: Path, kind: FileKind, count: int) -> bytes:
-    """The first bytes of a file, at most `count`."""
+def bytes_of(path: Path, kind: FileKind, most: int | None = None) -> bytes:
+    """Content of a file, as long as it was when it was opened; or its first bytes, at `most` so many."""
     size = check_file(path, kind)
-    try:
-        with path.open("rb") as stream:
-            return stream.read(min(size, count))
-    except OSError as reason:
-        raise _refusal(path, reason) from reason
+    with _explained(path), path.open("rb") as stream:
+        return stream.read(size if most is None else min(size, most))
 
 
 def text_of(path: Path, kind: FileKind) -> str:
@@ -120,10 +114,8 @@ def is_there(path: Path, kind: FileKind) -> bool:
 
 def check_file(path: Path, kind: FileKind) -> int:
     """Size of the ordinary file at `path`, which is not too large."""
-    try:
-        status = os.stat(path)  # noqa: PTH116 - `Path` refuses some names with other errors
-    except (OSError, ValueError) as reason:
-        raise _refusal(path, reason) from reason
+    with _explained(path):
+        status = path.stat()
     if not stat.S_ISREG(status.st_mode):
         what = "a directory" if stat.S_ISDIR(status.st_mode) else "a pipe, a device or a socket"
         raise RecordError(f"{path}: is {what} where {kind.name} was expected; {kind.remedy}")
@@ -135,13 +127,16 @@ def check_file(path: Path, kind: FileKind) -> int:
     return status.st_size
 
 
-def _refusal(path: Path, reason: OSError | ValueError) -> RecordError:
-    if isinstance(reason, ValueError):
-        # With NUL, or half of a surrogate pair.
-        return RecordError(f"{str(path)!a} cannot be the name of a file; check it")
-    if isinstance(reason, FileNotFoundError | NotADirectoryError):
-        return RecordError(f"{path}: there is no such file; check the path")
-    return RecordError(f"{path}: cannot be read ({reason.strerror}); check the file and its permissions")
+@contextmanager
+def _explained(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except (FileNotFoundError, NotADirectoryError):
+        raise RecordError(f"{path}: there is no such file; check the path") from None
+    # The second is of a name that no file can have.
+    except (OSError, ValueError) as reason:
+        why = getattr(reason, "strerror", reason)
+        raise RecordError(f"{path}: cannot be read ({why}); check its name and its permissions") from reason
 
 
 # Unlike methods of `Path`, these raise no error for a name that nothing can have.

@@ -24,7 +24,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.numbers import counted
 from mrwork.errors import JournalError, MrworkError
 from mrwork.store.codec import built, differences, plain
-from mrwork.store.input_file import FileKind, bytes_of, is_there, start_of
+from mrwork.store.input_file import FileKind, bytes_of, is_there
 from mrwork.store.output_file import Lock, explain_failure, open_to_write
 from mrwork.store.run_folder import refuse_path_in_run
 
@@ -272,7 +272,7 @@ _SUM = b', "crc32": "'
 
 def is_journal(path: Path) -> bool:
     """Whether a file begins as a journal does; an empty one is one that has not begun."""
-    start = start_of(path, JOURNAL_FILE, len(_START))
+    start = bytes_of(path, JOURNAL_FILE, len(_START))
     return start in (_START, b"")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
@@ -27,21 +28,18 @@ def interruptible(work: Callable[[], T]) -> T:
     """
     if threading.current_thread() is not threading.main_thread():
         return work()
-    outcome: list[T] = []
-    failure: list[BaseException] = []
+    outcome = Future[T]()
 
     def body() -> None:
         try:
-            outcome.append(work())
+            outcome.set_result(work())
         except BaseException as error:  # raised again on the caller's thread
-            failure.append(error)
+            outcome.set_exception(error)
 
     thread = threading.Thread(target=body, name="mrwork-work", daemon=True)
     thread.start()
     wait_for(thread)
-    if failure:
-        raise failure[0]
-    return outcome[0]
+    return outcome.result()
 
 
 def wait_for(thread: threading.Thread) -> None:

@@ -21,7 +21,6 @@ from mrwork.store.input_file import LEAST, Allowance
 _DEEPEST: Final = 2
 # Bytes of XML in which a workbook has a byte of its cells, with room.
 _MARKUP: Final = 4
-_WORKBOOK: Final = "xl/workbook.xml"
 # Ends of lines and separators, within a cell.
 _BLANKS: Final = str.maketrans(
     dict.fromkeys("\t\n\v\f\r\x1c\x1d\x1e\x85\u2028\u2029", " ") | {"#": "\N{FULLWIDTH NUMBER SIGN}"}
@@ -117,8 +116,6 @@ def sheets_of(data: bytes, path: Path) -> dict[str, list[str]]:
     unpacked = Allowance(path, _MARKUP * len(data), least=_MARKUP * LEAST)
     with readable(path, ".xlsx workbook", "save it again, without a password, or as CSV"):
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if _WORKBOOK not in archive.namelist():
-                raise ValueError("it holds no workbook")
             for entry in archive.infolist():
                 unpacked.take(entry.file_size, f"'{entry.filename}'")
         allowance = Allowance(path, len(data))

@@ -16,8 +16,8 @@ import os
 import socket
 import sys
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -50,40 +50,20 @@ def explain_failure(what: str, remedy: str) -> Iterator[None]:
         raise OutputError(f"cannot {what}: {reason.strerror or reason}; {remedy}") from reason
 
 
-def check_name(path: Path) -> None:
-    """Refuse a name that no file can have, and a pipe, a device or a socket, which a file would replace."""
-    if "\0" in str(path):
-        raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file, which has its name when it is whole; a pipe, a device or a socket is not replaced."""
     if exists(path) and not (path.is_file() or path.is_dir()):
         raise OutputError(f"{path} is a pipe, a device or a socket; give the name of an ordinary file")
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[BinaryIO]:
-    """A file open for writing under a temporary name, which is renamed to `path` at the end of the block."""
-    check_name(path)
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     with explain_failure(f"write {path}", "make room, or give leave to write there"):
         path.parent.mkdir(parents=True, exist_ok=True)
-        stream = new_file(beside)
         try:
-            with stream:
-                yield stream
+            with new_file(beside) as stream:
+                stream.write(content)
             beside.replace(path)
         except BaseException:
             beside.unlink(missing_ok=True)
             raise
-
-
-def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Write files into a folder by name, which they get when all are written."""
-    with ExitStack() as renamed:
-        for name, content in contents.items():
-            renamed.enter_context(replacing(folder / name)).write(content)
-
-
-_LONGEST = 300
-_FLAGS = os.O_RDWR | os.O_CREAT
 
 
 class Lock(AbstractContextManager["Lock"]):
@@ -109,7 +89,7 @@ class Lock(AbstractContextManager["Lock"]):
 
     def _take(self, path: Path) -> int:
         while True:
-            file = open_to_write(self._path, _FLAGS)
+            file = open_to_write(self._path, os.O_RDWR | os.O_CREAT)
             try:
                 _flock(file, path)
                 # Another writer may have removed the file between the two lines above.
@@ -133,7 +113,7 @@ def _flock(file: int, path: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        holder = os.pread(file, _LONGEST, 0).decode(errors="replace").strip() or "another process"
+        holder = os.pread(file, 300, 0).decode(errors="replace").strip() or "another process"
         if holder == _signature():
             raise JournalError(f"this process is writing {path} already; close that journal first") from None
         raise JournalError(

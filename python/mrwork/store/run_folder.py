@@ -6,7 +6,6 @@ other is refused. Every reader of a folder opens it as `RunFolder`; modules of t
 
 from __future__ import annotations
 
-import io
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -15,9 +14,6 @@ from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.summary import list_names
 from mrwork.errors import MrworkError, OutputError, RecordError
@@ -125,11 +121,8 @@ RUN_KINDS: Final = (FIT_RUN, STUDY_RUN, TUNING_RUN)
 
 
 def real_path(path: str | Path) -> Path:
-    """Path with symbolic links resolved, so that writing replaces the target; an impossible name stays."""
-    try:
-        return Path(os.path.realpath(path))
-    except ValueError:
-        return Path(path)
+    """Path with symbolic links resolved, so that writing replaces the target."""
+    return Path(os.path.realpath(path))
 
 
 def chunks_beside(journal: Path) -> Path:
@@ -224,10 +217,10 @@ class RunFolder:
             return run or self
         return replace(run, manifest=end_commit(run.real_path, run.manifest))
 
-    def check_format(self, error: type[MrworkError] = RecordError) -> None:
+    def check_format(self) -> None:
         """Refuse a folder in another format."""
         if (version := self.manifest.get("format")) != FORMAT:
-            raise error(
+            raise RecordError(
                 f"{self.path} was written by another version of mrwork (format {version}, not {FORMAT}); "
                 f"run `mrwork {self.kind.verb} ... --out {self.path} --replace` again"
             )
@@ -267,14 +260,6 @@ class RunFolder:
         with self.explained(name):
             document = self.document(name, verb=verb)
             return None if document is None else built(kind, document)
-
-    def arrays(self, name: str, *, verb: str = "") -> dict[str, NDArray[Any]] | None:
-        """The arrays of a file by name, as `content`; `None` where there is none."""
-        content = self.content(name, verb=verb)
-        if content is None:
-            return None
-        with self.explained(name), np.load(io.BytesIO(content), allow_pickle=False) as arrays:
-            return dict(arrays)
 
     @contextmanager
     def explained(self, name: str) -> Iterator[None]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path, PurePath
@@ -35,7 +35,7 @@ from mrwork.store.commit import (
 )
 from mrwork.store.input_file import exists
 from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
-from mrwork.store.output_file import Lock, check_name, explain_failure
+from mrwork.store.output_file import Lock, explain_failure
 from mrwork.store.run_folder import (
     ADDITIONS,
     CHAIN,
@@ -99,7 +99,7 @@ class Destination:
         run = self.run()
         if run is None or self.replace:
             return
-        run.check_format(OutputError)
+        run.check_format()
         names = _files_in(run.real_path, run.owns)
         if run.kind != self.kind:
             lost = {f", the results of `mrwork {run.kind.verb}`": _entries_of(names)}
@@ -172,11 +172,11 @@ class RunAtWork:
         self._journals: list[Journal] = []
         self._locked = ExitStack()
         self._earlier: RunFolder | None = None
+        self._listed: Mapping[str, str] = {}
         self._committing = False
 
     def __enter__(self) -> RunAtWork:
         folder = self._folder
-        check_name(folder)
         with _explained(self.destination.path):
             folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as locked:
@@ -187,6 +187,7 @@ class RunAtWork:
                 Lock(folder, name).release()
             if (run := self.destination.run()) is not None:
                 self._earlier = run.settled()
+                self._listed = self._earlier.files
             self.destination.check_losses()
             if not (self.destination.resume or self.destination.replace):
                 # Steps beside a complete run, or in an unfinished one.
@@ -232,10 +233,6 @@ class RunAtWork:
         is_before = self.destination.resume and name in self._listed and not path.is_file()
         return self._folder / name if is_before else path
 
-    def step_journal(self, step: str) -> Journal:
-        """The journal of a step of a comparison, such as `dahl/fit`."""
-        return self.journal(f"{MODELS}/{step}.jsonl")
-
     @property
     def step_journals(self) -> list[str]:
         """Names of the journals of the steps of a comparison, as far as it has come."""
@@ -265,21 +262,16 @@ class RunAtWork:
             journal.close()
         with _explained(self.destination.path):
             self.destination.check_losses()
-            paths = {name: path for name in grown if (path := self.grown(name)).is_file()}
-            listed = {name: digest_at(name, path) for name, path in paths.items()}
+            listed = {name: digest_at(name, path) for name in grown if (path := self.grown(name)).is_file()}
             replaced: dict[str, str | None] = {}
             if self._earlier is not None:
                 # Files of the run before with their digests, and what else has a name of such a file.
                 named = {entry.name for entry in self._folder.iterdir() if not entry.is_dir()}
-                replaced = dict.fromkeys(named & OWN_NAMES - {MANIFEST}) | dict(self._earlier.files)
+                replaced = dict.fromkeys(named & OWN_NAMES - {MANIFEST}) | dict(self._listed)
             stated, flush = _stated(facts, self.destination.kind), facts.get("status") != INTERRUPTED
             commit(self._folder, stated, contents, grown=listed, replaced=replaced, flush=flush)
             _sweep(self._folder, {**listed, **contents})
         self._locked.close()
-
-    @property
-    def _listed(self) -> Mapping[str, str]:
-        return {} if self._earlier is None else self._earlier.files
 
 
 def _refuse_steps(path: Path, journals: Iterable[Path]) -> None:
@@ -332,16 +324,14 @@ def addition_journal(
             _refuse_steps(committed, [growing])
         journal = journal_in_run(growing, committed=committed, resume=resume, note=note)
         try:
-            yield journal
+            with closing(journal):
+                yield journal
         except BaseException as error:
-            journal.close()
             if isinstance(error, KeyboardInterrupt):
                 error.add_note(_TO_RESUME)
             elif not (resume or n_steps(growing)):
                 growing.unlink(missing_ok=True)
             raise
-        finally:
-            journal.close()
 
 
 def add_to_run(path: str | Path, contents: Mapping[str, bytes], *, grown: Collection[str] = ()) -> None:

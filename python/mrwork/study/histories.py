@@ -12,7 +12,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, labels_of
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.responses import History, Labelled, Quantity, history_signals, in_command_unit
 from mrwork.store.netcdf import netcdf_of, read_netcdf
-from mrwork.store.output_file import replacing
+from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import HISTORIES, RunFolder
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study.study import Arrangement, Study
@@ -105,8 +105,7 @@ class Histories:
         }
         title = f"{study.rows[row].label} under {study.motions[motion].name}"
         content = NamedArrays(title=title, rows=("time",), labels=labels, arrays=arrays)
-        with replacing(self._work.growing(_name_of(row, motion))) as stream:
-            stream.write(netcdf_of({"": content}, checksums=True))
+        write_file(self._work.growing(_name_of(row, motion)), netcdf_of({"": content}, checksums=True))
 
 
 def read_history(place: Path, row: int, motion: int) -> RunHistory | None:

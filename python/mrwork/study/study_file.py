@@ -23,7 +23,7 @@ from mrwork.errors import OutputError, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store.function_text import function_text
 from mrwork.store.input_file import exists
-from mrwork.store.output_file import write_files
+from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 from mrwork.study.schema import StudyTable
 
@@ -55,7 +55,8 @@ def write_study_file(table: StudyTable, folder: Path, seed: int, path: Path, *, 
     check_output(path, replace=replace, otherwise=_OTHERWISE)
     if files and not replace and exists(home / beside):
         raise OutputError(f"{path.parent / beside} is there already; choose another name, or {_OTHERWISE}")
-    write_files(home, {**files, path.name: (note + text).encode()})
+    for name, content in {**files, path.name: (note + text).encode()}.items():
+        write_file(home / name, content)
 
 
 def _names_files(table: Any) -> bool:

@@ -21,11 +21,11 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.base.progress import COMPILE_TIME
+from mrwork.base.progress import note_compilation
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import LibraryError, SettingError, UnknownNameError
 
-jax.monitoring.register_event_duration_secs_listener(COMPILE_TIME.count)
+jax.monitoring.register_event_duration_secs_listener(note_compilation)
 # The Rust core computes in double precision, and the twins must agree with it.
 jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated
 

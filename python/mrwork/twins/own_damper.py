@@ -16,7 +16,7 @@ from jax.extend.core import jaxprs_in_params
 from mrwork.base.arguments import Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.summary import list_names
-from mrwork.base.units import scale_of
+from mrwork.base.units import unit_of
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import CONSTANT
@@ -141,7 +141,7 @@ def own_damper(
         raise SettingError(f"{name or 'an empty text'} {fault}")
     # First as they are, so that what goes wrong has its line, then from their text alone.
     for parameter in spec.parameters:
-        if scale_of(parameter.unit) not in (None, 1.0):
+        if (unit := unit_of(parameter.unit)) is not None and unit.factor != 1.0:
             raise SettingError(
                 f"{parameter.name} of {spec.name} is in {parameter.unit}, and numbers are in SI, not converted; give "
                 "them in N, m, s and products of these"

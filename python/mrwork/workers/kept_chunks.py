@@ -5,6 +5,7 @@ A journal has a step when it is complete. What was finished of an incomplete one
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.store.journal import Journal
-from mrwork.store.output_file import replacing
+from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import chunks_beside
 
 
@@ -50,8 +51,9 @@ class KeptChunks:
 
     def keep(self, number: int, arrays: Sequence[NDArray[Any]]) -> None:
         """Write the arrays of a chunk, whole or not at all; each member of the file has a checksum."""
-        with replacing(self._path(number)) as stream:
-            np.savez(stream, *arrays)
+        content = io.BytesIO()
+        np.savez(content, *arrays)
+        write_file(self._path(number), content.getvalue())
 
     def _path(self, number: int) -> Path:
         return self.folder / f"{self.n_steps:09d}-{self.fingerprint}-{number}.npz"

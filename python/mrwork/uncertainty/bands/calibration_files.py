@@ -214,10 +214,11 @@ def predictions_content(predictions: Sequence[Prediction]) -> bytes:
 
 def read_predictions(run: RunFolder, name: str = PREDICTIONS, *, verb: str = _VERB) -> tuple[Prediction, ...]:
     """The predictions in a file of a run folder, which this verb has written; none without the file."""
-    arrays = run.arrays(name, verb=verb)
-    if arrays is None:
+    content = run.content(name, verb=verb)
+    if content is None:
         return ()
-    with run.explained(name):
+    with run.explained(name), np.load(io.BytesIO(content), allow_pickle=False) as stored:
+        arrays = dict(stored)
         stated = json.loads(str(arrays["facts"]))
         return tuple(_prediction(facts, number, arrays) for number, facts in enumerate(stated))
 
