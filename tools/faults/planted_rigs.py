@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.base.units import scale_of
+from mrwork.base.units import unit_of
 from mrwork.errors import MrworkError
 from mrwork.records import read_damper_test
 from mrwork.records.findings import findings_of_set
@@ -52,7 +52,8 @@ def rig(rng: Rng, *wrong: tuple[int, str, str]) -> tuple[Files, str]:
         force = level * np.tanh((v + 0.05 * x * frequency) / (0.05 * amplitude)) + 0.2 * size * v
         force += 2e-3 * np.ptp(force) * rng.standard_normal(time.size)
         x += 2e-4 * amplitude * rng.standard_normal(time.size)
-        rows = np.stack([time, x, force, v][: len(names)], axis=1) / list(map(scale_of, written))
+        factors = [unit.factor for unit in map(unit_of, written) if unit]
+        rows = np.stack([time, x, force, v][: len(names)], axis=1) / factors
         lines = [head, *(";".join(f"{value:.9g}" for value in row) for row in rows)]
         files[f"{1e3 * amplitude:.0f}mm_{frequency:g}Hz_{current}mA"] = lines
     return files, encoding
