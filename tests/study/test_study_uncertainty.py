@@ -51,9 +51,7 @@ def test_every_row_has_bands_about_its_nominal_values(tmp_path: Path) -> None:
 def simulated(given: mr.Study, realisations: Any) -> Any:
     """Criteria of the law of a study, for realisations."""
     arrangement = next(each for each in given.arrangements if each.row.kind == "controller")
-    assert arrangement.law is not None
-    inputs = (arrangement, arrangement.law, given.grounds, given.hardware, realisations)
-    return simulate_criteria(*inputs, threads=1)
+    return simulate_criteria(arrangement, given.grounds, given.hardware, realisations, threads=1)
 
 
 def test_the_nominal_realisation_gives_the_bits_of_the_study(tmp_path: Path) -> None:
@@ -111,12 +109,12 @@ def test_storeys_that_yield_vary_in_stiffness_and_strength_and_keep_their_yield_
         one, stiffness=np.array([1.0, 0.8]), damping=np.ones(2), delay=np.zeros(2), seed=np.arange(2)
     )
     inputs = (given.grounds, given.hardware)
-    found = simulate_criteria(arrangement, arrangement.law, *inputs, realisations, threads=1)
+    found = simulate_criteria(arrangement, *inputs, realisations, threads=1)
     assert found.axes["realisation"] == ("1", "2")
     assert (found.numbers["peak_ductility"] > 1.5).any()
     for place, building in enumerate((frame, soft)):
         alone = replace(arrangement, building=building)
-        expected = simulate_criteria(alone, arrangement.law, *inputs, one, threads=1)
+        expected = simulate_criteria(alone, *inputs, one, threads=1)
         for name, array in found.numbers.items():
             np.testing.assert_allclose(array[..., place], expected.numbers[name][..., 0], rtol=1e-9)
 

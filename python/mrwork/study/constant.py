@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +20,11 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws.law_problem import ReferencePeaks
 from mrwork.errors import SimulationError
 from mrwork.motions import GroundMotion
+from mrwork.store.long_call import LongCall
 from mrwork.study.loop_runs import OnBlock, simulate_criteria
 from mrwork.study.runs import Runs
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
-from mrwork.study.study import Arrangement, constant_commands
+from mrwork.study.study import Arrangement, constant_commands, digest_of_run
 
 LEVELS = 21
 """Number of constant commands, equally spaced from zero to the largest, among which the best is chosen."""
@@ -117,8 +120,7 @@ class ConstantSearch:
     def runs(self, commands: Floats) -> Runs:
         """Criteria under constant commands, shape (n_candidates, n_devices)."""
         return simulate_criteria(
-            self.arrangement,
-            constant_commands(commands),
+            replace(self.arrangement, law=constant_commands(commands)),
             self.motions,
             self.hardware,
             threads=self.threads,
@@ -138,14 +140,30 @@ class ConstantSearch:
             runs=runs.outcome.size,
         ), runs
 
-    def best_share(self) -> BestConstant:
+    def chosen(self, call: LongCall[Any, Any], shares: dict[str, BestConstant]) -> tuple[Arrangement, str]:
+        """The arrangement under its best constant commands, and a sentence on the choice.
+
+        `shares` are the best shares of the largest commands that were found, by the digest of the runs.
+        """
+        arrangement = self.arrangement
+        inputs = digest_of_run(arrangement, *self.motions)
+        if inputs not in shares:
+            shares[inputs] = call.step("best_constant", BestConstant, self._best_share, inputs)
+        best = shares[inputs]
+        if arrangement.row.kind == "best_passive_by_group":
+            best = call.step("best_by_group", BestConstant, partial(self._best_by_group, best), inputs)
+        label = f"{arrangement.row.label}, {best.label(arrangement.devices)}"
+        row, law = replace(arrangement.row, label=label), constant_commands(best.commands)
+        return replace(arrangement, row=row, law=law), best.in_words(label, arrangement.devices)
+
+    def _best_share(self) -> BestConstant:
         """The best share of the largest commands; without any score refused, but where the study has added the row."""
         best, _ = self.scan()
         if math.isnan(best.score) and not self.arrangement.added:
             raise self.without_score()
         return best
 
-    def best_by_group(self, start: BestConstant) -> BestConstant:
+    def _best_by_group(self, start: BestConstant) -> BestConstant:
         """The best constant command of each group, from one share on: the levels of a group, then of the next.
 
         Scores are over i = 0. A search ends where the levels of every group were tried since the last change.

@@ -1,4 +1,4 @@
-"""Course of a study: where it stands, and how long it will take, by the cost of its runs and the rate of those done."""
+"""Course of a study: its steps, where it stands, and how long it will take, by costs and the rate of what is done."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,13 +18,15 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.study.study import Arrangement, commands_force
+from mrwork.study.constant import n_constant
+from mrwork.study.study import Arrangement, Study, commands_force
 from mrwork.workers.engine import by_whom
 
 Kind = Literal["without dampers", "core", "rollout", "Python", "JAX"]
 """What a row is simulated by: runs of one kind have one rate."""
 
-_CORE: Kind = "core"
+What = Literal["constant commands", "runs", "realisations", "runs with half the step"]
+"""What is simulated of a row at once: the runs themselves, constant commands before them, what is asked for beside."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,26 +55,41 @@ class StudyProgress(ProgressReport):
         return None if self.left is None else self.seconds / max(self.seconds + self.left, 1e-9)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What is simulated of a row, by its index; `cost` is in integration steps times coordinates."""
+
+    row: int = 0
+    what: What = "runs"
+    kind: Kind = "core"
+    cost: float = 0.0
+
+
+_NO_COST = Step()
+
+
 class Course:
-    """Reports of runs in progress, of which `costs` are the sums by kind; recalled runs do not count for a rate."""
+    """Reports of runs in progress, of these steps; recalled runs do not count for a rate."""
 
     def __init__(
         self,
         on_progress: Callable[[StudyProgress], bool | None] | None = None,
-        costs: Mapping[Kind, float] | None = None,
+        steps: Sequence[Step] = (),
         total: int = 0,
     ) -> None:
-        self._on_progress, self._total, self._left = on_progress, total, Counter(costs)
+        self._on_progress, self._total = on_progress, total
+        self._left = sum((Counter({step.kind: step.cost}) for step in steps), Counter[Kind]())
         self._seconds, self._simulated = Counter[Kind](), Counter[Kind]()
-        # Of the present runs: kind, cost and the share that has been simulated, label, and runs before them.
-        self._kind, self._cost, self._share, self._label, self._done = _CORE, 0.0, 0.0, "", 0
-        self._began = self._part_began = time.perf_counter()
+        # Of the present step: the share that has been simulated, its label, and runs before it.
+        self._step, self._share, self._label, self._done = _NO_COST, 0.0, "", 0
+        self._began = self._step_began = time.perf_counter()
 
-    def begin(self, label: str, kind: Kind = _CORE, cost: float = 0.0, done: int = 0) -> None:
-        """Report that runs of a kind begin, before which so many were done; the runs before end."""
+    def begin(self, label: str, step: Step = _NO_COST, done: int = 0) -> None:
+        """Report that a step begins, before which so many runs were done; the step before ends."""
         self._left, self._seconds, self._simulated = self._standing(1.0)
-        self._kind, self._cost, self._share, self._label, self._done = kind, cost, 0.0, label, done
-        self._part_began = time.perf_counter()
+        self._step, self._share, self._done = step, 0.0, done
+        self._label = label if step.what == "runs" else f"{label}, {step.what}"
+        self._step_began = time.perf_counter()
         self.advance(0, 1)
 
     def advance(self, done: int, total: int) -> None:
@@ -92,10 +109,10 @@ class Course:
         )
 
     def _standing(self, gone: float) -> tuple[Counter[Kind], ...]:
-        """By kind: cost that is left where this share of the present runs is gone, seconds and what they simulated."""
-        passed = time.perf_counter() - self._part_began if self._share else 0.0
-        parts = (gone * self._cost, passed, self._share * self._cost)
-        left, seconds, simulated = (Counter({self._kind: part}) for part in parts)
+        """By kind: cost that is left where this share of the step is gone, seconds and what they simulated."""
+        passed = time.perf_counter() - self._step_began if self._share else 0.0
+        parts = (gone * self._step.cost, passed, self._share * self._step.cost)
+        left, seconds, simulated = (Counter({self._step.kind: part}) for part in parts)
         return self._left - left, self._seconds + seconds, self._simulated + simulated
 
     def _time_left(self) -> float | None:
@@ -103,8 +120,8 @@ class Course:
         if not self._total:
             return None
         rates = {kind: seconds[kind] / cost for kind, cost in simulated.items()}
-        if _CORE in rates:
-            rates.setdefault("rollout", rates[_CORE])
+        if "core" in rates:
+            rates.setdefault("rollout", rates["core"])
         return sum(left[kind] * rates[kind] for kind in left) if left.keys() <= rates.keys() else None
 
 
@@ -116,8 +133,26 @@ _TRIALS = 4.0
 _MODEL_STEPS = 400.0
 
 
-def kind_of(arrangement: Arrangement) -> Kind:
-    """What the runs of an arrangement are simulated by."""
+def steps_of(study: Study, *, check_step: bool, threads: int = 0) -> Iterator[Step]:
+    """The steps of a study in their order."""
+    rows, n_realisations = range(len(study.arrangements)), len(study.realisations or ())
+
+    def step(row: int, what: What, n_each: int = 1, motions: Sequence[GroundMotion] = study.grounds) -> Step:
+        arrangement = study.arrangements[row]
+        cost = _cost(arrangement, motions, study.hardware, n_each, threads)
+        cost *= 2.0 if what == "runs with half the step" else 1.0
+        return Step(row=row, what=what, kind=_kind_of(arrangement), cost=cost)
+
+    for row, arrangement in enumerate(study.arrangements):
+        if arrangement.law is None:
+            yield step(row, "constant commands", n_constant(arrangement), study.chosen_on)
+        yield step(row, "runs")
+    yield from (step(row, "realisations", n_realisations) for row in rows if n_realisations)
+    # After all other runs, so that a study without this check can be resumed with it.
+    yield from (step(row, "runs with half the step") for row in rows if check_step)
+
+
+def _kind_of(arrangement: Arrangement) -> Kind:
     law = arrangement.law
     if not arrangement.devices:
         return "without dampers"
@@ -128,14 +163,14 @@ def kind_of(arrangement: Arrangement) -> Kind:
     return "core" if law is None or not law.spec.needs_model else "rollout"
 
 
-def cost_of(
+def _cost(
     arrangement: Arrangement,
     motions: Sequence[GroundMotion],
     hardware: Hardware,
     n_each: int,
-    threads: int = 0,
+    threads: int,
 ) -> float:
-    """Integration steps times coordinates of runs, `n_each` under each motion, where lanes and threads are full."""
+    """Cost of runs, `n_each` under each motion, where lanes and threads are full."""
     law, lanes = arrangement.law, _LANES
     steps = hardware.steps / hardware.sample_time
     if isinstance(law, ControlLaw) and law.spec.needs_model:

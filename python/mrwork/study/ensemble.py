@@ -78,9 +78,7 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
     if not study.other_sets or not reach:
         return ""
     row, motion = max(reach, key=lambda key: reach[key])
-    arrangement = study.arrangements[row]
-    assert arrangement.law is not None
-    building, devices, law, hardware = loop_of(arrangement, arrangement.law, study.hardware)
+    building, devices, law, hardware = loop_of(study.arrangements[row], study.hardware)
     responses = simulate_loop(
         building,
         devices,

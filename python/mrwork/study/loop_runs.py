@@ -29,10 +29,11 @@ OnBlock = Callable[[int, int], None]
 
 
 def loop_of(
-    arrangement: Arrangement, law: StudyLaw, hardware: Hardware
+    arrangement: Arrangement, hardware: Hardware
 ) -> tuple[Building, Sequence[Device], StudyLaw, Hardware]:
     """Building, devices, law and hardware of a loop; without devices it gets an actuator of zero force."""
-    building = arrangement.building
+    building, law = arrangement.building, arrangement.law
+    assert law is not None
     if arrangement.devices:
         return building, arrangement.devices, law, hardware
     spec = damper("dahl")
@@ -47,7 +48,6 @@ def loop_of(
 
 def simulate_criteria(
     arrangement: Arrangement,
-    law: StudyLaw,
     motions: Sequence[GroundMotion],
     hardware: Hardware,
     realisations: Realisations | None = None,
@@ -58,11 +58,11 @@ def simulate_criteria(
     on_block: OnBlock | None = None,
     changes: GainChanges | None = None,
 ) -> Runs:
-    """Criteria of candidates of a law under motions, with realisations or once, in one call of the core.
+    """Criteria of an arrangement under motions, with realisations or once, in one call of the core.
 
     The observer, if there is one, is designed for the nominal building, and laws go on believing in it.
-    `largest_commands` and `shaping` belong to the candidates, see `simulate_loop`; `changes` make candidates of one
-    law. Storeys that yield have one strength in a call, so that realisations of their stiffness are calls of their own.
+    `largest_commands` and `shaping` belong to the candidates of its law, see `simulate_loop`; `changes` make candidates
+    of one law. Storeys that yield have one strength in a call: realisations of their stiffness are calls of their own.
     """
     realisations = nominal(arrangement.devices) if realisations is None else realisations
     yields = any(element.in_stiffness for element in arrangement.building.elements)
@@ -70,20 +70,15 @@ def simulate_criteria(
         count = len(realisations)
 
         def alone(index: int) -> Runs:
-            def on_part(done: int, of: int) -> None:
-                if on_block is not None:
-                    on_block(index * of + done, count * of)
-
             return simulate_criteria(
                 arrangement,
-                law,
                 motions,
                 hardware,
                 realisations.alone(index),
                 largest_commands=largest_commands,
                 shaping=shaping,
                 threads=threads,
-                on_block=on_part,
+                on_block=on_block and (lambda done, of: on_block(index * of + done, count * of)),
                 changes=changes,
             )
 
@@ -94,7 +89,7 @@ def simulate_criteria(
         (stiffness, damping): vary_building(arrangement, stiffness=stiffness, damping=damping)
         for stiffness, damping in dict.fromkeys(factors)
     }
-    building, devices, loop_law, hardware = loop_of(arrangement, law, hardware)
+    building, devices, law, hardware = loop_of(arrangement, hardware)
     if arrangement.devices:
         draws = zip(devices, realisations.theta, strict=True)
         devices = [replace(device, theta=theta) for device, theta in draws]
@@ -102,7 +97,7 @@ def simulate_criteria(
     responses = simulate_loop(
         varied[0] if yields else building,
         devices,
-        loop_law,
+        law,
         motions,
         hardware,
         nominal=building,
@@ -118,7 +113,7 @@ def simulate_criteria(
         on_progress=on_block,
     )
     axes = candidate_axes(responses.shape[0], motions, len(realisations))
-    runs = runs_of(responses, arrangement, law, axes)
+    runs = runs_of(responses, arrangement, axes)
     return runs.criteria(scales_of(arrangement), command_unit_of(arrangement.devices))
 
 

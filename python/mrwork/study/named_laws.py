@@ -292,8 +292,7 @@ class _Trials:
 
     def _run(self, problem: DesignProblem, law: ControlLaw) -> Runs:
         return simulate_criteria(
-            replace(self.at_zero, devices=problem.all_devices),
-            law,
+            replace(self.at_zero, devices=problem.all_devices, law=law),
             problem.motions,
             self.hardware,
             on_block=self.course.advance,

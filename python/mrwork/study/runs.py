@@ -33,7 +33,7 @@ from mrwork.dampers.tested_range import least_stroke
 from mrwork.motions import GroundMotion
 from mrwork.store.codec import array_of, plain
 from mrwork.store.journal import Journal
-from mrwork.study.study import Arrangement, StudyLaw, commands_force
+from mrwork.study.study import Arrangement, commands_force
 
 Axes = Mapping[str, tuple[str, ...]]
 """Labels along each axis by its name."""
@@ -138,12 +138,11 @@ class Runs(Labelled, WithAxes, Summarised):
         """Number of runs that are done."""
         return int(self.done.sum())
 
-    def put(self, part: Runs, row: int, motions: Sequence[int], realisation: int) -> None:
-        """Fill in the one row of a part, under these motions, from this realisation on."""
-        here = (row, list(motions), slice(realisation, realisation + part.shape[_REALISATION]))
-        self.outcome[here] = part.outcome[0]
+    def put(self, part: Runs, row: int, motions: slice | list[int] = _ALL) -> None:
+        """Fill in the one row of a part, under these motions."""
+        self.outcome[row, motions] = part.outcome[0]
         for name, array in part.numbers.items():
-            self.numbers[name][here] = array[0]
+            self.numbers[name][row, motions] = array[0]
 
     def part(
         self, rows: slice | list[int] = _ALL, motions: slice | list[int] = _ALL, realisations: slice = _ALL
@@ -223,16 +222,22 @@ class Runs(Labelled, WithAxes, Summarised):
         """Score of each run against the dampers at i = 0, under the same motion and realisation."""
         return score({name: ratio(self.numbers[name], at_zero.numbers[name]) for name in SCORE})
 
-    def as_record(self) -> dict[str, Any]:
-        """Its line of a journal, which has no labels; see `from_record`."""
-        return {"outcome": self.outcome.tolist(), "numbers": plain(self.numbers)}
+    def recalled(
+        self, journal: Journal | None, step: str, inputs: str, simulate: Callable[[Runs], Runs]
+    ) -> Runs:
+        """Runs in the place of these empty ones: from the journal, which has no labels, or simulated and recorded."""
 
-    @staticmethod
-    def from_record(record: Mapping[str, Any], axes: Axes, declared: Sequence[Quantity]) -> Runs:
-        """The runs of a line of a journal."""
-        numbers = {name: array_of(column) for name, column in record["numbers"].items()}
-        outcome = np.array(record["outcome"], dtype=np.uint8)
-        return Runs._of(axes, declared, numbers, outcome)
+        def read(record: Mapping[str, Any]) -> Runs:
+            numbers = {name: array_of(column) for name, column in record["numbers"].items()}
+            return self._filled(numbers, np.array(record["outcome"], dtype=np.uint8))
+
+        recalled = None if journal is None else journal.recall(step, inputs, read)
+        if recalled is not None:
+            return recalled
+        runs = simulate(self)
+        if journal is not None:
+            journal.record(step, inputs, {"outcome": runs.outcome.tolist(), "numbers": plain(runs.numbers)})
+        return runs
 
     @staticmethod
     def from_arrays(named: NamedArrays, declared: Sequence[Quantity], realisation: str = "") -> Runs:
@@ -244,20 +249,16 @@ class Runs(Labelled, WithAxes, Summarised):
         codes = {"": NOT_RUN} | {member.name.lower(): int(member) for member in Outcome}
         outcome = np.array([codes[name] for name in numbers["outcome"].ravel()], dtype=np.uint8)
         axes["realisation"] = axes["realisation"] or (realisation,)
-        return Runs._of(axes, declared, numbers, outcome)
+        return Runs.empty(axes, declared)._filled(numbers, outcome)
 
-    @staticmethod
-    def _of(
-        axes: Axes, declared: Sequence[Quantity], numbers: Mapping[str, Any], outcome: NDArray[np.uint8]
-    ) -> Runs:
-        """Runs with these numbers; a quantity that was not declared when they were written is unknown."""
-        empty = Runs.empty(axes, declared)
+    def _filled(self, numbers: Mapping[str, Any], outcome: NDArray[np.uint8]) -> Runs:
+        """These empty runs with numbers; a quantity that was not declared when they were written is unknown."""
         arrays = {
-            name: number.reshape(empty.numbers[name].shape)
-            for name, number in numbers.items()
-            if name in empty.numbers
+            name: array.reshape(self.numbers[name].shape)
+            for name, array in numbers.items()
+            if name in self.numbers
         }
-        return replace(empty, numbers={**empty.numbers, **arrays}, outcome=outcome.reshape(empty.shape))
+        return replace(self, numbers={**self.numbers, **arrays}, outcome=outcome.reshape(self.shape))
 
     def _named_arrays(self) -> NamedArrays:
         first = tuple(self.axes)[:_N_FIRST]
@@ -287,8 +288,8 @@ def outcome_names(outcomes: NDArray[np.uint8]) -> NDArray[np.str_]:
     return names[outcomes]
 
 
-def runs_of(responses: Responses, arrangement: Arrangement, law: StudyLaw, axes: Axes) -> Runs:
-    """The runs of an arrangement under candidates of a law over these axes, with the floors of the bare building."""
+def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
+    """The runs of an arrangement or of candidates of its law over these axes, with the floors of the bare building."""
     axes = {**axes, **{name: labels for name, labels in own_axes([arrangement]).items() if name not in axes}}
     runs = Runs.empty(axes, study_quantities(command_unit_of(arrangement.devices)))
     runs = replace(runs, outcome=responses.outcome.reshape(runs.shape))
@@ -318,7 +319,7 @@ def runs_of(responses: Responses, arrangement: Arrangement, law: StudyLaw, axes:
             places = arrangement.places.get(quantity.axis)
             fill(name, columns if places is None else columns[:, places])
         # The command of an ideal actuator is a force, not a current.
-        elif columns is not None and not (name in _COMMANDS and commands_force(law)):
+        elif columns is not None and not (name in _COMMANDS and commands_force(arrangement.law)):
             fill(name, columns[:, : len(dampers)], dampers)
     return runs
 
@@ -370,22 +371,3 @@ def candidate_axes(
         "motion": tuple(motion.name for motion in motions),
         "realisation": numbered(n_realisations),
     }
-
-
-def recall_or_simulate(
-    journal: Journal | None,
-    step: str,
-    inputs: str,
-    axes: Axes,
-    declared: Sequence[Quantity],
-    simulate: Callable[[], Runs],
-) -> Runs:
-    """Runs over these axes from the journal, or simulated, and then recorded."""
-    if journal is None:
-        return simulate()
-    recalled = journal.recall(step, inputs, lambda record: Runs.from_record(record, axes, declared))
-    if recalled is not None:
-        return recalled
-    runs = simulate()
-    journal.record(step, inputs, runs.as_record())
-    return runs

@@ -58,8 +58,8 @@ def compare_places(
     testing = tuple(motion.ground for motion in study.motions if motion.use == "test")
 
     def at(arrangement: Arrangement, command: float, motions: Sequence[GroundMotion]) -> Runs:
-        law = constant_commands([command] * len(arrangement.devices))
-        return simulate_criteria(arrangement, law, motions, hardware, threads=threads)
+        held = replace(arrangement, law=constant_commands([command] * len(arrangement.devices)))
+        return simulate_criteria(held, motions, hardware, threads=threads)
 
     @cache
     def without_dampers(*, test: bool) -> Runs:

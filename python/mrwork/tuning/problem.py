@@ -26,7 +26,7 @@ from mrwork.store.long_call import LongCall
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.realisations import Realisations, nominal
-from mrwork.study.runs import Axes, Runs, candidate_axes, recall_or_simulate, study_criteria
+from mrwork.study.runs import Runs, candidate_axes, study_criteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective
@@ -78,18 +78,16 @@ class Bench(Summarised):
     ) -> Bench:
         """The bench of a study with these realisations, by default the nominal one; i = 0 is simulated on it."""
         check_controllable(study)
-        problem, motions, law = study.problem, study.chosen_on, study.at_zero.law
+        problem, motions = study.problem, study.chosen_on
         assert problem is not None
-        assert law is not None
         call = LongCall() if call is None else call
         realised = nominal(study.devices) if realisations is None else realisations
-        passive = recall_or_simulate(
+        axes = candidate_axes(1, motions, len(realised))
+        passive = Runs.empty(axes, study_criteria(study.command_unit)).recalled(
             call.journal,
             "passive",
             digest_of([motion.name for motion in motions], len(realised)),
-            candidate_axes(1, motions, len(realised)),
-            study_criteria(study.command_unit),
-            lambda: simulate_criteria(study.at_zero, law, motions, study.hardware, realised, threads=threads),
+            lambda _: simulate_criteria(study.at_zero, motions, study.hardware, realised, threads=threads),
         )
         return Bench(
             study=study,
@@ -103,7 +101,7 @@ class Bench(Summarised):
 
     def run(self, law: str, candidates: Sequence[LawCandidate]) -> Runs:
         """Criteria of candidates, none for those that make no law."""
-        runs = Runs.empty(self._axes(len(candidates)), study_criteria(self.study.command_unit))
+        runs = self._empty(len(candidates))
         for members, together in self._batches(law, candidates):
             problem = (
                 self.problem if together else self.problem.limited_to(candidates[members[0]].largest_command)
@@ -137,8 +135,7 @@ class Bench(Summarised):
     ) -> Runs:
         """Criteria of the candidates of a law, see `simulate_loop`."""
         return simulate_criteria(
-            replace(self.study.at_zero, devices=problem.all_devices, law=None),
-            law,
+            replace(self.study.at_zero, devices=problem.all_devices, law=law),
             self.motions,
             self.study.hardware,
             self.realisations,
@@ -150,17 +147,13 @@ class Bench(Summarised):
 
     def recalled(self, step: str, law: str, candidates: Sequence[LawCandidate]) -> Runs:
         """The criteria of candidates, from the journal if it has them."""
-        return recall_or_simulate(
-            self.call.journal,
-            step,
-            digest_of(law, candidates, len(self.realisations)),
-            self._axes(len(candidates)),
-            study_criteria(self.study.command_unit),
-            lambda: self.run(law, candidates),
-        )
+        inputs = digest_of(law, candidates, len(self.realisations))
+        empty = self._empty(len(candidates))
+        return empty.recalled(self.call.journal, step, inputs, lambda _: self.run(law, candidates))
 
-    def _axes(self, n_candidates: int) -> Axes:
-        return candidate_axes(n_candidates, self.motions, len(self.realisations))
+    def _empty(self, n_candidates: int) -> Runs:
+        axes = candidate_axes(n_candidates, self.motions, len(self.realisations))
+        return Runs.empty(axes, study_criteria(self.study.command_unit))
 
     def scores(self, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]) -> Scores:
         """The scores of candidates."""

@@ -1,0 +1,126 @@
+"""The runs of a row of a study: nominal ones, of which histories are stored, with half the step, with realisations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrwork.closed_loop.responses import history_signals
+from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.study.course import What
+from mrwork.study.histories import RunHistory, history_of
+from mrwork.study.loop_runs import OnBlock, loop_of, simulate_criteria
+from mrwork.study.runs import Runs, knows_least_strokes, runs_of
+from mrwork.study.study import Arrangement, Study
+from mrwork.workers.engine import present_workers
+
+# Histories that are simulated together need about so much memory [bytes].
+_MOST_BYTES = 2.0**28
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowRuns:
+    """A row of a study by its index, whose runs are put in the place of empty ones; `keep` stores a history."""
+
+    study: Study
+    row: int
+    arrangement: Arrangement
+    threads: int
+    keep: Callable[[int, int, RunHistory], None]
+    on_block: OnBlock
+
+    def simulate(self, what: What, empty: Runs) -> Runs:
+        """The runs of a step, of which the histories that the study names are stored; or criteria of realisations."""
+        study = self.study
+        if what == "realisations":
+            return simulate_criteria(
+                self.arrangement,
+                study.grounds,
+                study.hardware,
+                study.realisations,
+                threads=self.threads,
+                on_block=self.on_block,
+            )
+        if what == "runs with half the step":
+            return self._simulate(empty, [*range(len(study.motions))], step_factor=2)
+        runs = Runs.empty(empty.axes, empty.declared)
+        for motions, detailed in self._batches():
+            runs.put(self._simulate(empty, motions, detailed=detailed, before=runs.n_done), 0, motions)
+        return runs
+
+    def store(self, runs: Runs, kept: Callable[[int, int], bool]) -> None:
+        """Store the histories of recalled runs that are not kept, each simulated again."""
+        for motion in self._stored(range(len(self.study.motions)), runs):
+            if not kept(self.row, motion):
+                self._simulate(runs, [motion], detailed=True)
+
+    def _stored(self, motions: Sequence[int], runs: Runs) -> list[int]:
+        """Motions of which the study stores the history of a run; without an end, it has infinite numbers."""
+        ended = zip(motions, runs.finished[0, :, 0], strict=True)
+        return [motion for motion, finished in ended if finished and motion in self.study.histories]
+
+    def _simulate(
+        self,
+        among: Runs,
+        motions: list[int],
+        *,
+        detailed: bool = False,
+        step_factor: int = 1,
+        before: int = 0,
+    ) -> Runs:
+        """Runs under some motions, with their histories where they are `detailed`."""
+        study = self.study
+        building, devices, law, hardware = loop_of(self.arrangement, study.hardware)
+        responses = simulate_loop(
+            building,
+            devices,
+            law,
+            [study.grounds[motion] for motion in motions],
+            hardware,
+            motion_numbers=motions,
+            histories=detailed,
+            step_factor=step_factor,
+            threads=self.threads,
+            on_progress=lambda done, _: self.on_block(before + done, len(study.motions)),
+        )
+        runs = runs_of(responses, self.arrangement, among.part(motions=motions).axes)
+        if responses.histories is not None:
+            histories = dict(zip(motions, responses.histories, strict=True))
+            for motion in self._stored(motions, runs):
+                self.keep(self.row, motion, history_of(histories[motion], self.arrangement))
+        return runs
+
+    def _batches(self) -> Iterator[tuple[list[int], bool]]:
+        """Motions that are simulated together, and whether with their histories; these must fit into memory together.
+
+        Small strokes leave the tested range of some dampers: the least stroke of a run is known from its history.
+        """
+        study, every = self.study, list(range(len(self.study.motions)))
+        detailed = every if knows_least_strokes(self.arrangement) else [*study.histories]
+        needed = self._bytes_per_second * np.array([ground.duration for ground in study.grounds])
+        # Workers send none back: this process simulates the runs with histories.
+        if not detailed or (needed.sum() < _MOST_BYTES and present_workers() is None):
+            yield every, bool(detailed)
+            return
+        filled = np.cumsum(needed[detailed]) // _MOST_BYTES
+        for batch in np.split(detailed, np.flatnonzero(np.diff(filled)) + 1):
+            yield batch.tolist(), True
+        if others := [motion for motion in every if motion not in detailed]:
+            yield others, False
+
+    @property
+    def _bytes_per_second(self) -> float:
+        """Memory of a run's history per second of motion [bytes/s]."""
+        building = self.arrangement.building
+        sizes = {
+            "floor": len(building.floors),
+            "storey": len(building.storeys),
+            "element": len(building.elements),
+            "run": 1,
+            "device": max(len(self.arrangement.devices), 1),
+            "state": 2 * building.n_coordinates,
+        }
+        columns = sum(sizes[signal.axis] for signal in history_signals())
+        return 8.0 * columns / self.study.hardware.sample_time
