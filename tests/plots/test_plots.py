@@ -391,7 +391,6 @@ def test_bars_and_profiles_have_the_numbers_of_their_runs() -> None:
 
 def test_profiles_of_a_study_are_means_over_the_judged_motions_in_ratios_where_heights_are_known() -> None:
     study = study_samples.incremental()
-    assert study.building is not None
     axes = study.plot.storey_profiles(Figure().subplots(), quantity="peak_drift_ratio", rows=[0], behind=[1])
     front, behind = axes.get_lines()[:2]
     peaks = study.quantities.peak_drift[0, list(study.judged_motions), 0]

@@ -107,7 +107,6 @@ def test_records_at_several_levels_have_a_section_and_a_row_each() -> None:
     assert "the PGA at which the peak drift reaches 0.02 m, of 5 records at 4 levels" in text
     assert "4, PGA 0.100 to 0.400 g" in text
     assert "record 0, 0.1 g</" not in text.partition('id="ground-motions"')[2]
-    assert results.building is not None
     low = replace(results, building=replace(results.building, heights=()))
     for without in (low, replace(study_samples.results(), limit={"peak_drift": 0.02})):
         assert fragilities_of_page(without) is None
@@ -171,7 +170,6 @@ def test_of_many_laws_the_page_shows_the_best_and_says_so() -> None:
 @pytest.mark.contract
 def test_numbers_of_the_front_are_sorted_as_numbers() -> None:
     results = study_samples.incremental()
-    assert results.building is not None
     facts = replace(results.building, damping_ratios=(0.02, 309.017, 9.5, 0.1), yield_drifts=(17.5, 0.0, 9.0))
     subject = study_lead(compared(replace(results, building=facts))).subject
     assert "damping 2.0 to 30\u202f901.7 %" in subject

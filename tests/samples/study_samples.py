@@ -33,11 +33,26 @@ ROWS = (
     Row(label="Clipped-optimal", kind="controller"),
     Row(label="Lyapunov <1 A>", kind="controller"),
 )
+BUILDING = BuildingFacts(
+    name="three storeys",
+    masses=(1e3,) * 3,
+    stiffnesses=(1e6,) * 3,
+    periods=(0.5, 0.2, 0.1),
+    damping_ratios=(0.02,) * 3,
+)
+
+
+def motion_facts(name: str, peak: float = 1.0, record: str = "", **changes: Any) -> MotionFacts:
+    """Facts of a motion of 8 s that stands at its peak."""
+    intensity = Intensity(measure="pga", value=peak)
+    return MotionFacts(
+        name=name, peak=peak, duration=8.0, record=record or name, intensity=intensity, **changes
+    )
+
+
 MOTIONS = (
-    MotionFacts(
-        name="El Centro", peak=3.4, duration=8.0, source="el_centro.csv", changes=("time axis x 0.2",)
-    ),
-    MotionFacts(name="filtered noise", peak=1.0, duration=8.0, synthetic=True),
+    motion_facts("El Centro", 3.4, source="el_centro.csv", changes=("time axis x 0.2",)),
+    motion_facts("filtered noise", synthetic=True),
 )
 
 
@@ -139,6 +154,7 @@ def results() -> StudyResults:
         labelled=criteria_of(quantities),
         floor_names=("floor 1", "floor 2", "roof"),
         storey_names=("storey 1", "storey 2", "storey 3"),
+        building=BUILDING,
         dampers=tuple(map(damper_facts, ("damper 1", "damper 1, opposed"))),
         command_unit="A",
         facts=(("Building", "three storeys"),),
@@ -249,10 +265,8 @@ def many_motions(count: int = 12) -> StudyResults:
     """The study under many motions: odd ones on soft soil, the last two for training."""
     few = results()
     motions = tuple(
-        MotionFacts(
-            name=f"motion {number}",
-            peak=1.0,
-            duration=8.0,
+        motion_facts(
+            f"motion {number}",
             use="training" if number >= count - 2 else "test",
             groups=("soft soil" if number % 2 else "firm soil", "0.1 g"),
         )
@@ -270,13 +284,7 @@ def many_motions(count: int = 12) -> StudyResults:
 def incremental(n_records: int = 5, n_levels: int = 4) -> StudyResults:
     """The study under records at several levels, whose responses are proportional to both."""
     motions = tuple(
-        MotionFacts(
-            name=f"record {record}, 0.{level} g",
-            peak=0.1 * level * STANDARD_GRAVITY,
-            duration=8.0,
-            record=f"record {record}",
-            intensity=Intensity(measure="pga", value=0.1 * level * STANDARD_GRAVITY),
-        )
+        motion_facts(f"record {record}, 0.{level} g", 0.1 * level * STANDARD_GRAVITY, f"record {record}")
         for record in range(n_records)
         for level in range(1, n_levels + 1)
     )
@@ -288,6 +296,5 @@ def incremental(n_records: int = 5, n_levels: int = 4) -> StudyResults:
         for row in range(len(ROWS))
         for motion in range(len(motions))
     }
-    three = {"masses": (1e3,) * 3, "stiffnesses": (1e6,) * 3, "damping_ratios": (0.02,) * 3}
-    building = BuildingFacts(name="three storeys", periods=(0.5, 0.2, 0.1), heights=(4.0, 3.0, 3.0), **three)
+    building = replace(BUILDING, heights=(4.0, 3.0, 3.0))
     return replace(with_runs(results(), runs, motions=motions), building=building)

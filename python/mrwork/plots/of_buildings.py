@@ -137,10 +137,9 @@ def building(result: Building | StudyResults, ax: Axes | None = None) -> Axes:
     >>> axes = mr.building("uts").plot.building()
     """
     facts = result.building if isinstance(result, StudyResults) else BuildingFacts.of(result)
-    if facts is None or len(facts.stiffnesses) != len(facts.masses):
-        name = "the building" if facts is None else facts.name
+    if len(facts.stiffnesses) != len(facts.masses):
         raise SettingError(
-            f"{name} is no chain of floors, each on the spring of its storey; its modes are in its `repr`"
+            f"{facts.name} is no chain of floors, each on the spring of its storey; its modes are in its `repr`"
         )
     axes, dampers = axes_for(ax), list(facts.passive_storeys)
     if isinstance(result, StudyResults):

@@ -20,7 +20,7 @@ from mrwork.closed_loop.responses import demand_of
 from mrwork.control.weights.limits import sine_force
 from mrwork.dampers.spec import worst_laws
 from mrwork.dampers.tested_range import Exceedance, worst_of
-from mrwork.study.results import BuildingFacts, DamperFacts, DeviceDemand, StudyResults
+from mrwork.study.results import DeviceDemand, StudyResults
 from mrwork.study.runs import Runs
 from mrwork.study.study import Study
 
@@ -122,20 +122,12 @@ def shares_in_words(results: StudyResults) -> tuple[str, ...]:
 
 def judged_by_demand(results: StudyResults, study: Study) -> StudyResults:
     """Results of a study with the demands on its devices, and with the warnings on them."""
-    motions, devices = results.motions, study.devices
+    motions = results.motions
     demanded = {
-        (row, motion): demands_of(results.quantities, row, motion, devices, motions[motion].duration)
+        (row, motion): demands_of(results.quantities, row, motion, study.devices, motions[motion].duration)
         for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
     }
-    results = replace(
-        results,
-        demanded=demanded,
-        building=BuildingFacts.of(study.building),
-        dampers=tuple(
-            DamperFacts.of(device, study.building, table.storey)
-            for device, table in zip(devices, study.table.damper, strict=True)
-        ),
-    )
+    results = replace(results, demanded=demanded)
     named = {
         (results.rows[row].label, motions[motion].name): demand for (row, motion), demand in demanded.items()
     }

@@ -396,9 +396,8 @@ def fragility(
             f"the study was interrupted: {results.done} of {results.total} runs are done, and a record without its "
             "runs would look safe; finish it with --resume"
         )
-    scales = None if results.building is None else results.building.scales
     limits = limit if limit is not None else results.limit or COLLAPSE
-    ((name, value),) = limit_of(limits, results.command_unit, scales).items()
+    ((name, value),) = limit_of(limits, results.command_unit, results.building.scales).items()
     at = results.record_levels
     n_records, n_levels = at.places.shape
     if n_records < _FEWEST or n_levels < _FEWEST:
@@ -564,7 +563,7 @@ def _fragilities(
     )
 
 
-def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales | None) -> dict[str, float]:
+def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales) -> dict[str, float]:
     """A criterion with its limit, in SI; refused where it is none, or `scales` lack what it is divided by."""
     if len(limit) != 1:
         raise SettingError(
@@ -582,7 +581,7 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
         value = number
     if not 0.0 < value < math.inf:
         raise SettingError(f"the limit of {name} is {value:g}; give a positive number [{unit}]")
-    if scales is not None and (lacking := scales.lacking(criterion_named(name).scale)):
+    if lacking := scales.lacking(criterion_named(name).scale):
         raise SettingError(f"{name} is known only with {lacking} in [building]; give it")
     return {name: float(value)}
 

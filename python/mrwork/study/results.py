@@ -15,7 +15,7 @@ from mrwork.base.arguments import NotNegative, Positive, Whole
 from mrwork.base.labelled import NamedArrays, labels_of, tree_of
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
-from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
@@ -67,9 +67,8 @@ _NO_CRITERIA = " A run that does not finish has no criteria."
 class MotionFacts:
     """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use, groups, record and intensity.
 
-    The intensity is in the measure that the motion was scaled to, else its peak; `None` in results of former versions.
-    `level` is what it was scaled to in words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a
-    copy of.
+    The intensity is in the measure that the motion was scaled to, else its peak. `level` is what it was scaled to in
+    words, as "0.3 g" or "factor 2"; `copy_of` names the record that its own is a copy of.
     """
 
     name: str
@@ -80,24 +79,19 @@ class MotionFacts:
     synthetic: bool = False
     use: Use = "test"
     groups: tuple[str, ...] = ()
-    record: str = ""
-    intensity: Intensity | None = None
+    record: str
+    intensity: Intensity
     level: str = ""
     copy_of: str = ""
-
-    @property
-    def at_level(self) -> tuple[str, Intensity]:
-        """The record, and the intensity; of results without one the peak ground acceleration."""
-        return self.record or self.name, self.intensity or Intensity(measure="pga", value=self.peak)
 
     @staticmethod
     def of(motion: MotionOfStudy) -> MotionFacts:
         """The facts of a motion of a study."""
-        names = ("name", "peak", "duration", "source", "changes", "groups")
-        facts = {name: getattr(motion.ground, name) for name in names}
-        intensity = motion.intensity or Intensity(measure="pga", value=motion.ground.peak)
-        of_study = {name: getattr(motion, name) for name in ("synthetic", "use", "record", "copy_of")}
-        return MotionFacts(**facts, **of_study, intensity=intensity, level=motion.level_in_words)
+        return MotionFacts(
+            **named(motion.ground, "name", "peak", "duration", "source", "changes", "groups"),
+            **named(motion, "synthetic", "use", "record", "intensity", "copy_of"),
+            level=motion.level_in_words,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,12 +155,9 @@ class BuildingFacts:
     @property
     def scales(self) -> Scales:
         """What criteria are divided by."""
-        return Scales(
-            weight=sum(self.masses) * STANDARD_GRAVITY,
-            heights=np.array(self.heights),
-            yield_drifts=np.array(self.yield_drifts),
-            loads=np.array(self.loads),
-        )
+        arrays = named(self, "heights", "yield_drifts", "loads").items()
+        weight = sum(self.masses) * STANDARD_GRAVITY
+        return Scales(weight=weight, **{name: np.array(array) for name, array in arrays})
 
     @property
     def has_ratios(self) -> bool:
@@ -178,18 +169,18 @@ class BuildingFacts:
         """The facts of a building without dampers."""
         devices = [element for element in building.elements if not element.in_stiffness]
         across = (np.flatnonzero((building.drifts == device.row).all(axis=1)).tolist() for device in devices)
+        numbers = {
+            "masses": np.diag(building.mass),
+            "stiffnesses": building.storey_stiffnesses,
+            **named(building, "periods", "damping_ratios"),
+            **named(Scales.of(building), "heights", "yield_drifts", "loads"),
+        }
         return BuildingFacts(
+            name=building.name,
+            **{name: tuple(array.tolist()) for name, array in numbers.items()},
+            drift_limit=building.drift_limit,
             passive=tuple(device.name for device in devices),
             passive_storeys=tuple(storey for storeys in across for storey in storeys[:1]),
-            name=building.name,
-            masses=tuple(np.diag(building.mass).tolist()),
-            stiffnesses=tuple(building.storey_stiffnesses.tolist()),
-            periods=tuple(building.periods.tolist()),
-            damping_ratios=tuple(building.damping_ratios.tolist()),
-            heights=tuple(building.drift_heights.tolist()),
-            yield_drifts=tuple(building.yield_drifts[: len(building.drifts)].tolist()),
-            loads=tuple(building.loads[: len(building.drifts)].tolist()),
-            drift_limit=building.drift_limit,
         )
 
 
@@ -325,7 +316,7 @@ class StudyResults(Plotted, Summarised):
     floor_names: tuple[str, ...]
     storey_names: tuple[str, ...]
     command_unit: str
-    building: BuildingFacts | None = None
+    building: BuildingFacts
     dampers: tuple[DamperFacts, ...] = ()
     demanded: Mapping[tuple[int, int], tuple[DeviceDemand, ...]] = field(default_factory=dict)
     chosen_on: tuple[str, ...] = ()
@@ -345,26 +336,25 @@ class StudyResults(Plotted, Summarised):
         study: Study, rows: Sequence[Row], runs: Runs, criteria: Runs, choices: Sequence[str]
     ) -> StudyResults:
         """Results of runs of a study, without the demands on its dampers."""
-        drawn = study.table.report.controllers
+        drawn, bare = study.table.report.controllers, study.building
+        shown = (number for number, row in enumerate(rows) if not drawn or row.label in drawn)
         return StudyResults(
-            title=study.title,
+            **named(study, "title", "design_levels", "limit", "command_unit", "facts", "detailed"),
             rows=tuple(rows),
             motions=tuple(map(MotionFacts.of, study.motions)),
             quantities=runs,
             labelled=criteria,
-            floor_names=study.building.floor_names,
-            storey_names=study.building.drift_names,
-            chosen_on=tuple(ground.name for ground in study.chosen_on),
-            design_levels=study.design_levels,
-            limit=study.limit,
-            choices=tuple(choices),
-            command_unit=study.command_unit,
-            facts=study.facts,
-            study_warnings=study.warnings,
-            detailed=study.detailed,
-            with_histories=tuple(
-                number for number, row in enumerate(rows) if not drawn or row.label in drawn
+            floor_names=bare.floor_names,
+            storey_names=bare.drift_names,
+            building=BuildingFacts.of(bare),
+            dampers=tuple(
+                DamperFacts.of(device, bare, table.storey)
+                for device, table in zip(study.devices, study.table.damper, strict=True)
             ),
+            chosen_on=tuple(ground.name for ground in study.chosen_on),
+            choices=tuple(choices),
+            study_warnings=study.warnings,
+            with_histories=tuple(shown),
         )
 
     @property
@@ -429,11 +419,12 @@ class StudyResults(Plotted, Summarised):
     def record_levels(self) -> RecordLevels:
         """The test motions, or all where there are none, by record and intensity; copies are of the first record."""
         motions = {number: self.motions[number] for number in self._test_motions}
-        levels = {
-            number: (motion.copy_of or motion.at_level[0], motion.at_level[1])
-            for number, motion in motions.items()
-        }
-        return RecordLevels.of(levels)
+        return RecordLevels.of(
+            {
+                number: (motion.copy_of or motion.record, motion.intensity)
+                for number, motion in motions.items()
+            }
+        )
 
     def _named_groups(self) -> dict[str, NamedArrays]:
         groups = {"criteria": self.labelled, "quantities": self.quantities}
@@ -620,7 +611,7 @@ class StudyResults(Plotted, Summarised):
         return warnings
 
     def _end(self, row: Row, outcome: Outcome) -> str:
-        if outcome is Outcome.DIVERGED and self.building is not None and self.building.yield_drifts:
+        if outcome is Outcome.DIVERGED and self.building.yield_drifts:
             return "diverged, as a frame does that collapses; a shorter step of [hardware] says whether it is that"
         if outcome is Outcome.DIVERGED and row.kind in ("uncontrolled", "baseline"):
             return (
@@ -636,7 +627,10 @@ class StudyResults(Plotted, Summarised):
             title=f"{self.title}: {self.done} of {counted(self.total, 'run')}",
             facts=(
                 ("dampers", list_names(self.device_names)),
-                *((f"{use} motions", list_names(self.names_of(use))) for use in get_args(Use)),
+                *(
+                    (f"{use} motions", list_names([facts.name for facts in self.motions if facts.use == use]))
+                    for use in get_args(Use)
+                ),
             ),
             cautions=self.warnings(),
             tables=[
@@ -649,11 +643,6 @@ class StudyResults(Plotted, Summarised):
                 )
             ],
         )
-
-    @arguments.checked
-    def names_of(self, use: Use) -> list[str]:
-        """Names of the motions of a use."""
-        return [motion.name for motion in self.motions if motion.use == use]
 
 
 # Most motions of which a summary has the drifts.

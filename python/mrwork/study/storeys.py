@@ -44,7 +44,7 @@ class StoreyQuantity:
     def of_runs(self, results: StudyResults, row: int) -> Floats | None:
         """Under each judged motion, shape (n_motions, n_storeys); `None` unless all are known of finished runs."""
         judged = list(results.judged_motions)
-        if results.building is None or not results.finished_under(row, judged):
+        if not results.finished_under(row, judged):
             return None
         quantities = results.quantities.numbers
         values = np.abs(quantities[self.name][row, judged, 0]) * self.factor
@@ -73,15 +73,14 @@ STOREY_QUANTITIES = (
 
 def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
     """Peaks of each storey, mean over the judged motions, of some arrangements; `None` where none is known."""
-    facts = results.building
-    if facts is None or len(results.storey_names) > _MOST_STOREYS:
+    if len(results.storey_names) > _MOST_STOREYS:
         return None
     of_row = {row: [quantity.of_runs(results, row) for quantity in STOREY_QUANTITIES] for row in rows}
     numbers = [
         number
         for number, quantity in enumerate(STOREY_QUANTITIES)
         if any(values[number] is not None for values in of_row.values())
-        and (quantity.name not in _OF_YIELD or facts.yield_drifts)
+        and (quantity.name not in _OF_YIELD or results.building.yield_drifts)
     ]
     if not numbers:
         return None
@@ -106,8 +105,6 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
 def limits_in_words(results: StudyResults) -> Iterator[str]:
     """Sentences on the drift limit, and on what weights do on displaced storeys."""
     facts = results.building
-    if facts is None:
-        return
     peaks_of = ((row, _peak_ratios(results, row)) for row in range(len(results.rows)))
     over = {row: peaks for row, peaks in peaks_of if peaks is not None}
     if facts.drift_limit and over:

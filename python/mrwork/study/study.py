@@ -58,15 +58,15 @@ class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, whether it was generated, and the name of its record.
 
     A record that is scaled to several intensities is a motion at each. `intensity` is in the measure that it was scaled
-    to, `None` for the peak ground acceleration that it has; `factor` is what it was scaled by, if it was.
+    to, else its peak ground acceleration; `factor` is what it was scaled by, if it was.
     `copy_of` names the record that its own is a copy of, `warnings` are on what is doubtful of the record.
     """
 
     ground: GroundMotion
+    record: str
+    intensity: Intensity
     use: Use = "test"
     synthetic: bool = False
-    record: str = ""
-    intensity: Intensity | None = None
     factor: float | None = None
     copy_of: str = ""
     warnings: tuple[str, ...] = ()
@@ -79,8 +79,7 @@ class MotionOfStudy:
     @property
     def level(self) -> float:
         """Its factor, if it was scaled by one, else its intensity [m/s^2]."""
-        intensity = self.ground.peak if self.intensity is None else self.intensity.value
-        return intensity if self.factor is None else self.factor
+        return self.intensity.value if self.factor is None else self.factor
 
     @property
     def level_in_words(self) -> str:

@@ -280,13 +280,13 @@ def _of_first(column: TableColumn) -> TableColumn:
 
 
 def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
-    intensities = sorted((motion.at_level[1] for motion in motions), key=attrgetter("value"))
+    intensities = sorted((motion.intensity for motion in motions), key=attrgetter("value"))
     ends = " to ".join(significant(intensities[end].value / STANDARD_GRAVITY, 3) for end in (0, -1))
     return f"{len(intensities)}, {intensities[0].name} {ends} g"
 
 
 _RECORDS = (
-    TableColumn(heading="record", cell=lambda motions: motions[0].at_level[0]),
+    TableColumn(heading="record", cell=lambda motions: motions[0].record),
     *map(_of_first, _MOTIONS[1:2]),
     TableColumn(heading="levels", cell=_levels_in_words),
     *map(_of_first, _MOTIONS[4:6]),
@@ -308,7 +308,7 @@ def motion_section(results: StudyResults) -> Section:
     )
     records: dict[tuple[str, str], list[MotionFacts]] = {}
     for motion in results.motions:
-        records.setdefault((motion.use, motion.at_level[0]), []).append(motion)
+        records.setdefault((motion.use, motion.record), []).append(motion)
     several = len(records) < len(results.motions)
     table = page_table("Ground motions", _MOTIONS, results.motions)
     if several:

@@ -41,8 +41,7 @@ def fragility_figure(fragilities: Fragilities) -> Figure:
 
 def fragilities_of_page(results: StudyResults) -> Fragilities | None:
     """Fragilities at the limit of the study; `None` without several records at several levels, or a limit."""
-    at, facts = results.record_levels, results.building
-    limit = results.limit or (facts is not None and facts.heights)
+    at, limit = results.record_levels, results.limit or results.building.heights
     few = len(at.records) < _RECORDS or at.levels.size < _LEVELS or len(at.measures) > 1
     if few or not limit or not results.complete:
         return None

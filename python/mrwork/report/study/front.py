@@ -90,8 +90,6 @@ def _subject(results: StudyResults) -> str:
     motions = [results.motions[motion].name for motion in results.judged_motions]
     names = f"{uses}: {list_names(motions, _NAMED)}"
     facts = results.building
-    if facts is None:
-        return f"Under {names}"
     periods = [significant(period, 3) for period in facts.periods[:_MODES] if np.isfinite(period)]
     ratios = [100.0 * ratio for ratio in facts.damping_ratios[:_MODES] if np.isfinite(ratio)]
     storeys = (
@@ -172,7 +170,7 @@ def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
     # The best constant command first.
     references = comparison.references[::-1]
     # The peak drift ratio, mean over the judged motions, where heights are known.
-    has_ratios = results.building is not None and results.building.has_ratios
+    has_ratios = results.building.has_ratios
     peaks = results.labelled.numbers["peak_drift_ratio"][:, list(results.judged_motions), 0].mean(axis=1)
 
     def cells(row: int) -> tuple[str, ...]:
@@ -232,9 +230,8 @@ def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Pan
     if not named:
         return
     shaded = f"Means; shaded, the range of {results.rows[named[0]].label}." if len(judged) > 1 else ""
-    in_ratios = results.building is not None and results.building.has_ratios
     for name in BOTH:
-        quantity = RATIO if in_ratios and name == BOTH[0] else name
+        quantity = RATIO if results.building.has_ratios and name == BOTH[0] else name
         title = criterion(quantity).title
         figure = profile_figure(results, quantity, named, [row for row in rows if row not in drawn])
         curves = figure.axes[0].get_lines()[: len(named)]
@@ -252,7 +249,7 @@ def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Pan
 def _building_panel(results: StudyResults) -> Iterator[Panel]:
     facts = results.building
     # With additions there are more masses than storeys.
-    if facts is None or len(facts.stiffnesses) != len(facts.masses) or len(facts.masses) > _MOST_FLOORS:
+    if len(facts.stiffnesses) != len(facts.masses) or len(facts.masses) > _MOST_FLOORS:
         return
     dampers = [f"{format_fixed(damper.count, 0)} in storey {damper.storey + 1}" for damper in results.dampers]
     dampers += facts.passive
