@@ -8,7 +8,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -90,21 +89,17 @@ def arrangements(
         row=off, bare=bare, building=problem.building, devices=devices, law=constant_share(devices, 0.0)
     )
 
-    def changed(number: int) -> Arrangement:
-        with keyed("baseline", number):
-            return _baseline(table.baseline[number], table, without, folder)
-
-    def controlled(number: int) -> Arrangement:
-        with keyed("controller", number):
+    def arranged(at: tuple[str, int]) -> Arrangement:
+        kind, number = at
+        with keyed(*at):
+            if kind == "baseline":
+                return _baseline(table.baseline[number], table, without, folder)
             return _arrange_controller(
                 table.controller[number], number, settings[number], problem, at_zero, folder, hardware
             )
 
-    reads = [
-        *(partial(changed, number) for number in range(len(table.baseline))),
-        *(partial(controlled, number) for number in range(len(table.controller))),
-    ]
-    further = read_each(lambda read: read(), reads)
+    numbers = (("baseline", len(table.baseline)), ("controller", len(table.controller)))
+    further = read_each(arranged, [(kind, number) for kind, count in numbers for number in range(count)])
     # The row at i = 0 exists already; only its label may differ.
     labels = [row.row.label for row in further if row.row.kind == "passive_off" and row.row.label]
     further = [row for row in further if row.row.kind != "passive_off"]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -130,19 +130,19 @@ class QuantityChange:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class StudyComparison(Summarised):
+class Comparison(Summarised):
     """A study row by row: its ranks, the best passive damper, and the row that leads.
 
     `ranks` are the rows of each rank, the lowest score first; rows without a score last, in the order of the study.
-    `passive` is the passive damper of the lowest score with one share of the largest commands,
-    `uncontrolled` the building without dampers. `leading` is the
-    first control law; without one, the best passive damper or other device. `None` if there is no such row.
-    `tables` are the changes of the compared quantities by name, for each (row, reference).
+    `uncontrolled` is the building without dampers, `passive` the passive damper of the lowest score with one share of
+    the largest commands, `leading` the first control law; without one, the best passive damper or other device. The
+    last two are `None` if there is no such row. `tables` are the changes of the compared quantities by name, for each
+    (row, reference).
     """
 
     results: StudyResults
     ranks: tuple[tuple[Rank, tuple[int, ...]], ...]
-    uncontrolled: int | None
+    uncontrolled: int
     passive: int | None
     leading: int | None
     tables: Mapping[tuple[int, int], dict[str, QuantityChange]]
@@ -157,8 +157,8 @@ class StudyComparison(Summarised):
 
     @property
     def references(self) -> tuple[int, ...]:
-        """The building without dampers and the best passive damper, as far as the study has them."""
-        return tuple(row for row in (self.uncontrolled, self.passive) if row is not None)
+        """The building without dampers and the best passive damper, if the study has one."""
+        return (self.uncontrolled,) if self.passive is None else (self.uncontrolled, self.passive)
 
     @property
     def lacks_best_passive(self) -> bool:
@@ -179,9 +179,6 @@ class StudyComparison(Summarised):
             parts.append(f"mean changes over {judged_in_words(self.results)}")
         return ", ".join(parts)
 
-
-Comparison = StudyComparison
-"""Its public name."""
 
 # Share of the time, and of the command, up to which a command counts as constant.
 _CONSTANT = 0.01
@@ -228,7 +225,7 @@ def constant_in_words(results: StudyResults, row: int) -> str:
     return f"a constant command in effect, {', '.join(words)}"
 
 
-def verdict(comparison: StudyComparison, row: int) -> str:
+def verdict(comparison: Comparison, row: int) -> str:
     """What a control law is worth beside the best passive damper, in words; without one, beside no dampers."""
     results = comparison.results
     judged = results.judged_motions
@@ -293,7 +290,7 @@ def _scores(results: StudyResults, row: int) -> list[float]:
     return [results.score_under(row, tuple(motions[np.isin(motions, judged)].tolist())) for motions in places]
 
 
-def _ties(comparison: StudyComparison) -> tuple[str, ...]:
+def _ties(comparison: Comparison) -> tuple[str, ...]:
     """The rows of laws and passive dampers that the first law is not told apart from."""
     results = comparison.results
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
@@ -308,7 +305,7 @@ def _ties(comparison: StudyComparison) -> tuple[str, ...]:
 
 
 @checked
-def compared(results: StudyResults) -> StudyComparison:
+def compared(results: StudyResults) -> Comparison:
     """The comparison of the rows of a study."""
     scores = [results.score(row) for row in range(len(results.rows))]
     # The best constant command comes before one that is the same by another name.
@@ -316,23 +313,21 @@ def compared(results: StudyResults) -> StudyComparison:
     order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row != best))
     every = ((rank, tuple(row for row in order if results.rows[row].kind in rank.kinds)) for rank in RANKS)
     ranks = tuple((rank, rows) for rank, rows in every if rows)
-    first = {rank.name: rows[0] for rank, rows in ranks}
-    leading = next((row for name, row in first.items() if name != "uncontrolled"), None)
-    uncontrolled = first.get("uncontrolled")
-    passive = next((row for row in order if results.rows[row].kind in _REFERENCES), None)
-    return StudyComparison(
+    uncontrolled = [row.kind for row in results.rows].index("uncontrolled")
+    comparison = Comparison(
         results=results,
         ranks=ranks,
         uncontrolled=uncontrolled,
-        passive=passive,
-        leading=leading,
-        tables={
-            (row, reference): changes
-            for reference in (uncontrolled, passive)
-            if reference is not None
-            for row, changes in enumerate(_changes(results, reference))
-        },
+        passive=next((row for row in order if results.rows[row].kind in _REFERENCES), None),
+        leading=next((rows[0] for _, rows in ranks if rows[0] != uncontrolled), None),
+        tables={},
     )
+    tables = {
+        (row, reference): changes
+        for reference in comparison.references
+        for row, changes in enumerate(_changes(results, reference))
+    }
+    return replace(comparison, tables=tables)
 
 
 def rounds_to_increase(change: float) -> bool:
@@ -388,7 +383,7 @@ def best_cells(
     return frozenset(strong)
 
 
-def change_table(comparison: StudyComparison, reference: int, shown: Collection[int]) -> Table:
+def change_table(comparison: Comparison, reference: int, shown: Collection[int]) -> Table:
     """The changes of the shown rows against a reference, the rows of each rank together."""
     results, quantities = comparison.results, compared_quantities()
     several = len(results.judged_motions) > 1
@@ -443,11 +438,10 @@ def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ..
     return f"{entry.short} {signed_percent(worst.largest)}, {worst.motion}" if rises else "none"
 
 
-def rank_headings(comparison: StudyComparison, rows: Sequence[int]) -> dict[int, str]:
+def rank_headings(comparison: Comparison, rows: Sequence[int]) -> dict[int, str]:
     """Title of each rank, by the place of its first row."""
     return {
-        rows.index(first): rank.title
+        rows.index(shown[0]): rank.title
         for rank, members in comparison.ranks
-        for first in [next((row for row in members if row in rows), -1)]
-        if first >= 0
+        if (shown := [row for row in members if row in rows])
     }

@@ -96,11 +96,6 @@ def _command(device: Device, command: float) -> str:
     return f"{command:.3g} {device.spec.command_unit or 'A'}"
 
 
-def levels_of(devices: Sequence[Device]) -> Floats:
-    """The constant commands that are tried, shape (n_levels, n_devices): a level is one share of all largest ones."""
-    return np.linspace(0.0, [device.largest_command for device in commanded(devices)], LEVELS)
-
-
 def n_constant(arrangement: Arrangement) -> int:
     """Most constant commands that are tried for a row without a law."""
     by_group = arrangement.row.kind == "best_passive_by_group"
@@ -117,8 +112,13 @@ class ConstantSearch:
     threads: int = 0
     on_block: OnBlock | None = None
 
-    def runs(self, commands: Floats) -> Runs:
-        """Criteria under constant commands, shape (n_candidates, n_devices)."""
+    @property
+    def _levels(self) -> Floats:
+        """The constant commands that are tried, a row of one share of all largest ones for each level."""
+        largest = [device.largest_command for device in commanded(self.arrangement.devices)]
+        return np.linspace(0.0, largest, LEVELS)
+
+    def _runs(self, commands: Floats) -> Runs:
         return simulate_criteria(
             replace(self.arrangement, law=constant_commands(commands)),
             self.motions,
@@ -129,8 +129,8 @@ class ConstantSearch:
 
     def scan(self) -> tuple[BestConstant, Runs]:
         """The best share of the largest commands, and the criteria under every level."""
-        commands = levels_of(self.arrangement.devices)
-        runs = self.runs(commands)
+        commands = self._levels
+        runs = self._runs(commands)
         scores = runs.scores(runs.of_row(0)).mean(axis=(1, 2))
         best = int(np.argmin(searched(scores)))
         return BestConstant(
@@ -160,7 +160,7 @@ class ConstantSearch:
         """The best share of the largest commands; without any score refused, but where the study has added the row."""
         best, _ = self.scan()
         if math.isnan(best.score) and not self.arrangement.added:
-            raise self.without_score()
+            raise self._without_score()
         return best
 
     def _best_by_group(self, start: BestConstant) -> BestConstant:
@@ -170,35 +170,34 @@ class ConstantSearch:
         """
         if math.isnan(start.score):
             return replace(start, runs=0)
-        levels = levels_of(self.arrangement.devices)
+        levels = self._levels
         groups = products_of(commanded(self.arrangement.devices))
-        off = self.runs(levels[:1])
+        off = self._runs(levels[:1])
         commands, score = np.array(start.commands), start.score
-        steps, changed, n_runs = 0, 0, off.outcome.size
+        steps, changed = 0, 0
         while steps < ROUNDS * len(groups) and steps - changed < len(groups):
             group = groups[steps % len(groups)]
             tried = np.tile(commands, (LEVELS, 1))
             tried[:, group] = levels[:, group]
-            runs = self.runs(tried)
-            scores = searched(runs.scores(off).mean(axis=(1, 2)))
+            scores = searched(self._runs(tried).scores(off).mean(axis=(1, 2)))
             best = int(np.argmin(scores))
             if scores[best] < score:
                 commands, score, changed = tried[best], float(scores[best]), steps
-            steps, n_runs = steps + 1, n_runs + runs.outcome.size
+            steps += 1
         return BestConstant(
             commands=tuple(commands.tolist()),
             score=score,
             of_share=start.score,
             tried=steps * LEVELS,
             rounds=math.ceil(steps / len(groups)),
-            runs=n_runs,
+            runs=(1 + steps * LEVELS) * len(self.motions),
         )
 
     def reference_peaks(self) -> ReferencePeaks:
         """The best share of the largest commands, and the mean peaks under it, to four digits."""
         best, runs = self.scan()
         if math.isnan(best.score):
-            raise self.without_score()
+            raise self._without_score()
         level = best.scores.index(best.score)
         drift, acceleration = (
             round_to(float(runs.numbers[name][level].mean())) for name in ("peak_drift", "peak_acceleration")
@@ -207,8 +206,7 @@ class ConstantSearch:
             commands=tuple(map(round_to, best.commands)), drift=drift, acceleration=acceleration
         )
 
-    def without_score(self) -> SimulationError:
-        """That no constant command has a score."""
+    def _without_score(self) -> SimulationError:
         return SimulationError(
             f"{self.arrangement.row.label}: no constant command has a score, because under "
             f"{list_names([ground.name for ground in self.motions])} the run at i = 0, or at every command, "

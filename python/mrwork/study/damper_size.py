@@ -58,30 +58,24 @@ def demands_of(
 
 def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]:
     """The worst exceedance of each quantity over the devices."""
-    every = [(demand.device, exceedance) for demand in demands for exceedance in demand.outside.exceedances]
-    return tuple(worst for worst, _, _ in worst_of(every))
+    every = ((demand.device, exceedance) for demand in demands for exceedance in demand.outside.exceedances)
+    return tuple(worst for worst, _, _ in worst_of([*every]))
 
 
-def damper_warnings(demands: Mapping[tuple[str, str], Sequence[DeviceDemand]]) -> tuple[str, ...]:
-    """A sentence for each quantity outside the tested ranges, its worst run, and for each law out of its range.
-
-    `demands` are given for each run, by the labels of its row and its motion.
-    """
+def _outside_in_words(results: StudyResults) -> Iterator[str]:
+    """A sentence for each quantity outside the tested ranges, its worst run, and for each law out of its range."""
     every, laws = [], []
-    for (row, motion), devices in demands.items():
+    for (row, motion), devices in results.demanded.items():
         for quantity in worst_by_quantity(devices):
             names = [device.device for device in devices if quantity in device.outside.exceedances]
-            every.append((f"{names[0]} under {motion} with {row}", quantity))
+            run = f"under {results.motions[motion].name} with {results.rows[row].label}"
+            every.append((f"{names[0]} {run}", quantity))
         laws += [limit for device in devices for limit in device.outside.laws]
-    n_runs = sum(1 for devices in demands.values() if devices)
-    return (
-        *(
-            f"{worst.in_words}: {label}; {'beyond the rating' if worst.rated else 'outside the tested range'} in "
-            f"{count} of {n_runs} runs with dampers."
-            for worst, label, count in worst_of(every)
-        ),
-        *(f"{law.in_words}." for law in worst_laws(laws)),
-    )
+    n_runs = sum(map(bool, results.demanded.values()))
+    for worst, label, count in worst_of(every):
+        beyond = "beyond the rating" if worst.rated else "outside the tested range"
+        yield f"{worst.in_words}: {label}; {beyond} in {count} of {n_runs} runs with dampers."
+    yield from (f"{law.in_words}." for law in worst_laws(laws))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,10 +122,7 @@ def judged_by_demand(results: StudyResults, study: Study) -> StudyResults:
         for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
     }
     results = replace(results, demanded=demanded)
-    named = {
-        (results.rows[row].label, motions[motion].name): demand for (row, motion), demand in demanded.items()
-    }
-    warnings = (*damper_warnings(named), *_weak(results), *_locked_storeys(results, study))
+    warnings = (*_outside_in_words(results), *_weak(results), *_locked_storeys(results, study))
     return replace(results, damper_warnings=warnings)
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import counted
 from mrwork.base.places import keyed, read_each
+from mrwork.base.summary import named
 from mrwork.base.units import CommandUnit, DriverUnit, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings import Building
@@ -281,16 +282,11 @@ def equip_building(
             devices.append(
                 Device(
                     name=f"{name}, number {before + 1}" if before else name,
-                    spec=one.spec,
-                    theta=one.theta,
                     row=whole(row),
                     count=table.count,
                     differential=table.differential,
-                    largest_command=one.largest_command,
-                    tested=one.tested,
                     command=_command_given(table, "command", one.spec.command_unit or "A"),
-                    rated_force=one.rated_force,
-                    rated_stroke=one.rated_stroke,
+                    **named(one, "spec", "theta", "largest_command", "tested", "rated_force", "rated_stroke"),
                 )
             )
     return building, tuple(devices)

@@ -13,7 +13,7 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.errors import SimulationError
-from mrwork.study.comparison import StudyComparison, compared, compared_quantities, rounds_to_increase
+from mrwork.study.comparison import Comparison, compared, compared_quantities, rounds_to_increase
 from mrwork.study.loop_runs import loop_of
 from mrwork.study.results import Ensemble, StudyResults, Verdict
 from mrwork.study.study import Study
@@ -27,7 +27,7 @@ def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
     )
 
 
-def _verdicts(studies: Sequence[StudyComparison]) -> Iterator[Verdict]:
+def _verdicts(studies: Sequence[Comparison]) -> Iterator[Verdict]:
     """The first row of each rank, and whether the leading row is worse than each set's own references."""
     first = studies[0]
     labels = [row.label for row in first.results.rows]
@@ -39,12 +39,11 @@ def _verdicts(studies: Sequence[StudyComparison]) -> Iterator[Verdict]:
                 answers=tuple(labels[row] for row in leaders),
                 values=tuple(study.results.score(row) for study, row in zip(studies, leaders, strict=True)),
             )
-    for title, candidates in (
-        ("the building without dampers", [study.uncontrolled for study in studies]),
-        ("the best passive damper", [study.passive for study in studies]),
+    titles, row = ("the building without dampers", "the best passive damper"), first.leading
+    for title, references in zip(
+        titles, zip(*(study.references for study in studies), strict=True), strict=False
     ):
-        row, references = first.leading, [reference for reference in candidates if reference is not None]
-        if row is None or row in candidates or not references:
+        if row is None or row in references:
             continue
         pairs = [*zip(studies, references, strict=True)]
         changes = {"score": [pair.results.score(row) - pair.results.score(other) for pair, other in pairs]}

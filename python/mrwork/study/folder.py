@@ -29,7 +29,7 @@ from mrwork.store.run_folder import (
     RunFolder,
 )
 from mrwork.store.run_writer import RunAtWork
-from mrwork.study.comparison import StudyComparison, compared, findings, judged_in_words, motion_groups
+from mrwork.study.comparison import Comparison, compared, findings, judged_in_words, motion_groups
 from mrwork.study.damper_size import worst_by_quantity
 from mrwork.study.histories import Histories
 from mrwork.study.results import DeviceDemand, Ensemble, StudyResults, bands_over, criterion_band
@@ -37,7 +37,7 @@ from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, outcome_names, study_cri
 from mrwork.study.study import Study, StudyFile
 
 
-def _describe_changes(comparison: StudyComparison) -> Iterator[dict[str, Any]]:
+def _describe_changes(comparison: Comparison) -> Iterator[dict[str, Any]]:
     """Changes of every row, the rows of each rank together, the lowest score first."""
     results = comparison.results
     for rank, rows in comparison.ranks:
@@ -166,13 +166,13 @@ def study_files(results: StudyResults, study_file: StudyFile) -> dict[str, bytes
 
 def study_document(results: StudyResults) -> dict[str, Any]:
     """The results as a JSON object: the summary, and the criteria of each run."""
-    passive = compared(results).passive
+    comparison = compared(results)
     over = {
         f"over_{name}": {} if row is None else results.ratios_over(row)
         for name, row in (
-            ("uncontrolled", results.row_of("uncontrolled")),
+            ("uncontrolled", comparison.uncontrolled),
             ("passive_off", results.row_of("passive_off")),
-            ("best_passive", passive),
+            ("best_passive", comparison.passive),
         )
     }
     runs = [

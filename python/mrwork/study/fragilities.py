@@ -211,16 +211,12 @@ class Fragilities(Plotted, WithAxes, Summarised):
 
     def _named_arrays(self) -> NamedArrays:
         first, every = next(iter(self.rows.values())), self.rows.values()
-        shares = ("row", "intensity"), "1"
-        fitted = [[entry.probability(float(level)) for level in entry.levels] for entry in every]
-        crossed, outside = [entry.crossed for entry in every], [entry.outside for entry in every]
+
+        def share(values: list[Any], words: str) -> NamedArray:
+            return NamedArray.of(values, "row", "intensity", unit="1", long_name=words)
+
+        fitted = [[*map(entry.probability, entry.levels.tolist())] for entry in every]
         responses = [entry.responses for entry in every]
-        arrays: dict[str, tuple[Any, tuple[str, ...], str, str]] = {
-            "probability": (fitted, *shares, f"probability that {self.limit_in_words}"),
-            "reached": (crossed, *shares, "share of the runs that reach the limit"),
-            "outside": (outside, *shares, "share of the runs beyond tested ranges"),
-            "response": (responses, ("row", "record", "intensity"), self.unit, self.title),
-        }
         return NamedArrays(
             title=f"Fragility, {self.title}",
             rows=("row", "intensity"),
@@ -230,8 +226,12 @@ class Fragilities(Plotted, WithAxes, Summarised):
                 "intensity": labels_of(first.levels, unit="m/s^2", long_name=first.measure),
             },
             arrays={
-                name: NamedArray.of(values, *axes, unit=unit, long_name=words)
-                for name, (values, axes, unit, words) in arrays.items()
+                "probability": share(fitted, f"probability that {self.limit_in_words}"),
+                "reached": share([row.crossed for row in every], "share of the runs that reach the limit"),
+                "outside": share([row.outside for row in every], "share of the runs beyond tested ranges"),
+                "response": NamedArray.of(
+                    responses, "row", "record", "intensity", unit=self.unit, long_name=self.title
+                ),
             },
         )
 
@@ -478,22 +478,18 @@ def fragilities_of(
     """
     at = np.asarray(levels, dtype=float)
     by_label = {label: np.asarray(response, dtype=float) for label, response in responses.items()}
-    shapes = {label.shape for label in by_label.values()}
-    if at.ndim != 1 or len(shapes) != 1 or len(shape := shapes.pop()) != 2 or shape[1] != at.size:
+    count = len(next(iter(by_label.values()), ())) if records is None else len(records)
+    shape = (count, at.size)
+    if not by_label or any(response.shape != shape for response in by_label.values()):
         text = ", ".join(f"{label} {response.shape}" for label, response in by_label.items())
         raise SettingError(
-            f"`responses` have the shapes {text or 'of nothing'}; give (n_records, n_levels) for each label, the same "
-            f"for all, with `levels` of shape (n_levels,)"
+            f"`responses` have the shapes {text or 'of nothing'}; give (n_records, n_levels) for each label, here "
+            f"{shape}, with `levels` of shape (n_levels,), and as many names of `records` if you give them"
         )
-    if min(shape) < _FEWEST or not (np.all(np.diff(at) > 0.0) and at[0] > 0.0):
+    if min(shape) < _FEWEST or not np.all(np.diff(at, prepend=0.0) > 0.0):
         raise SettingError(
             f"a fragility is over two records or more at several rising levels above 0, and here are "
-            f"{counted(shape[0], 'record')} at the levels {at.tolist()}; give more"
-        )
-    names = [str(number) for number in range(1, shape[0] + 1)] if records is None else list(records)
-    if len(names) != shape[0]:
-        raise SettingError(
-            f"`records` has {counted(len(names), 'name')}, and `responses` {shape[0]} rows; give as many"
+            f"{counted(count, 'record')} at the levels {at.tolist()}; give more"
         )
     outside = np.zeros(shape)
     return _fragilities(
@@ -506,7 +502,7 @@ def fragilities_of(
         limit,
         unit=criterion_named(criterion).unit,
         level=level,
-        records=names,
+        records=[*map(str, range(1, count + 1))] if records is None else records,
         measure=measure,
         seed=seed,
     )
@@ -571,9 +567,10 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
             "{'peak_drift_ratio': 0.01}"
         )
     ((name, value),) = limit.items()
-    if reason := criterion_named(name).unknown_in(command_unit):
+    limited = criterion_named(name)
+    if reason := limited.unknown_in(command_unit):
         raise SettingError(reason)
-    unit = in_command_unit(criterion_named(name).unit, command_unit)
+    unit = in_command_unit(limited.unit, command_unit)
     if isinstance(value, str):
         number = number_in(value, unit)
         if isinstance(number, str):
@@ -581,7 +578,7 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
         value = number
     if not 0.0 < value < math.inf:
         raise SettingError(f"the limit of {name} is {value:g}; give a positive number [{unit}]")
-    if lacking := scales.lacking(criterion_named(name).scale):
+    if lacking := scales.lacking(limited.scale):
         raise SettingError(f"{name} is known only with {lacking} in [building]; give it")
     return {name: float(value)}
 

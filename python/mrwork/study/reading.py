@@ -39,7 +39,7 @@ from mrwork.study.arrangements import arrangements, resolve_settings, settings_o
 from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper, equip_building, other_sets
 from mrwork.study.fragilities import limit_of
 from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study, refuse_same
-from mrwork.study.placements import Placed, placed_tables, placements_of
+from mrwork.study.placements import placements_of
 from mrwork.study.realisations import realisations_of
 from mrwork.study.schema import (
     PASSIVE_OFF,
@@ -147,11 +147,6 @@ def study_of_tables(
     return replace(made, file=file, place=place.kept, questions=tuple(dict.fromkeys(questions)))
 
 
-def placed_study(study: Study, placed: Placed) -> Study:
-    """The study with its dampers in these storeys, without a comparison of placements."""
-    return _with_dampers(study, placed_tables(study.table.damper[0], placed))
-
-
 def counted_study(study: Study, counts: Sequence[int]) -> Study:
     """The study with so many dampers in each [[damper]] that follows a command, under its motions, without histories.
 
@@ -160,7 +155,7 @@ def counted_study(study: Study, counts: Sequence[int]) -> Study:
     driven, rest = study.table.damper[: len(counts)], study.table.damper[len(counts) :]
     dampers = [replace(device, count=count) for device, count in zip(driven, counts, strict=True) if count]
     return replace(
-        _with_dampers(study, [*dampers, *rest]),
+        with_dampers(study, [*dampers, *rest]),
         motions=study.motions,
         detailed=study.detailed,
         histories=(),
@@ -169,7 +164,8 @@ def counted_study(study: Study, counts: Sequence[int]) -> Study:
     )
 
 
-def _with_dampers(study: Study, dampers: Sequence[DamperTable]) -> Study:
+def with_dampers(study: Study, dampers: Sequence[DamperTable]) -> Study:
+    """The study with the dampers of these tables, without a comparison of placements."""
     stated = given_in(replace(study.table, damper=tuple(dampers), places=None, folder=""))
     place = replace(study.place, questions=[])
     return study_of_tables(

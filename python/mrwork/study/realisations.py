@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.summary import Summarised
+from mrwork.base.summary import Summarised, named
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
 from mrwork.dampers.tested_range import FittedDamper
@@ -40,12 +40,9 @@ class Realisations(Summarised):
 
     def alone(self, place: int) -> Realisations:
         """The one realisation at a place."""
-        here = slice(place, place + 1)
+        here, factors = slice(place, place + 1), named(self, "stiffness", "damping", "delay", "seed")
         return Realisations(
-            stiffness=self.stiffness[here],
-            damping=self.damping[here],
-            delay=self.delay[here],
-            seed=self.seed[here],
+            **{name: array[here] for name, array in factors.items()},
             theta=tuple(draws[here] if len(draws) > 1 else draws for draws in self.theta),
         )
 

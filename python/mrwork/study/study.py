@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
 
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.arguments import checked
 from mrwork.base.keys import Key, keys_of
 from mrwork.base.places import Place, keyed
-from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
 from mrwork.buildings.groups import commanded, joined_units
@@ -112,10 +113,8 @@ class TakenSettings:
     @property
     def in_words(self) -> tuple[str, ...]:
         """How they came, and what to type for another choice."""
-        taken = f"Not given, and taken: {'; '.join(self.origin)}."
-        if not self.remedy:
-            return (taken,)
-        return taken, f"For others give the law `{self.remedy}`"
+        remedy = [f"For others give the law `{self.remedy}`"] if self.remedy else []
+        return f"Not given, and taken: {'; '.join(self.origin)}.", *remedy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,9 +141,9 @@ class NamedLaw:
     @property
     def lacks_motion(self) -> bool:
         """Whether the static model of its damper wants the expected motion of that, which is not given."""
-        problem = self.problem
-        known = problem.amplitude is not None and problem.velocity is not None
-        return control_law(self.table.law).needs_curve and not known and not is_curve(problem.devices[0].spec)
+        is_unknown = None in (self.problem.amplitude, self.problem.velocity)
+        is_needed = control_law(self.table.law).needs_curve and not is_curve(self.problem.devices[0].spec)
+        return is_unknown and is_needed
 
     @property
     def is_complete(self) -> bool:
@@ -306,12 +305,11 @@ class Study(Summarised):
             if digest_of_run(baseline) == bare
         )
         copies: dict[str, list[str]] = {}
-        for copy in self.motions:
-            for first in self.motions if copy.copy_of else ():
-                # A record that is named twice for its levels is no copy.
-                is_level = first.ground.source == copy.ground.source and first.level != copy.level
-                if first.record == copy.copy_of != copy.record and not is_level:
-                    copies.setdefault(copy.copy_of, []).append(copy.record)
+        for copy, first in product(self.motions, repeat=2):
+            # A record that is named twice for its levels is no copy.
+            is_level = first.ground.source == copy.ground.source and first.level != copy.level
+            if first.record == copy.copy_of != copy.record and not is_level:
+                copies.setdefault(copy.copy_of, []).append(copy.record)
         of_records = dict.fromkeys(sentence for motion in self.motions for sentence in motion.warnings)
         of_motions = (*of_records, *copies_in_words(copies))
         return (*of_motions, *next(filter(None, of_each), ()), *same, *self.questions)
@@ -337,15 +335,14 @@ class Study(Summarised):
         laws = [law for _, law in self.laws]
         tuned = [control_law(name) for tune in self.tunes for name in tune.laws]
         models = any(spec.needs_model for spec in tuned)
-        reading = any(law.reads_acceleration for law in laws) or any(
-            spec.reads_acceleration for spec in tuned
-        )
+        reads = [*(law.reads_acceleration for law in laws), *(spec.reads_acceleration for spec in tuned)]
+        forecasts = models or any(law.forecasts_ground for law in laws)
         with keyed("hardware"):
             refuse_unread(
                 self.hardware,
-                accelerations=has_user_law or reading or models,
+                accelerations=has_user_law or models or any(reads),
                 drifts=has_user_law,
-                forecasts=models or any(law.forecasts_ground for law in laws),
+                forecasts=forecasts,
             )
 
     @checked
@@ -434,9 +431,8 @@ class Study(Summarised):
             for labels, weights in self.designs
         )
         loops = ((f"Loop of {label}", (*law.notes, *law.shaping_notes)) for label, law in self.laws)
-        motions = (
-            [] if self.suite is None else [(f"Motions beside {self.suite.target.name}", self.suite.in_words)]
-        )
+        suites = [] if self.suite is None else [self.suite]
+        motions = ((f"Motions beside {suite.target.name}", suite.in_words) for suite in suites)
         return (*motions, *taken, *designs, *((heading, notes) for heading, notes in loops if notes))
 
     @property
@@ -494,11 +490,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
     """Fingerprint of the inputs of a study, which must be equal for a journal to resume."""
     return {
         "arrangement": [
-            {
-                "label": arrangement.row.label,
-                "kind": arrangement.row.kind,
-                "content": digest_of_run(arrangement),
-            }
+            {**named(arrangement.row, "label", "kind"), "content": digest_of_run(arrangement)}
             for arrangement in study.arrangements
             if not arrangement.added
         ],
@@ -533,10 +525,7 @@ def _digest_of_loop(building: Building, devices: Sequence[Device]) -> str:
     return digest_of(
         *(_digest(getattr(building, name)) for name in names),
         *((_digest(element.row), element.numbers) for element in building.elements),
-        *(
-            (device.spec, _digest(device.draws), _digest(device.row), device.count, device.differential)
-            for device in devices
-        ),
+        *((one.spec, _digest(one.draws), _digest(one.row), one.count, one.differential) for one in devices),
         *((device.largest_command, device.command) for device in devices),
     )
 

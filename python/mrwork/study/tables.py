@@ -21,7 +21,7 @@ from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     BOTH,
-    StudyComparison,
+    Comparison,
     best_cells,
     change_table,
     chosen_in_words,
@@ -65,33 +65,27 @@ class ShownRows:
     in_words: str
 
 
-def shown_rows(comparison: StudyComparison, chosen: Collection[int]) -> ShownRows:
+def shown_rows(comparison: Comparison, chosen: Collection[int]) -> ShownRows:
     """The rows that a page shows; of the histories, those among the `chosen` ones."""
     total = len(comparison.results.rows)
     listed, drawn = (_best_rows(comparison, range(total), most) for most in (MOST_LISTED, MOST_DRAWN))
     with_histories = _best_rows(comparison, chosen, MOST_DRAWN)
     parts = (
-        (
-            f"tables show {len(listed)} of {total} arrangements, and mark the best of these",
-            len(listed) < total,
-        ),
-        (f"figures show {len(drawn)} of {total}", len(drawn) < total),
-        (f"histories are drawn of {len(with_histories)} of {len(chosen)}", len(with_histories) < len(chosen)),
+        (f"tables show {len(listed)} of {total} arrangements, and mark the best of these", listed, total),
+        (f"figures show {len(drawn)} of {total}", drawn, total),
+        (f"histories are drawn of {len(with_histories)} of {len(chosen)}", with_histories, len(chosen)),
     )
-    text = ", ".join(words for words, fewer in parts if fewer)
-    return ShownRows(
-        listed=listed,
-        drawn=drawn,
-        with_histories=with_histories,
-        in_words=""
-        if not text
-        else f"{text[:1].upper()}{text[1:]}: the references, the best of each kind, and then the lowest scores, "
-        "control laws first. All numbers are in `criteria.csv` and `runs.nc`; `controllers` of `[report]` chooses "
-        "other histories.",
-    )
+    text = ", ".join(words for words, rows, of in parts if len(rows) < of)
+    if text:
+        text = (
+            f"{text[:1].upper()}{text[1:]}: the references, the best of each kind, and then the lowest scores, "
+            "control laws first. All numbers are in `criteria.csv` and `runs.nc`; `controllers` of `[report]` chooses "
+            "other histories."
+        )
+    return ShownRows(listed=listed, drawn=drawn, with_histories=with_histories, in_words=text)
 
 
-def _best_rows(comparison: StudyComparison, among: Collection[int], most: int) -> tuple[int, ...]:
+def _best_rows(comparison: Comparison, among: Collection[int], most: int) -> tuple[int, ...]:
     """Rows to show: all if few, else the references, the best of each rank, and further rows by rank."""
     if len(among) <= most:
         return tuple(among)
@@ -193,7 +187,7 @@ def step_table(results: StudyResults, rows: Collection[int]) -> Table:
     )
 
 
-def spread_table(comparison: StudyComparison, rows: Sequence[int]) -> Table:
+def spread_table(comparison: Comparison, rows: Sequence[int]) -> Table:
     """The score of rows, its spread over single motions, and how often each is better than the best passive damper.
 
     Of a single motion the score alone.
@@ -279,7 +273,7 @@ def study_summary(results: StudyResults) -> Summary:
     )
 
 
-def _tables(comparison: StudyComparison) -> Iterator[Table]:
+def _tables(comparison: Comparison) -> Iterator[Table]:
     results, rows = comparison.results, range(len(comparison.results.rows))
     # After Ctrl-C not all were simulated.
     simulated = results.quantities.done[:, :, 0]

@@ -17,7 +17,8 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
 from mrwork.study.course import StudyProgress
 from mrwork.study.histories import RunHistory
-from mrwork.study.reading import placed_study
+from mrwork.study.placements import placed_tables
+from mrwork.study.reading import with_dampers
 from mrwork.study.results import RealisationBand, StudyResults, bands_over
 from mrwork.study.run import run_study
 from mrwork.study.runs import Runs
@@ -265,7 +266,7 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
     One that has them already stays as it is.
     """
     if tuned.places and study.table.places is not None:
-        study = placed_study(study, tuned.places[0].storeys)
+        study = with_dampers(study, placed_tables(study.table.damper[0], tuned.places[0].storeys))
     kinds, labels = {row.kind for row in study.rows}, {row.label for row in study.rows}
     rows: list[Arrangement] = []
     for reference in (*tuned.references, *tuned.laws):

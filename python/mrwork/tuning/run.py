@@ -20,7 +20,8 @@ from mrwork.search.registry import library
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.named_laws import designed
-from mrwork.study.reading import placed_study
+from mrwork.study.placements import placed_tables
+from mrwork.study.reading import with_dampers
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import Basis, basis_of, constant_commands, weights_of_regulators
@@ -151,7 +152,7 @@ def tune(
         if study.table.places is not None:
             compare = partial(report, "placements", 1)
             places.extend(compare_places(study, call=call, threads=threads, on_compared=compare))
-            study = placed_study(study, places[0].storeys)
+            study = with_dampers(study, placed_tables(study.table.damper[0], places[0].storeys))
         plans, basis, constants = _plan(study, tables, objectives, call, threads, place)
         references.extend(constants)
         if plans:

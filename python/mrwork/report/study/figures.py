@@ -22,7 +22,7 @@ from mrwork.plots.of_studies import Stroke, energies, name_heights, short, store
 from mrwork.plots.of_tests import Motion, commands, loops
 from mrwork.plots.samples import envelope, strong_part
 from mrwork.report.section import Group, Section, panel
-from mrwork.study.comparison import StudyComparison, judged_in_words, motion_groups
+from mrwork.study.comparison import Comparison, judged_in_words, motion_groups
 from mrwork.study.histories import RunHistory
 from mrwork.study.results import MotionFacts, StudyResults
 from mrwork.study.study import uses_in_words
@@ -208,7 +208,7 @@ def device_section(
     )
 
 
-def spread_section(comparison: StudyComparison, shown: ShownRows, of_row: Sequence[Stroke]) -> Section | None:
+def spread_section(comparison: Comparison, shown: ShownRows, of_row: Sequence[Stroke]) -> Section | None:
     """Least, quartiles and most of the scores under single motions, and scores of groups; `None` of a single motion."""
     results, judged = comparison.results, judged_in_words(comparison.results)
     scored = [row for _, rows in comparison.ranks for row in rows if math.isfinite(results.score(row))]

@@ -22,7 +22,7 @@ from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     BOTH,
     LAWS,
-    StudyComparison,
+    Comparison,
     beaten_in_words,
     is_tied,
     judged_in_words,
@@ -45,7 +45,7 @@ _ACTIVE = ("law", "actuator", "other_device")
 _ENOUGH, _MOST_FLOORS = 3, 100
 
 
-def study_lead(comparison: StudyComparison, fragilities: Fragilities | None = None) -> Lead:
+def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -> Lead:
     """The front of the page of a study, with the fragilities of its records at several levels."""
     results = comparison.results
     drawn = drawn_rows(comparison)
@@ -111,7 +111,7 @@ def _least_to_most(
     return " to ".join(dict.fromkeys((shown(min(values)), shown(max(values)))))
 
 
-def _medians(comparison: StudyComparison, fragilities: Fragilities) -> str:
+def _medians(comparison: Comparison, fragilities: Fragilities) -> str:
     """The median intensities of the leading arrangement and of what it is compared with."""
     rows = (comparison.leading, comparison.passive, comparison.uncontrolled)
     labels = dict.fromkeys(comparison.results.rows[row].label for row in rows if row is not None)
@@ -120,20 +120,20 @@ def _medians(comparison: StudyComparison, fragilities: Fragilities) -> str:
     return f" Median {fragilities[shown[0]].measure} at which {fragilities.limit_in_words}: {medians}."
 
 
-def _changes_of(comparison: StudyComparison, row: int, reference: int) -> dict[str, Floats]:
+def _changes_of(comparison: Comparison, row: int, reference: int) -> dict[str, Floats]:
     """Relative changes of both peaks under each judged motion."""
     ratios, judged = comparison.results.ratios_over(reference), [*comparison.results.judged_motions]
     return {name: ratios[name][row, judged] - 1.0 for name in BOTH}
 
 
-def _verdict(comparison: StudyComparison) -> str:
+def _verdict(comparison: Comparison) -> str:
     """Whether a law beats the best constant command in both peaks, by how much, and under how many motions."""
     results, passive, judged = comparison.results, comparison.passive, judged_in_words(comparison.results)
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
     if comparison.lacks_best_passive:
         return ADD_BEST_PASSIVE
     if not laws or passive is None:
-        if comparison.leading is None or comparison.uncontrolled is None:
+        if comparison.leading is None:
             return f"{counted(len(results.rows), 'arrangement')} under {judged}."
         changes = _changes_of(comparison, comparison.leading, comparison.uncontrolled)
         label = results.rows[comparison.leading].label
@@ -152,7 +152,7 @@ def _verdict(comparison: StudyComparison) -> str:
     return f"{beaten}{under}{tied}."
 
 
-def drawn_rows(comparison: StudyComparison) -> list[int]:
+def drawn_rows(comparison: Comparison) -> list[int]:
     """The first laws and the references: those with a line in the table; more rows are drawn in grey."""
     active = [(rank, row) for rank, rows in comparison.ranks if rank.name in _ACTIVE for row in rows]
     many = sum(rank is LAWS for rank, _ in active) >= _LAWS - 1
@@ -161,7 +161,7 @@ def drawn_rows(comparison: StudyComparison) -> list[int]:
     return list(dict.fromkeys([*(row for _, row in active[:_LAWS]), *references]))
 
 
-def _table(comparison: StudyComparison, drawn: Sequence[int]) -> Table:
+def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
     """A row for each drawn arrangement with its line: score, changes of both peaks, and the verdict."""
     results = comparison.results
     of_row = strokes(results, drawn)
@@ -267,7 +267,7 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
     )
 
 
-def _advice(comparison: StudyComparison) -> tuple[str, ...]:
+def _advice(comparison: Comparison) -> tuple[str, ...]:
     results = comparison.results
     advice = (
         (

@@ -25,7 +25,7 @@ from mrwork.report.study.figures import (
 from mrwork.report.study.fragility_section import fragilities_of_page, fragility_section
 from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.report.study.tuning_section import tuning_sections
-from mrwork.study.comparison import StudyComparison, change_table, compared, findings, judged_in_words
+from mrwork.study.comparison import Comparison, change_table, compared, findings, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
 from mrwork.study.storeys import OVERTURNING, SHEAR, limits_in_words, storey_table
 from mrwork.study.tables import ShownRows, bands_of_study, shown_rows, step_table, value_table
@@ -190,7 +190,7 @@ def study_page(
     facts += [("Command", f"`{command}`")] if command else []
     of_row = strokes(results, drawn_rows(comparison))
     first = [row for row in (comparison.leading, comparison.passive) if row is not None]
-    bare = [row for row in (comparison.uncontrolled,) if row is not None and row not in first]
+    bare = [row for row in (comparison.uncontrolled,) if row not in first]
     several = len(results.judged_motions) > 1
     median = f", median of {judged_in_words(results)}" if several else ""
     sections = [
@@ -217,7 +217,7 @@ def study_page(
     return page_html(lead, sections)
 
 
-def _change_section(comparison: StudyComparison, shown: ShownRows) -> Section | None:
+def _change_section(comparison: Comparison, shown: ShownRows) -> Section | None:
     """Changes of every quantity against the best constant command and the building without dampers, and findings."""
     if comparison.leading is None:
         return None
