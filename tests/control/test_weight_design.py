@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,7 @@ from mrwork.control.laws.weights import WeightWishes
 from mrwork.control.linear.plant import deformation_rates, stack_outputs
 from mrwork.control.weights.limits import LimitedOutputs, RmsLimits
 from mrwork.control.weights.system import design_system
+from mrwork.errors import SettingError
 from mrwork.motions import KanaiTajimi
 
 LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}
@@ -246,6 +249,22 @@ def test_the_semi_active_condition_is_met() -> None:
             0.0,
             atol=1e-4 * np.linalg.norm(found.gain @ found.plant.scaling),
         )
+
+
+@pytest.mark.parametrize(("n_devices", "budget"), [(1, BUDGET), (1, 2e4), (2, 2e4)])
+def test_dampings_of_a_semi_active_condition_are_those_of_the_least_ratio(
+    n_devices: int, budget: float
+) -> None:
+    """The force follows the condition, so that to take its damping for the next one creeps to the optimum."""
+    case: dict[str, Any] = {"n_devices": n_devices, "limits": {"rms_drift": 2e-3}, "budget": budget}
+    found = design(frame(), **case, semi_active=SemiActiveCondition(share=0.1))
+    ratios = []
+    for dampings in product(np.geomspace(1e1, 1e5, 25 if n_devices == 1 else 4), repeat=n_devices):
+        condition = SemiActiveCondition(share=0.1, damping=tuple(dampings))
+        with suppress(SettingError):
+            ratios.append(design(frame(), **case, semi_active=condition).reachable_ratio)
+    assert len(ratios) >= 6
+    assert found.reachable_ratio <= 1.0005 * min(ratios)
 
 
 def test_a_budget_that_a_semi_active_design_does_not_use_leaves_a_control_weight() -> None:

@@ -156,7 +156,7 @@ class SemiActiveCondition:
     share
         b, between 0 and 1.
     damping
-        c of each device [N s/m]; by default the damping of the desired force itself, found by alternation.
+        c of each device [N s/m]; by default the damping of least ratio, which the desired force then has itself.
     """
 
     _made_by: ClassVar[str] = "mr.control.SemiActiveCondition(share=...)"

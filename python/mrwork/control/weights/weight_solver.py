@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import checked
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 # Number of modes up to which the program contains the whole building, and the most that it contains.
 _ALL_MODES, _MOST_MODES = 20, 40
 _MOST_GAP = 0.01
-_ALTERNATIONS = 13
+# Most dampings of a semi-active condition that are tried, and the logarithm of the ratio of those without a solution.
+_MOST_DAMPINGS, _NO_RATIO = 60, 10.0
 # Price of a semi-active condition, over the square of the budget, at which it has no weight.
 _UNCONDITIONED = 1e4
 _MOST_BUDGET = 100.0
@@ -162,7 +164,6 @@ class _Task:
         self.whole, self.outputs, self.budgets, self.semi_active = whole, outputs, budgets, semi_active
         self.level = float(np.max(whole.rms_without_control() / outputs.limits))
         self.unit, self.damping = np.ones(len(budgets)), np.zeros(len(budgets))
-        self.alternates = semi_active is not None and semi_active.damping is None
         if semi_active is not None:
             rates = np.sqrt(np.einsum("ij,jk,ik->i", whole.rates, whole.uncontrolled, whole.rates))
             self.unit = budgets / rates
@@ -190,29 +191,62 @@ class _Task:
     def solve(self, system: DesignSystem) -> tuple[WeightProgram, DualPoint]:
         """The multipliers by a program on a system, judged on the whole building.
 
-        A semi-active condition without a damping takes the damping of the desired force, by alternation from the force
-        without the condition.
+        A semi-active condition without dampings takes those of the least ratio, which the desired forces then have.
         """
         # cvxpy takes a second to load, which scripts that do not design should not pay.
         from mrwork.control.weights.program import WeightProgram
 
         program = WeightProgram(system, self.rows_of(system))
-        damping, cost = self.damping, self.of_budgets + self.alternates * _UNCONDITIONED * self.of_conditions
-        for _ in range(_ALTERNATIONS):
-            multipliers = program.solve(cost, self.of_limits, damping)
-            if multipliers is None:
-                raise SettingError(
-                    "the semidefinite program of the weights has no solution; give limits and a budget of less extreme "
-                    "ratio"
-                )
-            point = dual_point(self.whole, self.rows, multipliers, damping, self.level)
-            if not self.alternates:
-                break
-            before, damping = damping, like_a_damper(self.whole, point.regulated) / self.unit
-            if np.allclose(before, damping, rtol=1e-4):
-                break
-            cost = self.of_budgets
+        if self.semi_active is None or self.semi_active.damping is not None:
+            point = self._point(program, self.of_budgets, self.damping)
+        else:
+            unconditioned = self.of_budgets + _UNCONDITIONED * self.of_conditions
+            start = self._point(program, unconditioned, self.damping)
+            point = None if start is None else self._least(program, start)
+        if point is None:
+            raise SettingError(
+                "the semidefinite program of the weights has no solution; give limits and a budget of less extreme "
+                "ratio"
+            )
         return program, point
+
+    def _point(self, program: WeightProgram, cost: Floats, damping: Floats) -> DualPoint | None:
+        """The multipliers with dampings of the condition; `None` without a solution."""
+        multipliers = program.solve(cost, self.of_limits, damping)
+        if multipliers is None:
+            return None
+        return dual_point(self.whole, self.rows, multipliers, damping, self.level)
+
+    def _least(self, program: WeightProgram, start: DualPoint) -> DualPoint | None:
+        """The multipliers with the dampings of least ratio, from the dampings of forces without the condition.
+
+        Taking the dampings of the desired forces for the next ones lowers the ratio too, but creeps: the forces follow
+        the condition but for some per cent. By the envelope theorem that difference gives the slope of the ratio.
+        """
+        points, most_gap = list[DualPoint](), max(_MOST_GAP, 2.0 * start.gap)
+        rates = slice(self.rows.budgets.stop, self.rows.budgets.stop + len(self.unit))
+
+        def log_ratio(log: Floats) -> tuple[float, Floats]:
+            damping, point = np.exp(log), None
+            with suppress(SettingError):
+                point = self._point(program, self.of_budgets, damping)
+            if point is None or point.gap > most_gap:
+                # The budget does not suffice for so much damping.
+                return _NO_RATIO, np.zeros(len(log))
+            points.append(point)
+            excess = like_a_damper(self.whole, point.regulated) / self.unit - damping
+            conditions = point.multipliers[self.rows.budgets.stop :]
+            slope = -conditions * damping * excess * point.regulated.squares[rates]
+            return float(np.log(point.ratio)), slope * (self.level / point.ratio) ** 2
+
+        first = like_a_damper(self.whole, start.regulated) / self.unit
+        # A device whose force without the condition is no damper's has a damping, too.
+        log = np.log(np.maximum(first, 0.1 * first.max()))
+        while log_ratio(log)[0] == _NO_RATIO and log.max() > -_NO_RATIO:
+            log = log - 1.0
+        options = {"maxfun": _MOST_DAMPINGS, "ftol": 1e-5, "gtol": 3e-4}
+        scipy.optimize.minimize(log_ratio, log, jac=True, method="L-BFGS-B", options=options)
+        return min(points, key=lambda point: point.ratio, default=None)
 
     def budget_factor(self, program: WeightProgram, damping: Floats) -> float:
         """Least factor of all budgets with which the limits can be met.
