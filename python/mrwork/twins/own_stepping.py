@@ -171,26 +171,24 @@ def force_and_bound(rows: Rows, *, spec: DamperSpec, n_kept: int, bounded: bool)
     twin, theta = twin_of(spec), rows.theta
     states, received = _kept(rows, spec=spec, n_kept=n_kept)
     samples = rows.record.samples(rows.n_time, n_kept)
-    steady = (
-        _parameters(spec, theta, jnp.broadcast_to(rows.record.command[0], (len(theta),)))
-        if received is None
-        else None
-    )
 
     def everywhere(equation: Callable[..., Array]) -> Array:
-        """An equation at all samples of all rows, shape (n_kept, n_batch)."""
-        of_rows = jax.vmap(equation, in_axes=(0, 0, None, None))
+        """An equation at all samples of all rows, shape (n_batch, n_kept): XLA makes vectors of the last axis alone."""
 
-        def at_sample(state: Array, motion: Array, at_coil: Array | None) -> Array:
-            p = steady if at_coil is None else _parameters(spec, theta, at_coil)
-            return of_rows(p, state, motion[0], motion[1])
+        def of_row(row: Array, states: Array, received: Array | None) -> Array:
+            if received is None:
+                p, of_sample = parameters_at(spec, row, rows.record.command[0]), None
+            else:
+                p, of_sample = jax.vmap(partial(parameters_at, spec, row))(received), 0
+            result: Array = jax.vmap(equation, in_axes=(of_sample, 0, 0, 0))(p, states, *samples.T)
+            return result
 
-        result: Array = jax.vmap(at_sample)(states, samples, received)
+        result: Array = jax.vmap(of_row, in_axes=(0, 1, 1))(theta, states, received)
         return result
 
-    force = everywhere(twin.force).T
+    force = everywhere(twin.force)
     if not bounded:
         return force, jnp.zeros(len(theta))
 
-    counted = jnp.arange(n_kept)[:, None] < rows.n_time
-    return force, jnp.max(jnp.where(counted, everywhere(partial(radius_of, twin.rate)), 0.0), axis=0)
+    counted = jnp.arange(n_kept) < rows.n_time
+    return force, jnp.max(jnp.where(counted, everywhere(partial(radius_of, twin.rate)), 0.0), axis=1)
