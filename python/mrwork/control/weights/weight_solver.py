@@ -244,8 +244,13 @@ class _Task:
         log = np.log(np.maximum(first, 0.1 * first.max()))
         while log_ratio(log)[0] == _NO_RATIO and log.max() > -_NO_RATIO:
             log = log - 1.0
-        options = {"maxfun": _MOST_DAMPINGS, "ftol": 1e-5, "gtol": 3e-4}
-        scipy.optimize.minimize(log_ratio, log, jac=True, method="L-BFGS-B", options=options)
+        scipy.optimize.minimize(
+            log_ratio,
+            log,
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxfun": _MOST_DAMPINGS, "ftol": 1e-5, "gtol": 3e-4},
+        )
         return min(points, key=lambda point: point.ratio, default=None)
 
     def budget_factor(self, program: WeightProgram, damping: Floats) -> float:
