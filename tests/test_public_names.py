@@ -20,6 +20,7 @@ from command_line import ran
 
 import mrwork as mr
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 
 NAMESPACES = (
     "dampers",
@@ -301,7 +302,9 @@ def test_a_listed_field_has_its_unit(shown: dict[str, object]) -> None:
 
 
 def test_long_tables_and_lines_are_cut() -> None:
-    summary = Summary(title="t" * 300, columns=("a", "b"), rows=[(str(k), "1") for k in range(100)])
+    summary = Summary(
+        title="t" * 300, tables=[Table(columns=("a", "b"), rows=[(str(k), "1") for k in range(100)])]
+    )
     assert len(summary.text().splitlines()) < 24
     assert "85 more rows" in summary.text()
     assert "85 more rows" in summary.html()

@@ -25,15 +25,12 @@ _FEW_NUMBERS = 4
 class Summary:
     """What a result says of itself: a title, facts by name, cautions, tables, and notes.
 
-    Facts without a value and columns without an entry in any row are not shown. The first table is of `columns` and
-    `rows`; `tables` are further ones.
+    Facts without a value and columns without an entry in any row are not shown.
     """
 
     title: str
     facts: Sequence[tuple[str, str]] = ()
     cautions: Sequence[str] = ()
-    columns: Sequence[str] = ()
-    rows: Sequence[Sequence[str]] = ()
     tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
 
@@ -45,10 +42,9 @@ class Summary:
     @property
     def shown_tables(self) -> Sequence[Table]:
         """The tables that have rows, of their columns with an entry."""
-        first = Table(columns=self.columns, rows=self.rows)
         return [
             replace(table.filled, label=table.label or table.title or self.title)
-            for table in (first, *self.tables)
+            for table in self.tables
             if table.rows
         ]
 

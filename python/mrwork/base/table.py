@@ -108,10 +108,14 @@ class Table:
 
         def kind(column: int, row: int | None = None, text: str = "") -> str:
             """Attribute of a cell in a column, and in a row unless it is a heading or of the foot."""
-            if column in words:
-                return ' class="reason"' if len(text) > _LONG and row is not None else ""
-            strong = " strong" if (row, column) in self.strong else ""
-            return f' class="number{strong}{" remark" if (row, column) in self.alarming else ""}"'
+            in_words = "reason" if len(text) > _LONG and row is not None else ""
+            names = (
+                in_words if column in words else "number",
+                "strong" if (row, column) in self.strong else "",
+                "remark" if (row, column) in self.alarming else "",
+            )
+            classes = " ".join(filter(None, names))
+            return f' class="{classes}"' if classes else ""
 
         def line(name: str, cells: Sequence[str], row: int | None = None) -> str:
             rest = (
@@ -215,7 +219,8 @@ def _columns_in_words(rows: Sequence[Sequence[str]]) -> tuple[int, ...]:
 
 
 def _is_numeric(cell: str) -> bool:
-    return cell in ("", "-", "–", "open", "∞") or cell.lstrip("+-−–.<> ")[:1].isdigit()
+    shown = markupsafe.Markup(cell).striptags() if hasattr(cell, "__html__") else cell
+    return shown in ("", "-", NOTHING, "open", "∞") or shown.lstrip("+-−–.<> ")[:1].isdigit()
 
 
 def escape(text: str) -> str:

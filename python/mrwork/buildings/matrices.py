@@ -16,6 +16,7 @@ from mrwork.base.hints import Says, Within
 from mrwork.base.numbers import counted, format_rounded, significant
 from mrwork.base.plotted import Plotted, building_html
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY, question_on
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
 from mrwork.buildings.modes import (
@@ -464,6 +465,11 @@ class Building(Plotted, Summarised):
             100.0 * masses,
             100.0 * np.cumsum(masses),
         )
+        rows = [
+            (str(mode + 1), *(significant(float(column[mode]), 4) for column in columns))
+            for mode in range(len(masses))
+        ]
+        heads = ("mode", "period [s]", "[Hz]", "damping [%]", "participation", "mass [%]", "sum [%]")
         return Summary(
             title=f"Building {self.name}: {counted(len(self.floors), 'floor')}, {self.total_mass:.5g} kg",
             facts=(
@@ -475,11 +481,7 @@ class Building(Plotted, Summarised):
                 ("passive", ", ".join(element.name for element in self.elements if not element.in_stiffness)),
                 ("source", f"{self.source} ({self.status})" if self.source else self.status),
             ),
-            columns=("mode", "period [s]", "[Hz]", "damping [%]", "participation", "mass [%]", "sum [%]"),
-            rows=[
-                (str(mode + 1), *(significant(float(column[mode]), 4) for column in columns))
-                for mode in range(len(masses))
-            ],
+            tables=[Table(columns=heads, rows=rows)],
             notes=(
                 "damping: diagonal of the modal damping over 2 omega, without coupling; participation: of shapes that "
                 "are 1 at the highest floor; mass: effective modal mass over the mass of the building",
@@ -986,6 +988,10 @@ class Device(Summarised):
         return replace(outside, exceedances=(*rated, *outside.exceedances))
 
     def _summary(self) -> Summary:
+        rows = [
+            (parameter.name, format_rounded(float(np.median(self.draws[:, index]))), parameter.unit)
+            for index, parameter in enumerate(self.spec.parameters)
+        ]
         return Summary(
             title=f"Device {self.name}: {self.spec.name}",
             facts=(
@@ -994,11 +1000,7 @@ class Device(Summarised):
                 ("draws", str(len(self.draws))),
                 ("tested", self.tested.in_words if self.tested else "not known"),
             ),
-            columns=("parameter", "value", "unit"),
-            rows=[
-                (parameter.name, format_rounded(float(np.median(self.draws[:, index]))), parameter.unit)
-                for index, parameter in enumerate(self.spec.parameters)
-            ],
+            tables=[Table(columns=("parameter", "value", "unit"), rows=rows)],
         )
 
 

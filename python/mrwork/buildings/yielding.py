@@ -14,6 +14,7 @@ from mrwork.base.hints import Says, Within
 from mrwork.base.numbers import counted, format_rounded, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import KNEE, Building, PassiveElement, source_with
@@ -227,26 +228,27 @@ class Pushover(Plotted, Summarised):
             ),
         ]
         tall = self.height > 0.0
+        columns = (
+            "roof [mm]",
+            *(("over height [%]",) if tall else ()),
+            "base shear [kN]",
+            "largest drift [mm]",
+            "in storey",
+        )
+        cells = [
+            (
+                _mm(self.roof[row]),
+                *((significant(100.0 * self.roof[row] / self.height, 3),) if tall else ()),
+                significant(self.base_shear[row] / 1e3, 4),
+                _mm(self.drifts[row].max()),
+                str(int(self.drifts[row].argmax()) + 1),
+            )
+            for row in rows
+        ]
         return Summary(
             title=f"Pushover of {self.name}, forces as {self.pattern}",
             facts=tuple(facts),
-            columns=(
-                "roof [mm]",
-                *(("over height [%]",) if tall else ()),
-                "base shear [kN]",
-                "largest drift [mm]",
-                "in storey",
-            ),
-            rows=[
-                (
-                    _mm(self.roof[row]),
-                    *((significant(100.0 * self.roof[row] / self.height, 3),) if tall else ()),
-                    significant(self.base_shear[row] / 1e3, 4),
-                    _mm(self.drifts[row].max()),
-                    str(int(self.drifts[row].argmax()) + 1),
-                )
-                for row in rows
-            ],
+            tables=[Table(columns=columns, rows=cells)],
         )
 
 

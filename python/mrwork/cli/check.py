@@ -12,6 +12,7 @@ import numpy as np
 
 from mrwork.base.numbers import counted
 from mrwork.base.summary import Summary
+from mrwork.base.table import Table
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
@@ -79,19 +80,20 @@ def _summary_of(tests: Sequence[DamperTest]) -> Summary:
     ]
     notes += [f"{finding.severity}: {finding.message}" for finding in findings_of_set(tests)]
     notes += [finding.in_words for finding in gathered.shared]
+    rows = [
+        (
+            *(test.label, str(test.n_time), f"{1.0 / test.dt:g}"),
+            f"{500.0 * np.ptp(test.displacement):.3g}",
+            f"{1e3 * np.abs(test.velocity).max():.3g}",
+            f"{np.abs(test.force).max():.4g}",
+            test.command_in_words if test.commands else "",
+        )
+        for test in tests
+    ]
+    columns = ("file", "samples", "rate [Hz]", "amplitude [mm]", "velocity [mm/s]", "force [N]", "command")
     return Summary(
         title=f"{counted(len(tests), 'test')}",
-        columns=("file", "samples", "rate [Hz]", "amplitude [mm]", "velocity [mm/s]", "force [N]", "command"),
-        rows=[
-            (
-                *(test.label, str(test.n_time), f"{1.0 / test.dt:g}"),
-                f"{500.0 * np.ptp(test.displacement):.3g}",
-                f"{1e3 * np.abs(test.velocity).max():.3g}",
-                f"{np.abs(test.force).max():.4g}",
-                test.command_in_words if test.commands else "",
-            )
-            for test in tests
-        ],
+        tables=[Table(columns=columns, rows=rows)],
         notes=notes or ["nothing to note"],
     )
 

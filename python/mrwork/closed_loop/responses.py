@@ -17,6 +17,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, n
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import BOTH_UNITS, commanded, joined_units
 from mrwork.buildings.matrices import Building, Device
@@ -207,17 +208,17 @@ class History(Plotted, Labelled, WithAxes, Summarised):
         )
 
     def _summary(self) -> Summary:
+        rows = [
+            (
+                name.replace("_", " "),
+                format_rounded(float(np.abs(getattr(self, name)).max())),
+                quantity_named(name).unit,
+            )
+            for name in _SHOWN_SIGNALS
+        ]
         return Summary(
             title=f"History of one run: {len(self.time)} samples, {self.time[-1]:g} s",
-            columns=("quantity", "largest", "unit"),
-            rows=[
-                (
-                    name.replace("_", " "),
-                    format_rounded(float(np.abs(getattr(self, name)).max())),
-                    quantity_named(name).unit,
-                )
-                for name in _SHOWN_SIGNALS
-            ],
+            tables=[Table(columns=("quantity", "largest", "unit"), rows=rows)],
         )
 
 
@@ -352,6 +353,16 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     def _summary(self) -> Summary:
         candidates, motions, draws = self.shape
         finished = np.isfinite(self.energy_error)
+        rows = [
+            (
+                name.replace("_", " "),
+                *(format_rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
+                quantity_named(name).unit,
+            )
+            for name in _SHOWN
+            for values in [getattr(self, name).reshape(len(finished), -1).max(axis=1, initial=0.0)]
+            for largest in [values[finished] if finished.any() else np.array([np.nan])]
+        ]
         return Summary(
             title=f"Responses of {counted(len(self.outcome), 'run')}: {counted(candidates, 'candidate')} x "
             f"{counted(motions, 'motion')} x {counted(draws, 'draw')}",
@@ -359,16 +370,6 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
                 ("finished", f"{int(finished.sum())} of {len(self.outcome)}"),
                 ("histories", "none" if self.histories is None else counted(len(self.histories), "run")),
             ),
-            columns=("largest of a run", "least", "median", "largest", "unit"),
-            rows=[
-                (
-                    name.replace("_", " "),
-                    *(format_rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
-                    quantity_named(name).unit,
-                )
-                for name in _SHOWN
-                for values in [getattr(self, name).reshape(len(finished), -1).max(axis=1, initial=0.0)]
-                for largest in [values[finished] if finished.any() else np.array([np.nan])]
-            ],
+            tables=[Table(columns=("largest of a run", "least", "median", "largest", "unit"), rows=rows)],
             notes=[f"warning: {warning}" for warning in self.warnings()],
         )

@@ -13,6 +13,7 @@ from mrwork.base.arguments import Positive, Shape, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import suggestion
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.conversions import (
     bouc_wen_from_normalised,
@@ -257,10 +258,10 @@ class Converted(Summarised):
 
     def _summary(self) -> Summary:
         units = self.units
+        rows = [(name, f"{value:.12g}", units.get(name, "")) for name, value in self.parameters.items()]
         return Summary(
             title=f"Bouc-Wen parameters, {self.convention}",
-            columns=("parameter", "value", "unit"),
-            rows=[(name, f"{value:.12g}", units.get(name, "")) for name, value in self.parameters.items()],
+            tables=[Table(columns=("parameter", "value", "unit"), rows=rows)],
             notes=[f"note: {remark}" for remark in self.remarks],
         )
 

@@ -18,6 +18,7 @@ from mrwork.base.hints import SMALLEST
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.laws import CONSTANT, CommandLaw, CurrentLaws, LawName, laws_in_order
@@ -212,6 +213,15 @@ class DamperSpec(Summarised):
         return presets[name]
 
     def _summary(self) -> Summary:
+        rows = [
+            (
+                parameter.name,
+                *map(format_rounded, (parameter.nominal, parameter.lower, parameter.upper)),
+                *(parameter.scale, parameter.unit, parameter.description),
+            )
+            for parameter in self.parameters
+        ]
+        columns = ("parameter", "nominal", "lower", "upper", "scale", "unit", "meaning")
         return Summary(
             title=f"Damper model {self.name}: {self.title}",
             facts=(
@@ -220,15 +230,7 @@ class DamperSpec(Summarised):
                 ("source", self.source),
                 ("nominal", self.nominal_source),
             ),
-            columns=("parameter", "nominal", "lower", "upper", "scale", "unit", "meaning"),
-            rows=[
-                (
-                    parameter.name,
-                    *map(format_rounded, (parameter.nominal, parameter.lower, parameter.upper)),
-                    *(parameter.scale, parameter.unit, parameter.description),
-                )
-                for parameter in self.parameters
-            ],
+            tables=[Table(columns=columns, rows=rows)],
         )
 
 
@@ -264,6 +266,10 @@ class Preset(Summarised):
         return f"up to {_force_in_words(10.0 ** ceil(log10(self.rated_force)))}"
 
     def _summary(self) -> Summary:
+        rows = [
+            (parameter.name, format_rounded(value, 6), parameter.unit)
+            for parameter, value in zip(self.spec.parameters, self.theta, strict=True)
+        ]
         return Summary(
             title=f"Preset {self.name} of {self.spec.name}, {self.status}: {self.source}",
             facts=(
@@ -271,11 +277,7 @@ class Preset(Summarised):
                 ("rated force", "" if self.rated_force is None else _force_in_words(self.rated_force)),
                 ("rated stroke", "" if self.rated_stroke is None else f"+-{1e3 * self.rated_stroke:g} mm"),
             ),
-            columns=("parameter", "value", "unit"),
-            rows=[
-                (parameter.name, format_rounded(value, 6), parameter.unit)
-                for parameter, value in zip(self.spec.parameters, self.theta, strict=True)
-            ],
+            tables=[Table(columns=("parameter", "value", "unit"), rows=rows)],
             notes=(self.note,),
         )
 

@@ -18,6 +18,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.dampers.simulation import (
@@ -281,14 +282,14 @@ class CandidateObjective(Summarised):
 
     def _summary(self) -> Summary:
         spec = self.objective.spec
+        rows = [
+            (name, *(format_rounded(end) for end in ends), unit)
+            for name, ends, unit in zip(self.names, self.bounds, self.units, strict=True)
+        ]
         return Summary(
             title=f"Objective of {spec.name} on {list_names([test.label for test in self.objective.tests])}",
             facts=(("coordinates", self.coordinates), ("samples", str(self.objective.n_time))),
-            columns=("parameter", "lower", "upper", "unit"),
-            rows=[
-                (name, *(format_rounded(end) for end in ends), unit)
-                for name, ends, unit in zip(self.names, self.bounds, self.units, strict=True)
-            ],
+            tables=[Table(columns=("parameter", "lower", "upper", "unit"), rows=rows)],
         )
 
 

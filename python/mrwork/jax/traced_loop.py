@@ -17,6 +17,7 @@ from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Building, Device
 from mrwork.closed_loop.hardware import Hardware
@@ -156,14 +157,14 @@ class Loop(Summarised):
             for name, input_name in inputs.items()
             if name not in ("gains", "theta")
         }
+        rows = [(name, str(shape)) for name, shape in shapes.items() if inputs[name] is not None]
         return Summary(
             title=f"Closed loop for JAX, {self.law or 'prescribed commands'}",
             facts=(
                 ("samples", f"{len(self.time) - 1} of {self.hardware.sample_time:g} s"),
                 ("steps of a sample", str(self.steps)),
             ),
-            columns=("input", "shape"),
-            rows=[(name, str(shape)) for name, shape in shapes.items() if inputs[name] is not None],
+            tables=[Table(columns=("input", "shape"), rows=rows)],
         )
 
 

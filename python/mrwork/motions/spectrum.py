@@ -15,6 +15,7 @@ from mrwork.base.hints import SMALLEST, Within
 from mrwork.base.numbers import format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, replace_samples, resampled, scaled, scaled_level
@@ -67,16 +68,17 @@ class ResponseSpectrum(Plotted, Summarised):
 
     def _summary(self) -> Summary:
         shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))
+        rows = [
+            tuple(
+                format_rounded(float(column[at]))
+                for column in (self.periods, self.displacement, self.velocity, self.acceleration)
+            )
+            for at in shown
+        ]
+        columns = ("period [s]", "displacement [m]", "velocity [m/s]", "acceleration [m/s^2]")
         return Summary(
             title=f"Response spectrum at {100.0 * self.damping:g} % damping, {len(self.periods)} periods",
-            columns=("period [s]", "displacement [m]", "velocity [m/s]", "acceleration [m/s^2]"),
-            rows=[
-                tuple(
-                    format_rounded(float(column[at]))
-                    for column in (self.periods, self.displacement, self.velocity, self.acceleration)
-                )
-                for at in shown
-            ],
+            tables=[Table(columns=columns, rows=rows)],
         )
 
 

@@ -15,6 +15,7 @@ from mrwork.base.hints import Says, Within
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.units import RATIOS, STANDARD_GRAVITY
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import SettingError
@@ -121,14 +122,14 @@ class TargetSpectrum(Summarised):
         return float(self.periods[0]), math.inf if self.falls else float(self.periods[-1])
 
     def _summary(self) -> Summary:
+        rows = [
+            (format_rounded(float(corner)), format_rounded(float(self.acceleration(corner))))
+            for corner in (*self.periods, *self.falls)
+        ]
         return Summary(
             title=f"Target spectrum {self.name}",
             facts=(("damping", f"{100.0 * self.damping:g} %"), ("source", self.source)),
-            columns=("period [s]", "acceleration [m/s^2]"),
-            rows=[
-                (format_rounded(float(corner)), format_rounded(float(self.acceleration(corner))))
-                for corner in (*self.periods, *self.falls)
-            ],
+            tables=[Table(columns=("period [s]", "acceleration [m/s^2]"), rows=rows)],
         )
 
 

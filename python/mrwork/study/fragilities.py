@@ -25,6 +25,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
+from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY, number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import Scales
@@ -175,14 +176,14 @@ class Fragility(Summarised):
         return tuple(notes)
 
     def _summary(self) -> Summary:
+        rows = [
+            (_in_g(level), *(significant(100.0 * share, 3) for share in shares))
+            for level, *shares in zip(self.levels, self.crossed, self.outside, strict=True)
+        ]
         return Summary(
             title=f"Fragility, {self.measure}: {self.label}: {self.brief}; {self.reaching} records reach it",
             facts=(("dispersion", format_rounded(self.dispersion)),),
-            columns=("level [g]", "reached [%]", "beyond tests [%]"),
-            rows=[
-                (_in_g(level), *(significant(100.0 * share, 3) for share in shares))
-                for level, *shares in zip(self.levels, self.crossed, self.outside, strict=True)
-            ],
+            tables=[Table(columns=("level [g]", "reached [%]", "beyond tests [%]"), rows=rows)],
             notes=self.cautions,
         )
 
@@ -334,19 +335,20 @@ class Fragilities(Plotted, WithAxes, Summarised):
 
     def _summary(self, against: str | None = None) -> Summary:
         first = next(iter(self.rows.values()))
+        rows = [
+            (
+                label,
+                row.median_in_words.removesuffix(" g"),
+                " to ".join(map(_in_g, row.band)),
+                significant(row.dispersion or None, 2),
+                row.reaching,
+            )
+            for label, row in self.rows.items()
+        ]
+        columns = ("", "median [g]", f"{100.0 * self.level:.0f} % band [g]", "dispersion", "reached by")
         return Summary(
             title=f"{first.measure} at which {self.limit_in_words}, over {counted(len(first.crossings), 'record')}",
-            columns=("", "median [g]", f"{100.0 * self.level:.0f} % band [g]", "dispersion", "reached by"),
-            rows=[
-                (
-                    label,
-                    row.median_in_words.removesuffix(" g"),
-                    " to ".join(map(_in_g, row.band)),
-                    significant(row.dispersion or None, 2),
-                    row.reaching,
-                )
-                for label, row in self.rows.items()
-            ],
+            tables=[Table(columns=columns, rows=rows)],
             notes=[*self.in_words(against), *self.cautions, *self.study_warnings],
         )
 

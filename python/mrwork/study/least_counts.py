@@ -11,6 +11,7 @@ from mrwork.base.arguments import Count, Threads, Whole, checked
 from mrwork.base.numbers import counted
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.table import Table
 from mrwork.buildings.groups import commanded
 from mrwork.closed_loop.evaluation import Scales, criterion, searched
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
@@ -95,6 +96,16 @@ class DamperCounts(Plotted, Summarised):
             if not row.keeps
         )
         heads = self.places if self.by == "storey" and len(self.places) > 1 else ("in each place",)
+        rows = [
+            (
+                row.label,
+                *(str(count) if row.keeps else "-" for count in row.counts[: len(heads)]),
+                str(row.dampers) if row.keeps else "not kept",
+                self.in_words(row.value),
+            )
+            for row in self.rows
+        ]
+        columns = ("arrangement", *heads, "dampers", criterion(self.criterion).short)
         return Summary(
             title=f"Least dampers that keep {name[:1].lower()}{name[1:]} within {self.in_words(self.limit)}",
             facts=(
@@ -102,16 +113,7 @@ class DamperCounts(Plotted, Summarised):
                 ("without dampers", self.in_words(self.bare)),
             ),
             cautions=["the building keeps the limit without dampers."] if self.bare <= self.limit else (),
-            columns=("arrangement", *heads, "dampers", criterion(self.criterion).short),
-            rows=[
-                (
-                    row.label,
-                    *(str(count) if row.keeps else "-" for count in row.counts[: len(heads)]),
-                    str(row.dampers) if row.keeps else "not kept",
-                    self.in_words(row.value),
-                )
-                for row in self.rows
-            ],
+            tables=[Table(columns=columns, rows=rows)],
             notes=[
                 *missed,
                 f"{counted(self.runs, 'run')} with {counted(len(self.tried), 'count')}, for each of which the constant "

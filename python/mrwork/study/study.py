@@ -16,6 +16,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import Key, keys_of
 from mrwork.base.places import Place, keyed
 from mrwork.base.summary import Summarised, Summary, list_names, named
+from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.buildings import Building
 from mrwork.buildings.groups import commanded, joined_units
@@ -454,6 +455,7 @@ class Study(Summarised):
         )
 
     def _summary(self) -> Summary:
+        rows = [(row.label, row.description) for row in self.rows]
         return Summary(
             title=f"Study: {self.title}",
             facts=(
@@ -463,8 +465,7 @@ class Study(Summarised):
                 ("motions", list_names([motion.name for motion in self.motions])),
                 ("uses", uses_in_words([motion.use for motion in self.motions])),
             ),
-            columns=("arrangement", "description"),
-            rows=[(row.label, row.description) for row in self.rows],
+            tables=[Table(columns=("arrangement", "description"), rows=rows)],
             notes=[f"warning: {warning}" for warning in self.warnings],
         )
 

@@ -14,6 +14,7 @@ from jax import Array
 
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.errors import SettingError
@@ -118,16 +119,16 @@ class TracedFunction(Summarised):
         return values
 
     def _summary(self) -> Summary:
+        rows = [
+            (name, *(format_rounded(number) for number in numbers), unit)
+            for name, *numbers, unit in zip(
+                self.names, self.start, self.lower.tolist(), self.upper.tolist(), self.units, strict=True
+            )
+        ]
         return Summary(
             title=f"{self.title}, for JAX",
             facts=(("coordinates", self.coordinates), *([("held", self.held)] if self.held else [])),
-            columns=("parameter", "start", "lower", "upper", "unit"),
-            rows=[
-                (name, *(format_rounded(number) for number in numbers), unit)
-                for name, *numbers, unit in zip(
-                    self.names, self.start, self.lower.tolist(), self.upper.tolist(), self.units, strict=True
-                )
-            ],
+            tables=[Table(columns=("parameter", "start", "lower", "upper", "unit"), rows=rows)],
         )
 
 

@@ -17,6 +17,7 @@ from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import sends_shares
 from mrwork.buildings.matrices import Building, Device
@@ -272,18 +273,18 @@ class ControlLaw(Summarised):
         return np.shape(values)[0] if np.ndim(values) > gain.dimensions else 1
 
     def _summary(self) -> Summary:
+        rows = [
+            (
+                name,
+                str(np.shape(value)),
+                format_rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
+            )
+            for name, value in (*self.gains.items(), *self.tables.items())
+        ]
         return Summary(
             title=f"Control law {self.spec.title}",
             facts=(("equation", self.spec.equation), ("source", self.spec.source)),
-            columns=("number", "shape", "largest"),
-            rows=[
-                (
-                    name,
-                    str(np.shape(value)),
-                    format_rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
-                )
-                for name, value in (*self.gains.items(), *self.tables.items())
-            ],
+            tables=[Table(columns=("number", "shape", "largest"), rows=rows)],
             notes=(
                 *(() if self.weights is None else self.weights.in_words),
                 *self.notes,

@@ -7,6 +7,7 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.linear.lqr import Weights
 from mrwork.control.linear.plant import Plant
@@ -49,6 +50,18 @@ class WeightCertificate(Summarised):
         return f"ratio {self.law_ratio:.4g} with {self.law_force:.4g} of the budget, from the building's state only"
 
     def _summary(self) -> Summary:
+        rows = [
+            (name, unit, *map(format_rounded, (rms, limit, rms / limit)))
+            for name, unit, rms, limit in (
+                *zip(self.names, self.units, self.rms, self.limits, strict=True),
+                *(
+                    (f"force, device {number}", "N", force, budget)
+                    for number, (force, budget) in enumerate(
+                        zip(self.forces, self.budgets, strict=True), start=1
+                    )
+                ),
+            )
+        ]
         return Summary(
             title="Certificate of a weight design",
             facts=(
@@ -56,19 +69,7 @@ class WeightCertificate(Summarised):
                 ("bound", f"{self.bound:.6g}, gap {self.gap:.1e}"),
                 ("law's gain", self.law_in_words),
             ),
-            columns=("output", "unit", "rms", "limit", "rms / limit"),
-            rows=[
-                (name, unit, *map(format_rounded, (rms, limit, rms / limit)))
-                for name, unit, rms, limit in (
-                    *zip(self.names, self.units, self.rms, self.limits, strict=True),
-                    *(
-                        (f"force, device {number}", "N", force, budget)
-                        for number, (force, budget) in enumerate(
-                            zip(self.forces, self.budgets, strict=True), start=1
-                        )
-                    ),
-                )
-            ],
+            tables=[Table(columns=("output", "unit", "rms", "limit", "rms / limit"), rows=rows)],
         )
 
 
@@ -286,6 +287,13 @@ class DesignedWeights(Summarised):
 
     def _summary(self) -> Summary:
         check = self.certificate
+        rows = [
+            (name, format_rounded(weight), format_rounded(float(rms / limit)))
+            for name, weight, rms, limit in sorted(
+                zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
+                key=lambda row: -row[2] / row[3],
+            )[:_SHOWN]
+        ]
         return Summary(
             title=f"Designed weights for {self.plant.building.name}: least ratio {self.reachable_ratio:.4g}",
             facts=(
@@ -298,14 +306,7 @@ class DesignedWeights(Summarised):
                     f"{', '.join(format_rounded(weight) for weight in self.control_weight)} 1/N2",
                 ),
             ),
-            columns=("output", "weight", "rms / limit"),
-            rows=[
-                (name, format_rounded(weight), format_rounded(float(rms / limit)))
-                for name, weight, rms, limit in sorted(
-                    zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
-                    key=lambda row: -row[2] / row[3],
-                )[:_SHOWN]
-            ],
+            tables=[Table(columns=("output", "weight", "rms / limit"), rows=rows)],
             notes=(*self.origin, *self._reached_in_words[: 2 + _SHOWN], self.advice),
         )
 

@@ -19,6 +19,7 @@ from mrwork.base.arguments import NotNegative, Share, checked
 from mrwork.base.hints import Within
 from mrwork.base.numbers import of_unit
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.design.flow import PRESSURES, FlowModel, Length, Slot, broadcast, roots_between
 from mrwork.dampers.design.materials import Fields, MRFluid, Steel, steel
@@ -491,6 +492,7 @@ class DamperDesign(Summarised):
             ("", f"turns of gauge {self.wire_gauge}", float(self.turns), ""),
             ("", "resistance, all", self.resistance, "ohm"),
         )
+        cells = [(part, name, f"{value:.4g}", unit) for part, name, value, unit in rows]
         return Summary(
             title=f"Design of a damper of {of_unit(self.largest_force / 1e3, 'kN', 3)} with {self.fluid.name}",
             facts=(
@@ -499,8 +501,7 @@ class DamperDesign(Summarised):
                 ("response time", f"{self.response_time():.3g} s"),
                 ("mass of fluid", f"{self.fluid_mass:.3g} kg"),
             ),
-            columns=("part", "dimension", "value", "unit"),
-            rows=[(part, name, f"{value:.4g}", unit) for part, name, value, unit in rows],
+            tables=[Table(columns=("part", "dimension", "value", "unit"), rows=cells)],
         )
 
 

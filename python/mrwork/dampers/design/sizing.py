@@ -19,6 +19,7 @@ from mrwork.base.numbers import duration_in_words
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.design.damper_design import Current, DamperDesign, Speed, Voltage, wire_diameter
 from mrwork.dampers.design.flow import FlowModel, Length
@@ -368,20 +369,21 @@ class SizeFront(Plotted, Summarised):
     evaluations: int
 
     def _summary(self) -> Summary:
+        rows = [
+            (
+                f"{1e3 * design.envelope_volume:.3g}",
+                f"{design.dynamic_range:.3g}",
+                f"{design.power:.3g}",
+                f"{1e3 * design.bore:.3g}",
+                f"{1e3 * design.chamber_length:.3g}",
+                str(design.stages),
+            )
+            for design in self.designs
+        ]
+        columns = ("volume [l]", "dynamic range", "power [W]", "bore [mm]", "length [mm]", "coils")
         return Summary(
             title=f"Front of {len(self.designs)} dampers after {self.evaluations} candidates",
-            columns=("volume [l]", "dynamic range", "power [W]", "bore [mm]", "length [mm]", "coils"),
-            rows=[
-                (
-                    f"{1e3 * design.envelope_volume:.3g}",
-                    f"{design.dynamic_range:.3g}",
-                    f"{design.power:.3g}",
-                    f"{1e3 * design.bore:.3g}",
-                    f"{1e3 * design.chamber_length:.3g}",
-                    str(design.stages),
-                )
-                for design in self.designs
-            ],
+            tables=[Table(columns=columns, rows=rows)],
         )
 
 

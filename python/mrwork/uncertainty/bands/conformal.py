@@ -16,6 +16,7 @@ import numpy as np
 from mrwork.base.arguments import Level, Positive, checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import is_untested
 from mrwork.dampers.tested_range import Exceedance, OperatingQuantity
@@ -225,6 +226,13 @@ class Calibration(Summarised):
 
     def _summary(self) -> Summary:
         shape = self.shape
+        rows = [
+            (
+                test,
+                *(format_rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)),
+            )
+            for test, scores in zip(self.tests, self.scores, strict=True)
+        ]
         return Summary(
             title=f"Calibration of prediction bands on {len(self.tests)} tests",
             facts=(
@@ -237,14 +245,7 @@ class Calibration(Summarised):
                 ("known beyond the tests", self.reach_in_words),
             ),
             notes=list(self.remarks),
-            columns=("test", "median score", "90 % score"),
-            rows=[
-                (
-                    test,
-                    *(format_rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)),
-                )
-                for test, scores in zip(self.tests, self.scores, strict=True)
-            ],
+            tables=[Table(columns=("test", "median score", "90 % score"), rows=rows)],
         )
 
 

@@ -10,6 +10,7 @@ from warnings import warn
 from mrwork.base.arguments import Level, checked
 from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised, Summary, named
+from mrwork.base.table import Table
 from mrwork.dampers.spec import worst_laws
 from mrwork.dampers.tested_range import worst_of
 from mrwork.errors import MrworkWarning
@@ -249,8 +250,7 @@ class Predictions(Summarised):
         return Summary(
             title=f"Predictions by a fit of {self.fit.model}",
             cautions=self.warnings,
-            columns=heads,
-            rows=rows,
+            tables=[Table(columns=heads, rows=rows)],
             notes=notes,
         )
 

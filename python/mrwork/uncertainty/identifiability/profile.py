@@ -21,6 +21,7 @@ from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
+from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
@@ -163,25 +164,26 @@ class Profiles(Plotted, WithAxes, Summarised):
         )
 
     def _summary(self) -> Summary:
+        rows = [
+            (
+                profiled.name,
+                format_rounded(profiled.estimate, 5),
+                "open" if profiled.lower is None else format_rounded(profiled.lower, 5),
+                "open" if profiled.upper is None else format_rounded(profiled.upper, 5),
+                profiled.unit,
+                profiled.verdict,
+                profiled.reason,
+            )
+            for profiled in self.profiles
+        ]
+        columns = ("parameter", "estimate", "lower", "upper", "unit", "verdict", "reason")
         return Summary(
             title=f"Profiles of {self.model}: intervals at {100.0 * self.level:g} %, {self.status}",
             facts=(
                 ("samples", f"{self.n_time}, {self.n_effective:.0f} effective"),
                 ("profiled by", f"{self.evaluations} simulations, {self.seconds:.1f} s"),
             ),
-            columns=("parameter", "estimate", "lower", "upper", "unit", "verdict", "reason"),
-            rows=[
-                (
-                    profiled.name,
-                    format_rounded(profiled.estimate, 5),
-                    "open" if profiled.lower is None else format_rounded(profiled.lower, 5),
-                    "open" if profiled.upper is None else format_rounded(profiled.upper, 5),
-                    profiled.unit,
-                    profiled.verdict,
-                    profiled.reason,
-                )
-                for profiled in self.profiles
-            ],
+            tables=[Table(columns=columns, rows=rows)],
             notes=(self.remark,),
         )
 

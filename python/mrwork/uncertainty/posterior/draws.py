@@ -18,6 +18,7 @@ from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_label
 from mrwork.base.numbers import format_rounded, with_decimals
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
+from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, Verdict
 from mrwork.identification.verdicts import DEVIATIONS, ParameterScale, judge_interval
@@ -342,23 +343,24 @@ class Draws(Plotted, WithAxes, Summarised):
 
     def _summary(self) -> Summary:
         made = "{} walkers x {} draws".format(*self.chains.shape)
+        rows = [
+            (
+                summary.name,
+                *(format_rounded(value, 5) for value in (summary.median, summary.lower, summary.upper)),
+                summary.unit,
+                with_decimals(summary.rhat, 3),
+                with_decimals(summary.ess_bulk, 0),
+                summary.verdict or summary.remark,
+                summary.reason,
+            )
+            for summary in self.summaries
+        ]
+        columns = ("parameter", "median", "2.5 %", "97.5 %", "unit", "R-hat", "ESS", "verdict", "reason")
         return Summary(
             title=f"Draws of {self.model} with {self.noise_model} noise: {self.status.replace('_', ' ')}",
             facts=(("draws", f"{made}, {self.n_steps} steps, {self.seconds:.1f} s"),),
             notes=(self.verdict,),
-            columns=("parameter", "median", "2.5 %", "97.5 %", "unit", "R-hat", "ESS", "verdict", "reason"),
-            rows=[
-                (
-                    summary.name,
-                    *(format_rounded(value, 5) for value in (summary.median, summary.lower, summary.upper)),
-                    summary.unit,
-                    with_decimals(summary.rhat, 3),
-                    with_decimals(summary.ess_bulk, 0),
-                    summary.verdict or summary.remark,
-                    summary.reason,
-                )
-                for summary in self.summaries
-            ],
+            tables=[Table(columns=columns, rows=rows)],
         )
 
 
