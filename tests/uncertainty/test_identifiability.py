@@ -17,7 +17,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.settings import FitSettings
 from mrwork.identification.verdicts import (
     WEAK,
-    ParameterScale,
+    Scale,
     changes_along,
     fitted_parameters,
     judged,
@@ -51,18 +51,18 @@ def at(model: str, theta: NDArray[np.float64], test: DamperTest) -> Judged:
     return fitted_parameters(problem, there, covariance)
 
 
-def scales(names: str) -> list[ParameterScale]:
+def scales(names: str) -> list[Scale]:
     """Parameters of value 1, which are positive."""
     limits = {"of_range": False, "lower": 0.0, "upper": 2.0, "log": True, "bounds": (1e-3, 1e3)}
     return [
-        ParameterScale(name=name, unit="m", value=1.0, size=1.0, sensitivity=1.0, **limits)  # type: ignore[arg-type] # of several kinds
+        Scale(name=name, unit="m", value=1.0, size=1.0, **limits)  # type: ignore[arg-type] # of several kinds
         for name in names
     ]
 
 
 def judge(
     columns: NDArray[np.float64],
-    names: str | list[ParameterScale],
+    names: str | list[Scale],
     *,
     misfit: float = 1e-9,
     n_effective: float = 60.0,

@@ -12,13 +12,13 @@ from mrwork.identification.fit import FittedParameter, Interval, Verdict
 from mrwork.identification.verdicts import (
     DEVIATIONS,
     NEGLIGIBLE,
-    ParameterScale,
+    Scale,
     judge_error,
     judge_interval,
 )
 
-# A stiffness that may have either sign: 1e-5 of the force's deviation for each N/m.
-SPRING = ParameterScale(
+# A stiffness that may have either sign.
+SPRING = Scale(
     name="k",
     unit="N/m",
     value=0.0,
@@ -28,12 +28,16 @@ SPRING = ParameterScale(
     upper=9e4,
     log=False,
     bounds=(-1e6, 1e6),
-    sensitivity=1e-5,
 )
-DAMPING = replace(
-    SPRING, name="c", unit="N s/m", of_range=False, log=True, bounds=(1e-3, 1e9), sensitivity=1e-4
+DAMPING = replace(SPRING, name="c", unit="N s/m", of_range=False, log=True, bounds=(1e-3, 1e9))
+SHARE = replace(SPRING, name="share", unit="1", bounds=(0.0, 1.0))
+# Deviations of the force per unit.
+SENSITIVITY = {"k": 1e-5, "c": 1e-4, "share": 0.5}
+# Parameters that hardly change the force.
+SEAL, GHOST, SHADE = (
+    replace(scale, name=name) for name, scale in (("seal", DAMPING), ("ghost", SPRING), ("shade", SHARE))
 )
-SHARE = replace(SPRING, name="share", unit="1", bounds=(0.0, 1.0), sensitivity=0.5)
+SENSITIVITY |= {"seal": 1e-30, "ghost": 1e-10, "shade": 1e-6}
 
 
 @pytest.mark.parametrize(
@@ -55,15 +59,13 @@ SHARE = replace(SPRING, name="share", unit="1", bounds=(0.0, 1.0), sensitivity=0
         (DAMPING, 5000.0, 3.0, "identifiable"),
         (DAMPING, 5000.0, 5001.0, "weakly identifiable"),
         (DAMPING, 5000.0, 5.8e9, "weakly identifiable"),
-        (replace(DAMPING, sensitivity=1e-30), 5000.0, 1e7, "weakly identifiable"),
+        (SEAL, 5000.0, 1e7, "weakly identifiable"),
         (SHARE, 0.003, 4.6e4, "weakly identifiable"),
-        (replace(SHARE, sensitivity=1e-6), 0.003, 4.6e4, "negligible"),
+        (SHADE, 0.003, 4.6e4, "negligible"),
     ],
 )
-def test_a_standard_error_has_one_verdict(
-    scale: ParameterScale, value: float, error: float, verdict: Verdict
-) -> None:
-    judged, reason = judge_error(error, replace(scale, value=value))
+def test_a_standard_error_has_one_verdict(scale: Scale, value: float, error: float, verdict: Verdict) -> None:
+    judged, reason = judge_error(error, replace(scale, value=value), SENSITIVITY[scale.name])
     assert judged == verdict
     assert bool(reason) == (verdict != "identifiable")
 
@@ -79,7 +81,7 @@ def test_a_standard_error_has_one_verdict(
         (SPRING, (1000.0, None), "weakly identifiable"),
         (SPRING, (-1000.0, None), "sign unknown"),
         (SPRING, (None, None), "not identifiable"),
-        (replace(SPRING, sensitivity=1e-10), (None, None), "negligible"),
+        (GHOST, (None, None), "negligible"),
         (DAMPING, (4990.0, 5010.0), "identifiable"),
         (DAMPING, (500.0, 50_000.0), "weakly identifiable"),
         (DAMPING, (500.0, None), "weakly identifiable"),
@@ -87,9 +89,9 @@ def test_a_standard_error_has_one_verdict(
     ],
 )
 def test_an_interval_has_one_verdict(
-    scale: ParameterScale, ends: tuple[float | None, float | None], verdict: Verdict
+    scale: Scale, ends: tuple[float | None, float | None], verdict: Verdict
 ) -> None:
-    assert judge_interval(ends, DEVIATIONS, scale, opened="open")[0] == verdict
+    assert judge_interval(ends, DEVIATIONS, scale, SENSITIVITY[scale.name], opened="open")[0] == verdict
 
 
 _VALUES = st.floats(-1e9, 1e9)
@@ -97,8 +99,8 @@ _VALUES = st.floats(-1e9, 1e9)
 
 @given(_VALUES, st.floats(1e-9, 1e12), st.floats(0.0, 1.0))
 def test_what_is_identifiable_has_a_sign_and_a_value(value: float, error: float, sensitivity: float) -> None:
-    scale = replace(SPRING, value=value, sensitivity=sensitivity, bounds=(-1e30, 1e30))
-    verdict, _ = judge_error(error, scale)
+    scale = replace(SPRING, value=value, bounds=(-1e30, 1e30))
+    verdict, _ = judge_error(error, scale, sensitivity)
     assert (verdict == "identifiable") == (error <= 0.25 * abs(value))
     if verdict != "identifiable":
         small = sensitivity * (abs(value) + DEVIATIONS * error) <= NEGLIGIBLE
@@ -111,7 +113,7 @@ def test_what_is_identifiable_has_a_sign_and_a_value(value: float, error: float,
 def test_an_interval_of_a_standard_error_is_judged_as_that_error(
     value: float, error: float, sensitivity: float
 ) -> None:
-    scale = replace(SPRING, value=value, sensitivity=sensitivity, bounds=(-1e30, 1e30))
+    scale = replace(SPRING, value=value, bounds=(-1e30, 1e30))
     # Not where rounding decides.
     if (
         abs(error / (abs(value) or 1.0) - 0.25) < 1e-6
@@ -120,7 +122,10 @@ def test_an_interval_of_a_standard_error_is_judged_as_that_error(
         return
     half = DEVIATIONS * error
     ends = value - half, value + half
-    assert judge_interval(ends, DEVIATIONS, scale, opened="")[0] == judge_error(error, scale)[0]
+    assert (
+        judge_interval(ends, DEVIATIONS, scale, sensitivity, opened="")[0]
+        == judge_error(error, scale, sensitivity)[0]
+    )
 
 
 def test_an_interval_brings_its_verdict_and_leaves_the_standard_error() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import of_unit
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.covariance import INSENSITIVE, Covariance, remarks_of
@@ -35,10 +35,11 @@ DEVIATIONS = NormalDist().inv_cdf(0.975)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterScale:
+class Scale:
     """Size of a relevant change of one parameter: its value, or half its range `lower` to `upper` where `of_range`.
 
-    `sensitivity` is the root mean square of the change of force per unit, in standard deviations of the force.
+    A parameter without a logarithmic scale may be zero: its range is at the scales of the records within the `bounds`,
+    else at the size of the value, or of the nominal one.
     """
 
     name: str
@@ -50,7 +51,6 @@ class ParameterScale:
     upper: float
     log: bool
     bounds: tuple[float, float]
-    sensitivity: float
 
     def share(self, share: float) -> str:
         """A share of the size, such as "40 % of its value", or "33 times its value" above 100 %."""
@@ -61,77 +61,64 @@ class ParameterScale:
         return _times(share, whole)
 
 
-@array_dataclass()
-class Scale:
-    """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
-
-    Parameters without a logarithmic scale may be zero: `ranges` are at the scales of the records within the `box`, else
-    at the size of the value, or of the nominal one.
-    """
-
-    box: Box
-    ranges: Box
-    theta: Floats
-    size: Floats
-    of_range: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> Scale:
-        """Scales at `theta`, shape (n_params,)."""
-        ranges = search_box(spec, box, tests)
-        for index, name in enumerate(box.names):
-            unknown = ranges.lower[index] == box.lower[index] and ranges.upper[index] == box.upper[index]
-            nominal, most = abs(spec.parameters[index].nominal), abs(float(theta[index]))
-            most = most if most > _AS_ZERO * nominal else nominal
-            ends = max(box.lower[index], -most), min(box.upper[index], most)
-            if unknown and not box.log[index] and most > 0.0 and ends[0] < ends[1]:
-                ranges = ranges.with_bounds({name: ends})
-        half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
-        size = np.abs(theta)
-        of_range = ~np.array(box.log) & (half > size)
-        return cls(
-            box=box, ranges=ranges, theta=theta, size=np.where(of_range, half, size), of_range=of_range
+def scales_of(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> tuple[Scale, ...]:
+    """The scale of each parameter at `theta`, shape (n_params,)."""
+    ranges, scales = search_box(spec, box, tests), []
+    for index, (parameter, value) in enumerate(zip(spec.parameters, theta.tolist(), strict=True)):
+        bounds, log = (box.lower[index], box.upper[index]), box.log[index]
+        lower, upper = ranges.lower[index], ranges.upper[index]
+        nominal, most = abs(parameter.nominal), abs(value)
+        most = most if most > _AS_ZERO * nominal else nominal
+        ends = max(bounds[0], -most), min(bounds[1], most)
+        if (lower, upper) == bounds and not log and most > 0.0 and ends[0] < ends[1]:
+            lower, upper = ends
+        half = 0.5 * (upper - lower)
+        of_range = not log and half > abs(value)
+        scales.append(
+            Scale(
+                name=parameter.name,
+                unit=parameter.unit,
+                value=value,
+                size=half if of_range else abs(value),
+                of_range=of_range,
+                lower=lower,
+                upper=upper,
+                log=log,
+                bounds=bounds,
+            )
         )
-
-    def of_parameter(self, spec: DamperSpec, index: int, derivative: Floats) -> ParameterScale:
-        """Scale of one parameter of the model, with the derivative of the residuals by it, shape (n_residuals,)."""
-        return ParameterScale(
-            name=spec.names[index],
-            unit=spec.parameters[index].unit,
-            value=float(self.theta[index]),
-            size=float(self.size[index]),
-            of_range=bool(self.of_range[index]),
-            lower=self.ranges.lower[index],
-            upper=self.ranges.upper[index],
-            log=self.box.log[index],
-            bounds=(self.box.lower[index], self.box.upper[index]),
-            sensitivity=float(np.linalg.norm(derivative)),
-        )
+    return tuple(scales)
 
 
 # A verdict on a parameter, with the reason.
 ReasonedVerdict = tuple[Verdict, str]
 
 
-def judge_error(error: float, scale: ParameterScale) -> ReasonedVerdict:
-    """Judge a parameter by its standard error, in its unit."""
+def judge_error(error: float, scale: Scale, sensitivity: float) -> ReasonedVerdict:
+    """Judge a parameter by its standard error, in its unit; see `judge_interval`."""
     half = DEVIATIONS * error
     ends = scale.value - half, scale.value + half
     share = error / abs(scale.value) if scale.value else np.inf
     width = f"its standard error is {_times(share, 'its value')}" if scale.value else "its value is 0"
-    return _judge(scale, ends, share, width)
+    return _judge(scale, sensitivity, ends, share, width)
 
 
 def judge_interval(
-    ends: tuple[float | None, float | None], deviations: float, scale: ParameterScale, *, opened: str
+    ends: tuple[float | None, float | None],
+    deviations: float,
+    scale: Scale,
+    sensitivity: float,
+    *,
+    opened: str,
 ) -> ReasonedVerdict:
     """Judge a parameter by its interval; an end at which the data do not bound it is `None`, for the reason `opened`.
 
-    The interval of a normal density would reach `deviations` standard deviations to either side.
+    The interval of a normal density would reach `deviations` standard deviations to either side. `sensitivity` is the
+    root mean square of the change of force per unit of the parameter, in standard deviations of the force.
     """
     lower, upper = ends
     if lower is None or upper is None:
-        return _judge(scale, ends, np.inf, opened)
+        return _judge(scale, sensitivity, ends, np.inf, opened)
     if scale.log:
         half = 0.5 * float(np.log(upper / lower))
         width = f"the interval is a factor of {np.exp(half):.2g} wide to either side"
@@ -139,11 +126,11 @@ def judge_interval(
         centre = 0.5 * abs(lower + upper)
         half = 0.5 * (upper - lower) / centre if centre else np.inf
         width = f"the interval is {_times(half, 'its value')} wide to either side"
-    return _judge(scale, ends, half / deviations, width)
+    return _judge(scale, sensitivity, ends, half / deviations, width)
 
 
 def _judge(
-    scale: ParameterScale, ends: tuple[float | None, float | None], share: float, width: str
+    scale: Scale, sensitivity: float, ends: tuple[float | None, float | None], share: float, width: str
 ) -> ReasonedVerdict:
     """Judge by the standard deviation, as a `share` of the value, and by the interval about it."""
     if share <= WEAK:
@@ -152,7 +139,7 @@ def _judge(
     low = lower if ends[0] is None else max(ends[0], lower)
     high = upper if ends[1] is None else min(ends[1], upper)
     # Without a logarithmic scale the force is near to linear in the parameter, so that it may be left out.
-    effect = scale.sensitivity * max(abs(low), abs(high))
+    effect = sensitivity * max(abs(low), abs(high))
     if not scale.log and lower <= 0.0 <= upper and effect <= NEGLIGIBLE:
         reason = (
             f"its whole interval changes the force by at most {100.0 * effect:.2g} % of the force's deviation"
@@ -179,7 +166,7 @@ _LARGEST_EXPONENT = 3
 
 
 def changes_along(
-    direction: Floats, scales: Sequence[ParameterScale], effects: Floats | None = None
+    direction: Floats, scales: Sequence[Scale], effects: Floats | None = None
 ) -> tuple[ParameterChange, ...]:
     """Changes of the parameters along a direction, shape (n_params,), in shares of their scales; the first is by 1 %.
 
@@ -258,7 +245,7 @@ def judged(
     jacobian: Floats,
     covariance: Floats,
     *,
-    scales: Sequence[ParameterScale],
+    scales: Sequence[Scale],
     held: set[str] | frozenset[str] = frozenset(),
 ) -> tuple[tuple[FittedParameter, ...], tuple[Direction, ...]]:
     """Parameters with standard errors and verdicts, and the directions that the data determine weakly or not at all.
@@ -314,7 +301,7 @@ def _effects(jacobian: Floats) -> Floats:
 
 
 def _unidentifiable_direction(
-    direction: Floats, jacobian: Floats, scales: Sequence[ParameterScale], held: set[str] | frozenset[str]
+    direction: Floats, jacobian: Floats, scales: Sequence[Scale], held: set[str] | frozenset[str]
 ) -> Direction:
     effects = _effects(jacobian)
     changes = changes_along(direction / effects, scales, effects)
@@ -335,9 +322,7 @@ def _unidentifiable_direction(
     )
 
 
-def _weak_directions(
-    cov: Floats, jacobian: Floats, scales: Sequence[ParameterScale]
-) -> tuple[Direction, ...]:
+def _weak_directions(cov: Floats, jacobian: Floats, scales: Sequence[Scale]) -> tuple[Direction, ...]:
     """Directions along which the standard error exceeds `WEAK` of the scales, largest first."""
     if not len(cov):
         return ()
@@ -370,7 +355,7 @@ def _joint_change(changes: Sequence[ParameterChange]) -> str:
     return f"{first} with {join_parts(rest)}" if rest else first
 
 
-def _effect(changes: Sequence[ParameterChange], jacobian: Floats, scales: Sequence[ParameterScale]) -> float:
+def _effect(changes: Sequence[ParameterChange], jacobian: Floats, scales: Sequence[Scale]) -> float:
     column = {parameter_scale.name: number for number, parameter_scale in enumerate(scales)}
     moved = sum(0.01 * change.percent * jacobian[:, column[change.name]] for change in changes)
     return float(np.linalg.norm(moved))
@@ -379,7 +364,7 @@ def _effect(changes: Sequence[ParameterChange], jacobian: Floats, scales: Sequen
 def _judged(
     parameter: FittedParameter,
     number: int,
-    scales: Sequence[ParameterScale],
+    scales: Sequence[Scale],
     cov: Floats,
     jacobian: Floats,
     undetermined: NDArray[np.bool_],
@@ -396,7 +381,8 @@ def _judged(
             reason = f"identifiable only in combination with {join_parts(others)}"
         return replace(parameter, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
-    verdict, reason = judge_error(error * scale.size, scale)
+    sensitivity = float(np.linalg.norm(jacobian[:, number])) / scale.size
+    verdict, reason = judge_error(error * scale.size, scale, sensitivity)
     if verdict in ("weakly identifiable", "sign unknown"):
         deviation = np.sqrt(np.diag(cov))
         correlation = np.where(
@@ -453,15 +439,15 @@ def fitted_parameters(
             reason = f"{remarks[index]}: the data bound it from one side only"
             rows[index] = replace(rows[index], verdict="weakly identifiable", reason=reason)
     taken = [index for index in free if remarks[index] == "" or spec.names[index] in form.fixed]
-    scale = Scale.of(spec, box, problem.objective.tests, values)
+    every = scales_of(spec, box, problem.objective.tests, values)
+    scales = [every[index] for index in taken]
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
-    size = (np.where(scale.of_range | (values >= 0.0), 1.0, -1.0) * scale.size)[taken]
-    derivative = covariance.slopes.by_model()
+    size = np.array([scale.size if scale.of_range or scale.value >= 0.0 else -scale.size for scale in scales])
     judged_rows, directions = judged(
         [rows[index] for index in taken],
-        derivative[:, taken] * size,
+        covariance.slopes.by_model()[:, taken] * size,
         covariance.matrix[np.ix_(taken, taken)] / np.outer(size, size),
-        scales=[scale.of_parameter(spec, index, derivative[:, index]) for index in taken],
+        scales=scales,
         # Fixed by the form for the sake of a redundant scale, not by the user.
         held={row.name for row in rows if not row.is_free} & set(form.fixed),
     )

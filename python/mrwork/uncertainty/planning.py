@@ -25,7 +25,7 @@ from mrwork.identification.covariance import effective_samples, residuals_by_tes
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import NuisanceName, without_nuisance
-from mrwork.identification.verdicts import Scale
+from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
@@ -149,15 +149,16 @@ class LinearisedPosterior:
             )
         objective, spec, box = problem.objective, problem.form.spec, problem.form.box
         theta = problem.inside(fit.theta)
-        scale = Scale.of(spec, box, objective.tests, theta)
-        scaled = Scaled.of(spec, box, scale, theta)
+        scales = scales_of(spec, box, objective.tests, theta)
+        scaled = Scaled.of(spec, box, scales, theta)
         position = scaled.position(theta)
         (here,) = points_at(linearise(objective, box.free), scaled, position[None])
         residuals = objective.residuals(theta[None])[0]
         n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
         dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
         weight = dof / here.squared
-        lower, upper = (scaled.position(np.array(edge)) for edge in (scale.ranges.lower, scale.ranges.upper))
+        ends = np.array([(scale.lower, scale.upper) for scale in scales]).T
+        lower, upper = map(scaled.position, ends)
         prior = np.diag(12.0 / (upper - lower) ** 2)
         return cls(
             spec=spec,

@@ -11,7 +11,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.covariance import effective_samples
 from mrwork.identification.fit import Fit
-from mrwork.identification.verdicts import Scale
+from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.noise import NOISES
 from mrwork.uncertainty.posterior.target import target_of
@@ -82,7 +82,7 @@ def find_collapses(
 def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
     """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
-    scale = Scale.of(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
+    scales = scales_of(spec, Box.of(spec).with_bounds(fit.settings.bounds), tests, theta)
     free = [(index, estimate) for index, estimate in enumerate(fit.estimates) if estimate.is_free]
     return {
         "on a bound": [estimate.name for _, estimate in free if estimate.at_bound],
@@ -90,6 +90,6 @@ def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, l
             estimate.name
             for index, estimate in free
             if estimate.verdict == "not identifiable"
-            or (estimate.standard_error is not None and estimate.standard_error > scale.size[index])
+            or (estimate.standard_error is not None and estimate.standard_error > scales[index].size)
         ],
     }

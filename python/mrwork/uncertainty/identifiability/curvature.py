@@ -45,11 +45,11 @@ class Scaled:
     spring: tuple[int, int] | None = None
 
     @classmethod
-    def of(cls, spec: DamperSpec, box: Box, scale: Scale, theta: Floats) -> Scaled:
+    def of(cls, spec: DamperSpec, box: Box, scales: Sequence[Scale], theta: Floats) -> Scaled:
         """Coordinates of the free parameters of `box`, about `theta`, shape (n_params,)."""
         free = np.array(box.free, dtype=int)
         log = np.array(box.log)[free]
-        size = np.where(log, 1.0, scale.size[free])
+        size = np.where(log, 1.0, [scales[index].size for index in free])
         bounds = (np.array(bound)[free] for bound in (box.lower, box.upper))
         lower, upper = (np.where(log, np.log(np.where(log, bound, 1.0)), bound / size) for bound in bounds)
         spring = None

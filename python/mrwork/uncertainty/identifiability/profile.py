@@ -31,7 +31,7 @@ from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
-from mrwork.identification.verdicts import ParameterScale, Scale, judge_interval
+from mrwork.identification.verdicts import Scale, judge_interval, scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.long_call import LongCall
@@ -197,7 +197,8 @@ def _profile_of(
     parameter: ParamSpec,
     scaled: Scaled,
     index: int,
-    scale: ParameterScale,
+    scale: Scale,
+    sensitivity: float,
     below: Side,
     above: Side,
     *,
@@ -222,7 +223,7 @@ def _profile_of(
         for crossing in crossings
     )
     verdict, reason = judge_interval(
-        (lower, upper), limit, scale, opened=_name_open_ends(lower, upper, below.end, above.end)
+        (lower, upper), limit, scale, sensitivity, opened=_name_open_ends(lower, upper, below.end, above.end)
     )
     return Profile(
         name=parameter.name,
@@ -343,8 +344,8 @@ def profile(
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = np.clip(problem.form.from_model(np.array(fit.theta)), box.lower, box.upper)
     profiled = _profiled_indices(box, parameters)
-    scale = Scale.of(spec, box, objective.tests, theta)
-    scaled = Scaled.of(spec, box, scale, theta)
+    scales = scales_of(spec, box, objective.tests, theta)
+    scaled = Scaled.of(spec, box, scales, theta)
     derivatives = linearise(objective, box.free)
 
     def simulate_position(position: Floats) -> list[Point]:
@@ -366,7 +367,8 @@ def profile(
                 spec.parameters[box.free[index]],
                 scaled,
                 index,
-                scale.of_parameter(spec, box.free[index], slopes[index]),
+                scales[box.free[index]],
+                float(np.linalg.norm(slopes[index])),
                 sides[index, -1],
                 sides[index, 1],
                 least=least,

@@ -21,7 +21,7 @@ from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.fit import Fit, Interval, Intervals, Provenance, Verdict
-from mrwork.identification.verdicts import DEVIATIONS, ParameterScale, judge_interval
+from mrwork.identification.verdicts import DEVIATIONS, Scale, judge_interval
 from mrwork.store.codec import built
 from mrwork.store.members import Member, members_of
 from mrwork.store.run_folder import DRAWS, RunFolder
@@ -198,12 +198,12 @@ class DrawSummary:
             reason=self.reason,
         )
 
-    def judge(self, scale: ParameterScale) -> DrawSummary:
+    def judge(self, scale: Scale, sensitivity: float) -> DrawSummary:
         """The summary with a verdict by the rule of profiles; an end at which the draws pile up counts as open."""
         if self.fixed:
             return self
         ends = self.interval.lower, self.interval.upper
-        verdict, reason = judge_interval(ends, DEVIATIONS, scale, opened=f"it {self.remark}")
+        verdict, reason = judge_interval(ends, DEVIATIONS, scale, sensitivity, opened=f"it {self.remark}")
         return replace(self, verdict=verdict, reason=reason)
 
 

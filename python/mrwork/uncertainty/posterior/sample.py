@@ -20,7 +20,7 @@ from mrwork.errors import JournalError, SettingError
 from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import provenance_with
-from mrwork.identification.verdicts import Scale
+from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.codec import digest_of, package_version
@@ -190,12 +190,14 @@ class SamplingProblem:
         ]
         theta = np.asarray(self.target.form.to_model(self.start))
         objective = self.target.objective
-        scale = Scale.of(self.spec, box, objective.tests, theta)
-        derivative = Slopes.at(objective, self.target.form, self.start).by_model()
+        scales = scales_of(self.spec, box, objective.tests, theta)
+        sensitivity = np.linalg.norm(
+            Slopes.at(objective, self.target.form, self.start).by_model(), axis=0
+        ).tolist()
         judged = [
             summary
             if summary.name in objective.settings.ties
-            else summary.judge(scale.of_parameter(self.spec, index, derivative[:, index]))
+            else summary.judge(scales[index], sensitivity[index])
             for index, summary in enumerate(summaries[: theta.size])
         ]
         return (*judged, *summaries[theta.size :])
