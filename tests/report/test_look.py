@@ -111,6 +111,26 @@ def test_the_front_fits_a_screen_and_three_of_a_telephone(
         assert not tab.ask("[...document.querySelectorAll('details')].some(each => each.open)")
 
 
+def test_a_printed_page_is_open_light_and_as_wide_as_its_sheet(
+    tab: headless_browser.Browser, tmp_path: Path
+) -> None:
+    place = tmp_path / "report.html"
+    place.write_text(study_page(study_samples.many_motions(), study_samples.histories))
+    # A4 without its margins.
+    tab.open(place, width=680)
+    dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+    tab.call("Emulation.setEmulatedMedia", media="print", features=dark)
+    try:
+        assert tab.ask("document.documentElement.scrollWidth") <= 680
+        assert tab.ask("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
+        assert tab.ask("[...document.querySelectorAll('section')].every(each => each.clientHeight > 0)")
+        # The browser repeats a foot on every sheet, and shrinks all sheets to the widest figure.
+        assert tab.ask("getComputedStyle(document.querySelector('tfoot')).display") == "table-row-group"
+        assert tab.ask("[...document.querySelectorAll('figure')].every(each => each.clientWidth <= 680)")
+    finally:
+        tab.call("Emulation.setEmulatedMedia", media="", features=[])
+
+
 def read(figure: Figure) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(drawn_csv(figure))))
 
