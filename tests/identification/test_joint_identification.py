@@ -16,6 +16,7 @@ from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
 from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress
 from mrwork.identification.equivalent import leaves_range, within_range
+from mrwork.identification.excerpts import excerpt
 from mrwork.identification.minimise import level_search
 from mrwork.identification.minimise.level_search import unlike_tests
 from mrwork.identification.residual import nuisance_of, without_nuisance
@@ -23,7 +24,6 @@ from mrwork.identification.result import free_run
 from mrwork.identification.suspicious import far_worse, far_worse_sentence
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.reading import synthetic_test
-from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules
 
 PRESET = damper("static_hysteretic").preset("kwok2006")

@@ -29,6 +29,7 @@ from mrwork.dampers.laws import law_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
 from mrwork.identification import commands as commands_of_tests
+from mrwork.identification.excerpts import stretches_of
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.driver_lag import FinalFit, missing_lag, polish_with_wanted_lag
@@ -37,7 +38,6 @@ from mrwork.identification.minimise.varying_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
-from mrwork.records.window import stretches_of
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.run_folder import PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run

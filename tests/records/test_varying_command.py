@@ -13,9 +13,9 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers.command import Command, is_stepped, levels_of_command
+from mrwork.identification.excerpts import excerpt, varied_excerpt
 from mrwork.records import DamperTest, cut, read_damper_test, repair
 from mrwork.records.findings import find_mislabelled
-from mrwork.records.window import excerpt, varied_excerpt
 
 DT = 1e-3
 N_TIME = 4000

@@ -18,9 +18,9 @@ from mrwork.dampers import damper
 from mrwork.dampers.spec import hidden_extrema, law_values
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
+from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.records import DamperTest
-from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules
 from mrwork.uncertainty import Choice, choose_laws
 from mrwork.uncertainty.candidate_tests import candidate_grid

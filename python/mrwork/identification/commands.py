@@ -14,10 +14,10 @@ from mrwork.dampers.laws import CommandLaw, LawName
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, bounds_of, identifiable_form, joint_box, levels_needed
+from mrwork.identification.excerpts import middle_excerpt, varied_excerpt
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
-from mrwork.records.window import middle_excerpt, varied_excerpt
 
 # Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
 PER_CYCLE = 100

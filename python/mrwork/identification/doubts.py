@@ -22,6 +22,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import with_changed_laws
 from mrwork.identification.commands import excerpts_of_laws
 from mrwork.identification.covariance import Slopes, autocorrelation_time
+from mrwork.identification.excerpts import excerpt
 from mrwork.identification.fit import Fit
 from mrwork.identification.force_lag import force_lag_warnings
 from mrwork.identification.minimise.driver_lag import missing_lag
@@ -34,7 +35,6 @@ from mrwork.identification.progress import on_every_test
 from mrwork.identification.suspicious import linear_warning
 from mrwork.records import DamperTest
 from mrwork.records.motion import Differentiator
-from mrwork.records.window import excerpt
 
 
 def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationErr
 from mrwork.identification.commands import PER_CYCLE, has_levels, levels_of
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
+from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
@@ -31,7 +32,6 @@ from mrwork.identification.settings import FitSettings, Multistart
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.records.window import middle_excerpt
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import interruptible
 

@@ -71,38 +71,41 @@ def repair(
     wanted = set(kinds) | set(amount_of)
     repaired, log = test, list[Finding]()
     for kind in REPAIR_KINDS:
-        if kind in wanted:
-            changed, entry = _REPAIRS[kind](repaired, amount_of.get(kind))
-            repairs = entry.severity == "repaired"
-            findings = (
-                finding for finding in changed.findings if not (repairs and finding.kind.cured_by == kind)
-            )
-            repaired = replace(changed, findings=(*findings, entry))
-            log.append(entry)
-    if any(entry.severity == "repaired" for entry in log):
-        repaired = replace(repaired, original=test.original or test)
+        if kind not in wanted:
+            continue
+        done = _REPAIRS[kind](repaired, amount_of.get(kind))
+        if isinstance(done, str):
+            entry = _NO_CAUSE[kind].found(reason=done)
+        else:
+            changed, measured, message = done
+            entry = _REPAIRED[kind].found(measured=measured, message=message)
+            findings = tuple(finding for finding in changed.findings if finding.kind.cured_by != kind)
+            repaired = replace(changed, findings=findings, original=test.original or test)
+        repaired = replace(repaired, findings=(*repaired.findings, entry))
+        log.append(entry)
     return repaired, tuple(log)
 
 
-def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
+# The repaired test, the amount, and what was done; or why nothing was.
+_Done = tuple[DamperTest, Measured, str] | str
+
+
+def _rest(test: DamperTest, _: float | None) -> _Done:
     if not any(rest_before_motion(test, smooth_motion(test.displacement, test.dt))):
-        return test, _NO_CAUSE["rest"].found(reason="the motion starts within a quarter of a cycle")
+        return "the motion starts within a quarter of a cycle"
     rest = samples_at_rest(test.displacement)
     seconds = rest * test.dt
     shorter = cut(test, start=float(test.time[rest]))
-    message = f"the first {seconds:.3g} s, at rest, were cut off"
-    return shorter, _REPAIRED["rest"].found(measured=Measured(seconds, "s"), message=message)
+    return shorter, Measured(seconds, "s"), f"the first {seconds:.3g} s, at rest, were cut off"
 
 
-def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
+def _delay(test: DamperTest, amount: float | None) -> _Done:
     from scipy.interpolate import CubicSpline  # slow to load
 
     motion = smooth_motion(test.displacement, test.dt)
     seen = force_delay(test, motion) if amount is None else Measured(amount, "s")
     if seen is None:
-        return test, _NO_CAUSE["delay"].found(
-            reason="the force has no corner at motion reversals to estimate a delay from; give one"
-        )
+        return "the force has no corner at motion reversals to estimate a delay from; give one"
     lost = int(np.ceil(abs(seen.value) / test.dt - 1e-9))
     late = seen.value > 0.0
     whole = slice(0, test.n_time - lost) if late else slice(lost, test.n_time)
@@ -117,48 +120,41 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
         (max(first - lost, 0), last) if late else (first, min(last + lost, shorter.n_time))
         for first, last in shorter.uncompared
     )
-    shifted_test = replace(shorter, force=freeze_samples(shifted), uncompared=uncompared)
-    return shifted_test, _REPAIRED["delay"].found(measured=seen, message=message)
+    return replace(shorter, force=freeze_samples(shifted), uncompared=uncompared), seen, message
 
 
-def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
+def _offset(test: DamperTest, amount: float | None) -> _Done:
     if test.has_varying_command and amount is None:
-        return test, _NO_CAUSE["offset"].found(
-            reason="the mean force under a varying command is no static one; give one"
-        )
+        return "the mean force under a varying command is no static one; give one"
     motion = smooth_motion(test.displacement, test.dt)
     offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
     message = f"a static force of {offset:+.4g} N was subtracted"
-    repaired = replace(test, force=freeze_samples(test.force - offset))
-    return repaired, _REPAIRED["offset"].found(measured=Measured(offset, "N"), message=message)
+    return replace(test, force=freeze_samples(test.force - offset)), Measured(offset, "N"), message
 
 
-def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
+def _mass(test: DamperTest, amount: float | None) -> _Done:
     motion = smooth_motion(test.displacement, test.dt)
     seen = moving_mass(test, motion) if amount is None else Measured(amount, "kg")
     if seen is None:
-        return test, _NO_CAUSE["mass"].found(
-            reason="the force has no component in phase with the acceleration; give one"
-        )
+        return "the force has no component in phase with the acceleration; give one"
     inertia = seen.value * motion.acceleration
     message = f"the inertia of {seen.in_words()} kg was taken out of the force"
-    repaired = replace(test, force=freeze_samples(test.force - inertia))
-    return repaired, _REPAIRED["mass"].found(measured=seen, message=message)
+    return replace(test, force=freeze_samples(test.force - inertia)), seen, message
 
 
-def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
+def _velocity(test: DamperTest, _: float | None) -> _Done:
     if test.velocity_source == "derived":
-        return test, _NO_CAUSE["velocity"].found(reason="it is the derivative of the displacement already")
+        return "it is the derivative of the displacement already"
     derived = smooth_motion(test.displacement, test.dt).velocity
     changed = float(np.sqrt(np.mean((test.velocity - derived) ** 2) / np.mean(derived**2)))
     message = (
         f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
     )
     repaired = replace(test, velocity=freeze_samples(derived), velocity_source="derived")
-    return repaired, _REPAIRED["velocity"].found(measured=Measured(changed, ""), message=message)
+    return repaired, Measured(changed, ""), message
 
 
-_REPAIRS: Final[Mapping[RepairKind, Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]]] = {
+_REPAIRS: Final[Mapping[RepairKind, Callable[[DamperTest, float | None], _Done]]] = {
     "rest": _rest, "delay": _delay, "offset": _offset, "mass": _mass, "velocity": _velocity,
 }  # fmt: skip
 _AMOUNTS: Final[Mapping[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"}

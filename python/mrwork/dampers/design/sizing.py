@@ -6,7 +6,7 @@ A Pareto front shows what the same wishes cost: size against dynamic range again
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -44,8 +44,8 @@ N_FREE = len(_ENDS)
 _FILL, _CLEARANCE = 0.6, 2.0
 # The search takes parallel plates for the annulus; this factor of force, range and stress covers the difference.
 _MARGIN = 1.003
-# Shortfall of what cannot be built.
-_IMPOSSIBLE = 1e3
+# Shortfall of what cannot be built, and weight of the shortfall of a design on the front.
+_IMPOSSIBLE, _PENALTY = 1e3, 1e3
 
 
 @checked
@@ -176,28 +176,71 @@ OnSizing = Callable[[SizingProgress], bool | None]
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Sizing(LongCall[SizingProgress, Any]):
-    """A search of a damper that runs: its `best` point of the unit cube so far, and candidates so far.
+    """A search of a damper that runs: what it has to do, its materials, its `best` design and candidates so far.
 
-    `budget` and `envelope` [m^3] are for the whole search.
+    The `budget` of candidates is for the whole search.
     """
 
+    wishes: DamperWishes
+    fluid: MRFluid
+    steel: Steel
     budget: int
-    envelope: float
-    best: Floats | None = None
+    best: DamperDesign | None = None
     evaluations: int = 0
 
+    @property
+    def harder(self) -> DamperWishes:
+        """Wishes that a design has to meet between parallel plates so that it meets the true ones in the annulus."""
+        return replace(
+            self.wishes,
+            force=_MARGIN * self.wishes.force,
+            dynamic_range=min(_MARGIN * self.wishes.dynamic_range, 1e3),
+            stress=self.wishes.stress / _MARGIN,
+        )
+
+    def design(self, unit: Floats) -> DamperDesign | None:
+        """The design at a point of the unit cube, see `candidate`."""
+        return candidate(unit, self.wishes, self.fluid, self.steel)
+
     def ends(self, stage: Literal["smallest", "front"], least: float) -> bool:
-        """Whether the callback ends the search; `least` is the misfit of the best candidate, see `_smallest`."""
+        """Whether the callback ends the search; `least` is the misfit of the best candidate, see `smallest`."""
         if self.on_progress is None:
             return False
         progress = SizingProgress(
             stage=stage,
             evaluations=self.evaluations,
             share=min(self.evaluations / self.budget, 1.0),
-            volume=least * self.envelope if least <= 1.0 else math.nan,
+            volume=least * self.wishes.volume if least <= 1.0 else math.nan,
             seconds=self.seconds,
         )
         return bool(self.on_progress(progress))
+
+    def smallest(self, search: str, budget: int, rng: int) -> SearchResult:
+        """Search of the smallest damper: the misfit is its share of the envelope, and above 1 where wishes are missed.
+
+        It is then 1 and what the design misses.
+        """
+        check_known(search, ALL_OPTIMISERS, f"no search is called {search!r}")
+        optimiser, harder = ALL_OPTIMISERS[search], self.harder
+        stop = StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
+
+        def misfit(design: DamperDesign | None) -> float:
+            if design is None:
+                return _IMPOSSIBLE
+            missed = sum(find_misses(harder, design, "plates")[-1].values())
+            return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
+
+        def on_generation(result: SearchResult) -> bool:
+            self.best, self.evaluations = self.design(result.best_unit), result.evaluations
+            return self.ends("smallest", result.best_misfit)
+
+        return run_search(
+            replace(optimiser, stop=stop),
+            lambda units: np.array([misfit(self.design(unit)) for unit in units]),
+            rng=rng,
+            n_params=N_FREE,
+            on_generation=on_generation,
+        )
 
 
 @checked
@@ -252,67 +295,24 @@ def size_damper(
     >>> sized.design.largest_force >= 2e3
     True
     """
-    sizing = _Sizing(on_progress=on_progress, budget=budget, envelope=wishes.volume)
-
-    def best() -> tuple[DamperDesign | None, Mapping[str, float]]:
-        design = None if sizing.best is None else candidate(sizing.best, wishes, fluid, steel)
-        return design, {"all": 1.0} if design is None else wishes.missed(design)
+    sizing = _Sizing(wishes=wishes, fluid=fluid, steel=steel, budget=budget, on_progress=on_progress)
 
     def sized() -> SizedDamper | None:
-        design, missed = best()
-        if design is None or missed:
+        if sizing.best is None or wishes.missed(sizing.best):
             return None
-        return SizedDamper(design=design, wishes=wishes, evaluations=sizing.evaluations)
+        return SizedDamper(design=sizing.best, wishes=wishes, evaluations=sizing.evaluations)
 
     sizing.so_far = sized
     with sizing.keeping("sizing"):
-        _smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng, sizing=sizing)
+        sizing.smallest(search, budget, rng)
     if (result := sized()) is not None:
         return result
-    worst = ", ".join(f"{name} by {100.0 * share:.3g} %" for name, share in best()[1].items())
+    missed = {"all": 1.0} if sizing.best is None else wishes.missed(sizing.best)
+    worst = ", ".join(f"{name} by {100.0 * share:.3g} %" for name, share in missed.items())
     raise SettingError(
         f"no damper with {fluid.name} meets the wishes after {sizing.evaluations} candidates, the best misses {worst}; "
         "allow a larger envelope, a stronger supply or more candidates (`budget`)"
     )
-
-
-def _smallest(
-    wishes: DamperWishes, fluid: MRFluid, steel: Steel, *, search: str, budget: int, rng: int, sizing: _Sizing
-) -> SearchResult:
-    """Search of the smallest damper: the misfit is its share of the envelope, and above 1 where wishes are missed."""
-    check_known(search, ALL_OPTIMISERS, f"no search is called {search!r}")
-    optimiser = ALL_OPTIMISERS[search]
-    stop = StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
-    harder = _harder_wishes(wishes)
-
-    def objective(units: Floats) -> Floats:
-        return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
-
-    def on_generation(result: SearchResult) -> bool:
-        sizing.best, sizing.evaluations = result.best_unit, result.evaluations
-        return sizing.ends("smallest", result.best_misfit)
-
-    return run_search(
-        replace(optimiser, stop=stop), objective, rng=rng, n_params=N_FREE, on_generation=on_generation
-    )
-
-
-def _harder_wishes(wishes: DamperWishes) -> DamperWishes:
-    """Wishes that a design has to meet between parallel plates so that it meets the true ones in the annulus."""
-    return replace(
-        wishes,
-        force=_MARGIN * wishes.force,
-        dynamic_range=min(_MARGIN * wishes.dynamic_range, 1e3),
-        stress=wishes.stress / _MARGIN,
-    )
-
-
-def _misfit(design: DamperDesign | None, harder: DamperWishes) -> float:
-    """Volume as a share of the envelope, at most 1; for a design that misses wishes, 1 and what it misses."""
-    if design is None:
-        return _IMPOSSIBLE
-    missed = sum(find_misses(harder, design, "plates")[-1].values())
-    return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
 
 
 def candidate(unit: Floats, wishes: DamperWishes, fluid: MRFluid, steel: Steel) -> DamperDesign | None:
@@ -356,9 +356,6 @@ def candidate(unit: Floats, wishes: DamperWishes, fluid: MRFluid, steel: Steel) 
         return replace(design, largest_current=float(current))
     except SettingError:
         return None
-
-
-_PENALTY = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -420,33 +417,34 @@ def size_front(
     SettingError
         If no candidate meets the wishes, or pymoo is not installed.
     """
-    harder = _harder_wishes(wishes)
-    sizing = _Sizing(on_progress=on_progress, budget=budget, envelope=wishes.volume)
+    sizing = _Sizing(wishes=wishes, fluid=fluid, steel=steel, budget=budget, on_progress=on_progress)
+    harder = sizing.harder
     # Points of which no other one was better in everything, with their objectives.
     units, values = np.empty((0, N_FREE)), np.empty((0, 3))
 
+    def objectives(design: DamperDesign | None) -> tuple[float, float, float]:
+        """Volume as a share of the envelope, 1 over dynamic range, power [W]; all worse by what the design misses."""
+        if design is None:
+            return (_PENALTY**2,) * 3
+        on, off, missed = find_misses(harder, design, "plates")
+        worse = _PENALTY * sum(missed.values())
+        return design.envelope_volume / harder.volume + worse, off / on + worse, design.power + worse
+
     def keep(points: Floats) -> Floats:
         nonlocal units, values
-        front = np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in points])
+        front = np.array([objectives(sizing.design(unit)) for unit in points])
         units, values = np.vstack([units, points]), np.vstack([values, front])
         indices = select_nondominated(values)
         units, values = units[indices], values[indices]
         return front
 
-    def make_front(points: Floats) -> SizeFront | None:
-        designs = [candidate(unit, wishes, fluid, steel) for unit in points]
-        return _front(designs, wishes, sizing.evaluations)
-
     def so_far() -> SizeFront | None:
-        if not len(units):
-            return None if sizing.best is None else make_front(sizing.best[None])
-        return make_front(units[values[:, 0].argmin()][None])
+        best = sizing.design(units[values[:, 0].argmin()]) if len(units) else sizing.best
+        return _front([best], wishes, sizing.evaluations)
 
     sizing.so_far = so_far
     with sizing.keeping("front"):
-        first = _smallest(
-            wishes, fluid, steel, search="differential_evolution", budget=budget // 3, rng=rng, sizing=sizing
-        )
+        first = sizing.smallest("differential_evolution", budget // 3, rng)
         keep(first.best_unit[None])
 
         def on_generation(evaluations: int) -> bool:
@@ -464,7 +462,7 @@ def size_front(
                 starts=first.best_unit[None],
                 on_generation=on_generation,
             )
-        front = make_front(units)
+        front = _front(map(sizing.design, units), wishes, sizing.evaluations)
     if front is None:
         raise SettingError(
             f"no damper with {fluid.name} meets the wishes after {sizing.evaluations} candidates; "
@@ -474,13 +472,11 @@ def size_front(
 
 
 def _front(
-    designs: Sequence[DamperDesign | None], wishes: DamperWishes, evaluations: int
+    designs: Iterable[DamperDesign | None], wishes: DamperWishes, evaluations: int
 ) -> SizeFront | None:
     """The front with the exact flow, not the flow of the search; `None` where no design meets the wishes."""
     met, values = [], []
-    for design in designs:
-        if design is None:
-            continue
+    for design in filter(None, designs):
         on, off, missed = find_misses(wishes, design)
         if not missed:
             met.append(design)
@@ -490,12 +486,3 @@ def _front(
     indices = select_nondominated(np.array(values))
     order = indices[np.argsort(np.array(values)[indices, 0], kind="stable")]
     return SizeFront(designs=tuple(met[index] for index in order), evaluations=evaluations)
-
-
-def _objectives(design: DamperDesign | None, harder: DamperWishes) -> tuple[float, float, float]:
-    """Volume as a share of the envelope, 1 over dynamic range, power [W]; all worse by what the design misses."""
-    if design is None:
-        return (_PENALTY**2,) * 3
-    on, off, missed = find_misses(harder, design, "plates")
-    worse = _PENALTY * sum(missed.values())
-    return design.envelope_volume / harder.volume + worse, off / on + worse, design.power + worse

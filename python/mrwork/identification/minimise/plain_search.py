@@ -11,6 +11,7 @@ import numpy as np
 
 from mrwork.base.values import Floats
 from mrwork.identification.equivalent import search_box
+from mrwork.identification.excerpts import excerpt
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.minimise.friction import examine_limit, friction_warning
 from mrwork.identification.minimise.multistart import EXCERPTS, distinct_minima, search_starts, trace_of
@@ -21,7 +22,6 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.progress import Found, Identifying
 from mrwork.identification.settings import Multistart
 from mrwork.identification.suspicious import LINEAR_SHARE, linear_misfit
-from mrwork.records.window import excerpt
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult

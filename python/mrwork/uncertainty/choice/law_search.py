@@ -31,6 +31,7 @@ from mrwork.identification.commands import (
     tested_commands,
 )
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
+from mrwork.identification.excerpts import middle_excerpt, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.objective import Objective
@@ -39,7 +40,6 @@ from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
 from mrwork.records.repairs import NONE
-from mrwork.records.window import middle_excerpt, stretches_of
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.choice.law_promise import LinearisedTests, plain_curves
 from mrwork.uncertainty.choice.objections import dying_laws, objections_to
