@@ -17,6 +17,7 @@ from run_folders import write_fit
 import mrwork
 from mrwork.store.run_folder import PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run
+from mrwork.uncertainty.bands.calibration_files import read_predictions
 from test_imports import imports_of, in_fresh_process
 
 PACKAGE = Path(mrwork.__file__).parent
@@ -80,7 +81,7 @@ def test_arrays_of_objects_are_refused_and_not_unpickled(tmp_path: Path) -> None
     np.savez(forged, force=np.array([Hostile(harm)], dtype=object))
     run = write_fit(tmp_path / "run", sample_fit(prediction()))
     add_to_run(run, {PREDICTIONS: forged.getvalue()})
-    refusal(RunFolder.open(run).arrays, PREDICTIONS, match="cannot be read .*allow_pickle")
+    refusal(read_predictions, RunFolder.open(run), match="cannot be read .*allow_pickle")
     assert not harm.exists()
 
 

@@ -13,7 +13,7 @@ from report_samples import prediction
 
 import mrwork as mr
 from mrwork.store.run_folder import FIT_RUN
-from mrwork.store.run_writer import Destination
+from mrwork.store.run_writer import RunAtWork
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_a_fit_and_its_draws_come_back_and_verbs_take_them(
     assert np.array_equal(stored.chains, draws.chains)
     assert mrwork("predict", place, "synthetic:spencer1997_slow", "--quiet").returncode == 0
     # It is one of `mrwork identify`, with additions.
-    lost = Destination(path=place, kind=FIT_RUN).check_losses
+    lost = RunAtWork(place, FIT_RUN).check_losses
     refusal(lost, match="would lose held_out.json, held_out.npz, posterior.nc, which")
 
 

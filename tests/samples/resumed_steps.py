@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 from mrwork.errors import Interrupted
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import FIT_RUN, MODELS
-from mrwork.store.run_writer import Destination, RunAtWork
+from mrwork.store.run_writer import RunAtWork
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 
 
@@ -28,16 +27,15 @@ def stopped_and_resumed(
     told: list[ChoiceProgress] | None = None,
 ) -> tuple[Any, Any]:
     """What a choice has when `stop` holds, and what it comes to when it is resumed."""
-    place = Destination(path=folder / "run", kind=FIT_RUN)
-    again = replace(place, resume=True)
+    first, again = (RunAtWork(folder / "run", FIT_RUN, resume=resume) for resume in (False, True))
 
     def interrupt(progress: ChoiceProgress) -> None:
         if stop(progress):
             raise KeyboardInterrupt
 
-    with pytest.raises(Interrupted) as interrupted, RunAtWork(place) as work:
+    with pytest.raises(Interrupted) as interrupted, first as work:
         choose(journal_of=partial(step_journal, work), on_progress=interrupt)
-    with RunAtWork(again) as work:
+    with again as work:
         seen = told if told is not None else []
         return interrupted.value.result, choose(
             journal_of=partial(step_journal, work), on_progress=seen.append

@@ -20,7 +20,7 @@ from mrwork.store.run_folder import (
     RANKING,
     RunFolder,
 )
-from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, addition_journal
+from mrwork.store.run_writer import RunAtWork, add_to_run, addition_journal
 from mrwork.uncertainty.bands.calibration_files import StoredBands, write_bands
 from mrwork.uncertainty.bands.held_out import write_held_out
 from mrwork.uncertainty.bands.prediction import UNSEEN
@@ -33,7 +33,7 @@ WALKERS = 12
 
 def write_fit(place: Path, fit: Fit) -> Path:
     """The run folder of a fit."""
-    with RunAtWork(Destination(path=place, kind=FIT_RUN)) as work:
+    with RunAtWork(place, FIT_RUN) as work:
         write_run(work, fit=fit, manifest={})
     return place
 

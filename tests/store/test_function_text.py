@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrwork.store.function_text import function_text, text_to_compare
-from mrwork.store.user_python import run_text
+from mrwork.store.user_python import function_text, run_text, text_to_compare
 
 pytestmark = pytest.mark.contract
 

@@ -25,7 +25,7 @@ from run_folders import write_fit
 import mrwork as mr
 from mrwork.errors import JournalError, MrworkWarning, SettingError
 from mrwork.identification.fit_file import read_fit
-from mrwork.store import commit
+from mrwork.store import run_folder
 from mrwork.store.output_file import Lock
 from mrwork.store.run_folder import (
     ADDITIONS,
@@ -48,10 +48,10 @@ from mrwork.store.run_folder import (
     is_redrawn,
 )
 from mrwork.store.run_folder import FIT as FIT_FILE
-from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, adding, addition_journal
+from mrwork.store.run_writer import RunAtWork, add_to_run, adding, addition_journal
 
 FIT = fit(prediction())
-MANIFEST = commit.MANIFEST
+MANIFEST = run_folder.MANIFEST
 KINDS = pytest.mark.parametrize("kind", RUN_KINDS, ids=lambda kind: kind.verb)
 
 
@@ -70,7 +70,7 @@ def named(kind: RunKind) -> list[str]:
 
 def written(place: Path, kind: RunKind, *, text: str = "first", allowed: bool = False) -> RunFolder:
     """A run folder with all files of a verb, of which the histories have grown."""
-    with RunAtWork(Destination(path=place, kind=kind, replace=allowed)) as work:
+    with RunAtWork(place, kind, replace=allowed) as work:
         work.journal().agree("run", {"text": text})
         grown = [name for name in named(kind) if name.startswith(HISTORIES)]
         for name in grown:
@@ -90,7 +90,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 def is_whole(run: RunFolder) -> bool:
     """Whether every listed file is there, as it was written."""
-    return all(commit.digest_at(name, run.file(name)) == digest for name, digest in run.files.items())
+    return all(run_folder.digest_at(name, run.file(name)) == digest for name, digest in run.files.items())
 
 
 # What is written is read back
@@ -152,7 +152,7 @@ def test_a_folder_of_another_format_is_refused_with_the_line_to_type(
     stated = json.loads((place / MANIFEST).read_text())
     del stated["format"]
     (place / MANIFEST).write_text(json.dumps(stated))
-    call = RunFolder.open if to_be_read else Destination(path=place, kind=FIT_RUN).check_losses
+    call = RunFolder.open if to_be_read else RunAtWork(place, FIT_RUN).check_losses
     refusal(call, *([place] if to_be_read else []), match=f"`mrwork identify ... --out {place} --replace`")
     written(place, FIT_RUN, allowed=True)
 
@@ -161,9 +161,9 @@ def test_a_manifest_leads_nowhere_outside_its_folder(tmp_path: Path) -> None:
     place = write_fit(tmp_path / "run", FIT)
     (tmp_path / "precious.new").write_text("mine")
     (tmp_path / "precious").write_text("mine")
-    files = {"../precious": commit.digest_of("precious", b"mine")}
+    files = {"../precious": run_folder.digest_of("precious", b"mine")}
     for stated in ({"files": files, "replaced": {}}, {"files": {}, "replaced": files}):
-        refusal(commit.end_commit, place, stated, match="outside that folder")
+        refusal(run_folder.end_commit, place, stated, match="outside that folder")
     assert contents(tmp_path).items() >= {"precious": b"mine", "precious.new": b"mine"}.items()
 
 
@@ -188,7 +188,7 @@ def refused(place: Path, kind: RunKind, lost: str) -> None:
     """Nothing may be written, nothing changes, and what would be lost is named."""
     before = contents(place.parent)
     for call in (
-        Destination(path=place, kind=kind).check_losses,
+        RunAtWork(place, kind).check_losses,
         lambda: written(place, kind, text="second"),
     ):
         refusal(call, match=f"would lose .*{lost}.* --replace")
@@ -247,7 +247,7 @@ def test_a_folder_of_another_program_is_never_replaced(tmp_path: Path, manifest:
     place = tmp_path / "app"
     place.mkdir()
     (place / RESULTS).write_text("not of mrwork")
-    destination = Destination(path=place, kind=STUDY_RUN, replace=allowed)
+    destination = RunAtWork(place, STUDY_RUN, replace=allowed)
     refusal(destination.run, match=f"holds files but no {MANIFEST}")
     (place / MANIFEST).write_text(manifest)
     before = contents(place)
@@ -260,9 +260,9 @@ def test_a_run_that_is_continued_loses_its_changed_files_but_no_additions(tmp_pa
     place = tmp_path / "run"
     written(place, FIT_RUN)
     (place / FIT_FILE).write_text("changed")
-    Destination(path=place, kind=FIT_RUN, resume=True).check_losses()
+    RunAtWork(place, FIT_RUN, resume=True).check_losses()
     add_to_run(place, {PLAN: b"hours"})
-    refusal(Destination(path=place, kind=FIT_RUN, resume=True).check_losses, match=f"would lose {PLAN}")
+    refusal(RunAtWork(place, FIT_RUN, resume=True).check_losses, match=f"would lose {PLAN}")
 
 
 def test_an_empty_folder_and_a_link_may_be_written_to_and_others_may_read_it(tmp_path: Path) -> None:
@@ -316,7 +316,7 @@ def test_wherever_a_writer_is_killed_the_folder_has_the_run_before_or_the_new_on
     for left in range(1000):
         place, calls = Path(shutil.copytree(whole, tmp_path / str(left))), 0
         with monkeypatch.context() as patch:
-            patch.setattr(commit, "new_file", killing(commit.new_file))
+            patch.setattr(run_folder, "new_file", killing(run_folder.new_file))
             for name in ("replace", "rename", "unlink"):
                 patch.setattr(Path, name, killing(getattr(Path, name)))
             try:
@@ -346,7 +346,7 @@ def test_a_cut_off_commit_is_read_where_it_cannot_be_ended(
     place = tmp_path / "run"
     written(place, STUDY_RUN)
     with monkeypatch.context() as patch:
-        patch.setattr(commit, "end_commit", lambda *_: sys.exit())
+        patch.setattr(run_folder, "end_commit", lambda *_: sys.exit())
         with pytest.raises(SystemExit):
             written(place, STUDY_RUN, text="second")
     before = contents(place)
@@ -389,7 +389,7 @@ def test_a_journal_with_steps_outlives_every_error(
     before = contents(tmp_path)
 
     def fail() -> None:
-        with RunAtWork(Destination(path=place, kind=FIT_RUN)) as work:
+        with RunAtWork(place, FIT_RUN) as work:
             journal = work.journal()
             journal.agree("run", {"seed": 1})
             if kept:
@@ -403,7 +403,7 @@ def test_a_journal_with_steps_outlives_every_error(
         assert place.exists() == (kept or there)
     if kept:
         refusal(lambda: written(place, FIT_RUN), match="unfinished run of 1 step; .*--resume .*--replace")
-        with RunAtWork(Destination(path=place, kind=FIT_RUN, resume=True), note=pytest.fail) as work:
+        with RunAtWork(place, FIT_RUN, resume=True, note=pytest.fail) as work:
             journal = work.journal()
             journal.agree("run", {"seed": 1})
             assert journal.recall("step", "", dict) == {}
@@ -487,16 +487,16 @@ def test_a_run_is_not_replaced_while_something_is_added_nor_added_to_while_it_is
 ) -> None:
     place = tmp_path / "run"
     written(place, FIT_RUN)
-    at_work = RunAtWork(Destination(path=place, kind=FIT_RUN))
+    at_work = RunAtWork(place, FIT_RUN)
     with adding(place, PLAN), adding(place, PROFILES):
         (place / f".{CHAIN}.lock").write_text("of a verb that was killed")
         add_to_run(place, {PLAN: b"{}"})
-        for second in (RunAtWork(Destination(path=place, kind=FIT_RUN, replace=True)), adding(place, PLAN)):
+        for second in (RunAtWork(place, FIT_RUN, replace=True), adding(place, PLAN)):
             with pytest.raises(JournalError, match=f"is writing {place}/p"), second:
                 pytest.fail("two at once")
     written(place, FIT_RUN, allowed=True)
     with at_work:
-        for second in (adding(place, PLAN), RunAtWork(Destination(path=place, kind=FIT_RUN))):
+        for second in (adding(place, PLAN), RunAtWork(place, FIT_RUN)):
             with pytest.raises(JournalError, match=f"is writing {place}"), second:
                 pytest.fail("two at once")
     assert not [*tmp_path.rglob("*.lock")]

@@ -16,7 +16,7 @@ from mrwork.closed_loop.evaluation import Spread
 from mrwork.dampers.simulation import Outcome
 from mrwork.motions.spectrum import Intensity
 from mrwork.store.run_folder import STUDY_RUN
-from mrwork.store.run_writer import Destination, RunAtWork
+from mrwork.store.run_writer import RunAtWork
 from mrwork.study import StudyResults, compared, read_results, tables
 from mrwork.study.comparison import judged_in_words, motion_groups, times_better
 from mrwork.study.folder import study_document, write_study
@@ -200,7 +200,7 @@ class NoHistories:
 
 
 def read_back(results: StudyResults, folder: Path) -> StudyResults:
-    with RunAtWork(Destination(path=folder / "run", kind=STUDY_RUN)) as work:
+    with RunAtWork(folder / "run", STUDY_RUN) as work:
         write_study(
             work,
             results,

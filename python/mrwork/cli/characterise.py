@@ -41,7 +41,7 @@ from mrwork.records.rig_table import (
 )
 from mrwork.store.input_file import is_folder
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, REPORT, SUMMARY, RunFolder
-from mrwork.store.run_writer import Destination, adding, is_complete, nothing_to_resume
+from mrwork.store.run_writer import RunAtWork, adding, is_complete, nothing_to_resume
 
 # Families that differ in kind: with a state, without one, and friction in series with a spring.
 _MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
@@ -90,8 +90,8 @@ def run(options: argparse.Namespace) -> int:
 def _characterise(options: argparse.Namespace) -> int:
     path = options.out or Path("out") / options.folder.resolve().name
     # What the steps would refuse, before anything is written.
-    destination = Destination(path=path, kind=FIT_RUN, replace=options.replace, resume=options.resume)
-    destination.run()
+    fitting = RunAtWork(path, FIT_RUN, replace=options.replace, resume=options.resume)
+    fitting.run()
     begun = (path / FIT).exists() and not (path / SUMMARY).exists()
     if begun and not (options.resume or options.replace) and is_complete(path):
         raise OutputError(
@@ -117,7 +117,7 @@ def _characterise(options: argparse.Namespace) -> int:
             f"{counted(uses['fit'], 'test')} to fit, {uses['calibration']} to calibrate, {uses['test']} kept for test"
         )
     # A run that was begun in place of a complete one is resumed.
-    fitted = destination.continues and is_complete(path)
+    fitted = fitting.continues and is_complete(path)
     spare, steps = "", list[_Step]()
     if fitted:
         names = {Path(name).name for name in read_fit(path).provenance.inputs}

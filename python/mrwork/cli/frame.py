@@ -15,7 +15,7 @@ from mrwork.cli.output import in_words, is_quiet, progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.store.run_folder import RunKind
-from mrwork.store.run_writer import Destination, RunAtWork, is_complete, nothing_to_resume
+from mrwork.store.run_writer import RunAtWork, is_complete, nothing_to_resume
 
 Result = TypeVar("Result")
 
@@ -30,21 +30,21 @@ class Frame:
     """The options of a verb, the run folder that it writes, and what that has after Ctrl-C, in words."""
 
     options: argparse.Namespace
-    destination: Destination
+    work: RunAtWork
     kept: str
 
     @classmethod
     def of(cls, options: argparse.Namespace, kind: RunKind, default: str, kept: str) -> Frame:
         """The frame of the folder of the command line, or `default` in `out`; a folder of another verb is refused."""
         folder = options.out or Path("out") / default
-        destination = Destination(path=folder, kind=kind, replace=options.replace, resume=options.resume)
-        destination.run()
-        return cls(options=options, destination=destination, kept=kept)
+        work = RunAtWork(folder, kind, replace=options.replace, resume=options.resume, note=note)
+        work.run()
+        return cls(options=options, work=work, kept=kept)
 
     @property
     def folder(self) -> Path:
         """The run folder."""
-        return self.destination.path
+        return self.work.path
 
     @property
     def is_quiet(self) -> bool:
@@ -65,9 +65,9 @@ class Frame:
         except Interrupted as interrupt:
             return interrupt.result, 130
 
-    def note_complete(self, work: RunAtWork) -> None:
+    def note_complete(self) -> None:
         """Say where a run that was resumed has done nothing, since it was complete."""
-        if work.is_as_before:
+        if self.work.is_as_before:
             note(nothing_to_resume(self.folder))
 
     def is_to_write(self, status: int) -> bool:

@@ -107,8 +107,8 @@ class Identification:
 
         Return the exit status, `None` where there is no such comparison or it is not to be resumed.
         """
-        destination, folder = self.frame.destination, self.frame.folder
-        if not (destination.continues and is_complete(folder) and (destination.real_path / table).is_file()):
+        work, folder = self.frame.work, self.frame.folder
+        if not (work.continues and is_complete(folder) and (work.folder / table).is_file()):
             return None
         fit = read_fit(folder)
         if {test.sha256 for test in self.tests} != {*fit.provenance.inputs.values()}:
@@ -177,7 +177,7 @@ class Identification:
 
 def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> int:
     """Fit one model to the tests of a verb into its run folder, and show it; return the exit status."""
-    with RunAtWork(verb.frame.destination, note=note) as work:
+    with verb.frame.work as work:
         journal = work.journal()
         fit, status = verb.search(
             lambda line: identify_with(
@@ -192,7 +192,7 @@ def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> 
             before="any candidate was simulated",
         )
         journal.close()
-        verb.frame.note_complete(work)
+        verb.frame.note_complete()
         return status if fit is None else verb.end(verb.with_command(fit), status, work=work)
 
 
@@ -203,7 +203,7 @@ def fit_best(verb: Identification, choose: Callable[..., Choice]) -> int:
     """
     if (status := verb.end_complete(RANKING)) is not None:
         return status
-    with RunAtWork(verb.frame.destination, note=note) as work:
+    with verb.frame.work as work:
         choice, status = verb.search(
             lambda line: choose(
                 tests=verb.tests,

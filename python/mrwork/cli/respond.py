@@ -193,7 +193,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             "its dampers has others than the chosen one; leave it out, or identify the damper with mrwork identify "
             "--law auto"
         )
-    histories, path = Histories(work, study), work.destination.path
+    histories, path = Histories(work, study), work.path
     further: dict[str, Any] = {}
     lines: list[str] = []
 

@@ -65,7 +65,7 @@ def run_on_study(
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
     frame = Frame.of(options, kind, default, kept)
-    with RunAtWork(frame.destination, note=note) as work:
+    with frame.work as work:
         journal = work.journal()
         with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
             study = designed(study, journal=journal, on_progress=line)
@@ -73,7 +73,7 @@ def run_on_study(
         with keep_stdout(), on_workers(options):
             results, status = frame.compute(lambda line: verb.compute(journal, line), patience=_SOON)
         journal.close()
-        frame.note_complete(work)
+        frame.note_complete()
         assert results is not None  # an interrupted study has the runs so far
         written, interrupted, folder = frame.is_to_write(status), status == 130, frame.folder
         if written:

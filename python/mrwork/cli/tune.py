@@ -85,7 +85,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
     from mrwork.tuning.judging import judge, unjudged, with_tuned_rows
     from mrwork.tuning.run import tune
 
-    tables, path = _tables(study, options), work.destination.path
+    tables, path = _tables(study, options), work.path
     wider, stored = study, Histories(work, study)
 
     def compute(journal: Journal, line: ProgressLine[Any]) -> TunedStudy:

@@ -22,7 +22,7 @@ from mrwork.store.run_folder import (
     RunFolder,
     reading_changed,
 )
-from mrwork.store.run_writer import Destination, RunAtWork, add_to_run, adding
+from mrwork.store.run_writer import RunAtWork, add_to_run, adding
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.held_out import read_held_out
@@ -162,10 +162,10 @@ def save(result: Fit | Draws, folder: str | Path) -> Path:
     """
     path = Path(folder)
     if isinstance(result, Fit):
-        destination = Destination(path=path, kind=FIT_RUN)
-        if destination.run() is not None:
+        work = RunAtWork(path, FIT_RUN)
+        if work.run() is not None:
             raise OutputError(f"{path} has a run, which is not replaced; choose another folder")
-        with RunAtWork(destination) as work:
+        with work:
             write_run(work, fit=result, manifest=manifest_of(result, result.status))
         return path
     with adding(path, DRAWS):

@@ -1,6 +1,6 @@
 """Runs made in their folder, and files added to one: what would be lost is asked first, the manifest is the commit.
 
-A run grows in its folder from the start, under the names of its files; beside a manifest as NAME.new (`commit`). A verb
+A run grows in its folder from the start, under the names of its files; beside a manifest as NAME.new. A verb
 replaces without asking only a run of its own, unchanged since and with nothing added by later verbs.
 
 `RUN/.lock` is held while a run is made, and while files are added; who adds one file for hours holds the lock of its
@@ -13,7 +13,6 @@ import shutil
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path, PurePath
 from types import TracebackType
@@ -22,35 +21,33 @@ from typing import Final
 from mrwork.base.numbers import counted
 from mrwork.base.summary import list_names
 from mrwork.errors import JournalError, OutputError
-from mrwork.store.commit import (
-    FILES,
-    MANIFEST,
-    NEW,
-    OWN,
-    commit,
-    digest_at,
-    digest_of,
-    make_folders,
-    manifest_document,
-)
 from mrwork.store.input_file import exists
 from mrwork.store.journal import Journal, is_journal, journal_in_run, n_steps
 from mrwork.store.output_file import Lock, explain_failure
 from mrwork.store.run_folder import (
     ADDITIONS,
     CHAIN,
+    FILES,
     FORMAT,
     HISTORIES,
     INTERRUPTED,
     JOURNAL,
     JOURNALS,
+    MANIFEST,
     MODELS,
+    NEW,
+    OWN,
     OWN_NAMES,
     RunFolder,
     RunKind,
     chunks_beside,
+    commit,
+    digest_at,
+    digest_of,
     is_added,
     is_redrawn,
+    make_folders,
+    manifest_document,
     real_path,
     refuse_path_in_run,
 )
@@ -69,69 +66,6 @@ def is_complete(path: str | Path) -> bool:
     """Whether the folder at `path` has a run that was not interrupted."""
     run = RunFolder.at(real_path(path))
     return run is not None and run.is_complete
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Destination:
-    """The folder that a verb will write, with leave to lose what is there.
-
-    `path`: as the user names it, perhaps a link. `replace`: whether a run of another verb, later additions and changed
-    files may be lost. `resume`: whether the run there is continued.
-    """
-
-    path: Path
-    kind: RunKind
-    replace: bool = False
-    resume: bool = False
-
-    @property
-    def real_path(self) -> Path:
-        """The folder, without links."""
-        return real_path(self.path)
-
-    @property
-    def continues(self) -> bool:
-        """Whether the run that the folder has is resumed, and not one that was begun in its place."""
-        return self.resume and not any(next(self.real_path.glob(name + NEW), None) for name in JOURNALS)
-
-    def check_losses(self) -> None:
-        """Check that nothing is lost there without leave."""
-        run = self.run()
-        if run is None or self.replace:
-            return
-        run.check_format()
-        names = _files_in(run.real_path, run.owns)
-        if run.kind != self.kind:
-            lost = {f", the results of `mrwork {run.kind.verb}`": _entries_of(names)}
-        else:
-            lost = {
-                ", which other verbs or you have added": _entries_of(filter(is_added, names)),
-                ", changed since the run was written": [] if self.continues else _changes(run),
-            }
-        if listed := [f"{list_names(names, _NAMED)}{why}" for why, names in lost.items() if names]:
-            raise OutputError(
-                f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {'; and '.join(listed)}; "
-                "choose another folder, or give --replace"
-            )
-
-    def run(self) -> RunFolder | None:
-        """The run at the destination, `None` for an absent, an empty or an unfinished folder; others are refused."""
-        folder = self.real_path
-        refuse_path_in_run(self.path)
-        if not folder.is_dir():
-            if exists(folder):
-                raise OutputError(f"{self.path} is a file, a run needs a folder; choose another name")
-            return None
-        if (run := RunFolder.at(folder)) is not None:
-            return run
-        journals = chain.from_iterable(map(folder.glob, JOURNALS))
-        if exists(folder / MANIFEST):
-            fault = f"has a {MANIFEST} that is not that of a run of mrwork"
-        elif any(map(is_journal, journals)) or all(entry.match(".*lock") for entry in folder.iterdir()):
-            return None
-        else:
-            fault = f"holds files but no {MANIFEST}, so it is not a run folder"
-        raise OutputError(f"{self.path} {fault}, and is left as it is; choose another folder")
 
 
 def _files_in(folder: Path, owned: Callable[[str], bool]) -> list[str]:
@@ -160,24 +94,78 @@ def _changes(run: RunFolder) -> list[str]:
 
 
 class RunAtWork:
-    """A run that is made in its folder, which is locked until `commit`, or the end of the block.
+    """A run that a verb makes in its folder, which is locked in the block, until `commit` or its end.
 
-    `note` is called with a sentence where the end of a journal is damaged and ignored.
+    `path`: as the user names it, perhaps a link. `replace`: whether a run of another verb, later additions and changed
+    files may be lost. `resume`: whether the run there is continued. `note` is called with a sentence where the end of a
+    journal is damaged and ignored.
     """
 
-    def __init__(self, destination: Destination, *, note: Callable[[str], None] = lambda _: None) -> None:
-        self.destination = destination
-        self._note = note
-        self._folder = destination.real_path
+    def __init__(
+        self,
+        path: Path,
+        kind: RunKind,
+        *,
+        replace: bool = False,
+        resume: bool = False,
+        note: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        self.path, self.kind, self.replace, self.resume, self._note = path, kind, replace, resume, note
+        self.folder = real_path(path)
+        """The folder, without links."""
         self._journals: list[Journal] = []
         self._locked = ExitStack()
         self._earlier: RunFolder | None = None
         self._listed: Mapping[str, str] = {}
         self._committing = False
 
+    @property
+    def continues(self) -> bool:
+        """Whether the run that the folder has is resumed, and not one that was begun in its place."""
+        return self.resume and not any(next(self.folder.glob(name + NEW), None) for name in JOURNALS)
+
+    def check_losses(self) -> None:
+        """Check that nothing is lost there without leave."""
+        run = self.run()
+        if run is None or self.replace:
+            return
+        run.check_format()
+        names = _files_in(run.real_path, run.owns)
+        if run.kind != self.kind:
+            lost = {f", the results of `mrwork {run.kind.verb}`": _entries_of(names)}
+        else:
+            lost = {
+                ", which other verbs or you have added": _entries_of(filter(is_added, names)),
+                ", changed since the run was written": [] if self.continues else _changes(run),
+            }
+        if listed := [f"{list_names(names, _NAMED)}{why}" for why, names in lost.items() if names]:
+            raise OutputError(
+                f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {'; and '.join(listed)}; "
+                "choose another folder, or give --replace"
+            )
+
+    def run(self) -> RunFolder | None:
+        """The run at the destination, `None` for an absent, an empty or an unfinished folder; others are refused."""
+        folder = self.folder
+        refuse_path_in_run(self.path)
+        if not folder.is_dir():
+            if exists(folder):
+                raise OutputError(f"{self.path} is a file, a run needs a folder; choose another name")
+            return None
+        if (run := RunFolder.at(folder)) is not None:
+            return run
+        journals = chain.from_iterable(map(folder.glob, JOURNALS))
+        if exists(folder / MANIFEST):
+            fault = f"has a {MANIFEST} that is not that of a run of mrwork"
+        elif any(map(is_journal, journals)) or all(entry.match(".*lock") for entry in folder.iterdir()):
+            return None
+        else:
+            fault = f"holds files but no {MANIFEST}, so it is not a run folder"
+        raise OutputError(f"{self.path} {fault}, and is left as it is; choose another folder")
+
     def __enter__(self) -> RunAtWork:
-        folder = self._folder
-        with _explained(self.destination.path):
+        folder = self.folder
+        with _explained(self.path):
             folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as locked:
             locked.callback(_remove_if_empty, folder)
@@ -185,16 +173,16 @@ class RunAtWork:
             for name in ADDITIONS:
                 # Refused where a verb is adding it; what a killed verb has left is removed.
                 Lock(folder, name).release()
-            if (run := self.destination.run()) is not None:
+            if (run := self.run()) is not None:
                 self._earlier = run.settled()
                 self._listed = self._earlier.files
-            self.destination.check_losses()
-            if not (self.destination.resume or self.destination.replace):
+            self.check_losses()
+            if not (self.resume or self.replace):
                 # Steps beside a complete run, or in an unfinished one.
                 endings = (NEW,) if run is not None and run.is_complete else (NEW, "")
                 names = (f"{pattern}{ending}" for pattern in JOURNALS for ending in endings)
-                _refuse_steps(self.destination.path, chain.from_iterable(map(folder.glob, names)))
-            if not self.destination.resume:
+                _refuse_steps(self.path, chain.from_iterable(map(folder.glob, names)))
+            if not self.resume:
                 _sweep(folder, self._listed)
             self._locked = locked.pop_all()
         return self
@@ -207,36 +195,34 @@ class RunAtWork:
         if isinstance(error, KeyboardInterrupt):
             error.add_note(_TO_RESUME)
         elif error is not None and not (
-            self.destination.resume
-            or self._committing
-            or any(n_steps(journal.path) for journal in self._journals)
+            self.resume or self._committing or any(n_steps(journal.path) for journal in self._journals)
         ):
-            _sweep(self._folder, self._listed)
+            _sweep(self.folder, self._listed)
         self._locked.close()
 
     def journal(self, name: str = JOURNAL) -> Journal:
         """The journal of the run, or of a step of it such as `models/dahl/fit.jsonl`, begun or resumed."""
-        growing, committed = self.growing(name), self._folder / name
+        growing, committed = self.growing(name), self.folder / name
         # A step of a comparison that is resumed may not have begun.
-        resume = self.destination.resume and (name == JOURNAL or growing.is_file() or committed.is_file())
+        resume = self.resume and (name == JOURNAL or growing.is_file() or committed.is_file())
         journal = journal_in_run(growing, committed=committed, resume=resume, note=self._note)
         self._journals.append(journal)
         return journal
 
     def growing(self, name: str) -> Path:
         """Path at which a file of this run grows, in a folder that is there."""
-        return make_folders(self._folder, name if self._earlier is None else name + NEW)
+        return make_folders(self.folder, name if self._earlier is None else name + NEW)
 
     def grown(self, name: str) -> Path:
         """Path of a file that has grown in this run, or is in the run that is resumed; it need not be there."""
         path = self.growing(name)
-        is_before = self.destination.resume and name in self._listed and not path.is_file()
-        return self._folder / name if is_before else path
+        is_before = self.resume and name in self._listed and not path.is_file()
+        return self.folder / name if is_before else path
 
     @property
     def step_journals(self) -> list[str]:
         """Names of the journals of the steps of a comparison, as far as it has come."""
-        names = {path.relative_to(self._folder).as_posix() for path in self._folder.glob(JOURNALS[1] + "*")}
+        names = {path.relative_to(self.folder).as_posix() for path in self.folder.glob(JOURNALS[1] + "*")}
         return sorted({name.removesuffix(NEW) for name in names})
 
     @property
@@ -260,17 +246,17 @@ class RunAtWork:
         self._committing = True
         for journal in self._journals:
             journal.close()
-        with _explained(self.destination.path):
-            self.destination.check_losses()
+        with _explained(self.path):
+            self.check_losses()
             listed = {name: digest_at(name, path) for name in grown if (path := self.grown(name)).is_file()}
             replaced: dict[str, str | None] = {}
             if self._earlier is not None:
                 # Files of the run before with their digests, and what else has a name of such a file.
-                named = {entry.name for entry in self._folder.iterdir() if not entry.is_dir()}
+                named = {entry.name for entry in self.folder.iterdir() if not entry.is_dir()}
                 replaced = dict.fromkeys(named & OWN_NAMES - {MANIFEST}) | dict(self._listed)
-            stated, flush = _stated(facts, self.destination.kind), facts.get("status") != INTERRUPTED
-            commit(self._folder, stated, contents, grown=listed, replaced=replaced, flush=flush)
-            _sweep(self._folder, {**listed, **contents})
+            stated, flush = _stated(facts, self.kind), facts.get("status") != INTERRUPTED
+            commit(self.folder, stated, contents, grown=listed, replaced=replaced, flush=flush)
+            _sweep(self.folder, {**listed, **contents})
         self._locked.close()
 
 

@@ -26,8 +26,7 @@ from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
-from mrwork.store.function_text import text_to_compare
-from mrwork.store.user_python import place_of, run_file
+from mrwork.store.user_python import place_of, run_file, text_to_compare
 from mrwork.study.schema import (
     CONSTANT_LAWS,
     PASSIVE_OFF,

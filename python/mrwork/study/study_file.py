@@ -21,10 +21,10 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import OutputError, SettingError
 from mrwork.motions import GroundMotion
-from mrwork.store.function_text import function_text
 from mrwork.store.input_file import exists
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
+from mrwork.store.user_python import function_text
 from mrwork.study.schema import StudyTable
 
 _OTHERWISE = "replace it by `replace=True`"

@@ -24,8 +24,7 @@ from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.store.function_text import function_text
-from mrwork.store.user_python import file_of, in_words, place_of, place_raised
+from mrwork.store.user_python import file_of, function_text, in_words, place_of, place_raised
 from mrwork.twins.models import Twin, on_processor, twin_of, twin_with
 from mrwork.twins.own_batches import computed
 
