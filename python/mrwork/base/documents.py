@@ -156,7 +156,14 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
         return dict(zip(value, read, strict=True))
     accepted = _accept(node, value, place)
     if isinstance(accepted, tuple):
-        _check_rows(accepted, place)
+        rows = [row for row in accepted if isinstance(row, tuple)]
+        for number, row in enumerate(rows):
+            if len(row) != len(rows[0]):
+                lengths = f"{len(rows[0])} and {len(row)}"
+                sentence = (
+                    f"{_name(place)} has rows of different lengths, {lengths}; complete row {number + 1}"
+                )
+                place.within(number).refuse(sentence)
         return tuple(item - 1 for item in accepted) if entry.says.from_one else accepted
     return accepted - 1 if entry.says.from_one else accepted
 
@@ -183,16 +190,6 @@ def _accept(node: Node, value: Any, place: Place) -> Any:
     except Refusal as refusal:
         where = place.within(*refusal.path)
         where.refuse(f"{_name(where)} {refusal.in_words(in_file=True)}")
-
-
-def _check_rows(items: Sequence[Any], place: Place) -> None:
-    """Refuse rows of different lengths."""
-    rows = [row for row in items if isinstance(row, tuple)]
-    for number, row in enumerate(rows):
-        if len(row) != len(rows[0]):
-            lengths = f"{len(rows[0])} and {len(row)}"
-            sentence = f"{_name(place)} has rows of different lengths, {lengths}; complete row {number + 1}"
-            place.within(number).refuse(sentence)
 
 
 def _name(place: Place) -> str:

@@ -274,14 +274,10 @@ def nodes_of(declaring: Any) -> Mapping[str, Node]:
         # Without what the function returns, which may be a name for the type checker only.
         annotated = SimpleNamespace(__annotations__={name: parameters[name].annotation for name in entries})
         hints = get_type_hints(annotated, inspect.unwrap(declaring).__globals__, include_extras=True)
-    return {
-        name: node_of(hints[name], (*notes, *_notes_of_default(default)))
-        for name, (default, notes) in entries.items()
-    }
-
-
-def _notes_of_default(default: Any) -> Notes:
-    """What a default says of the other values: numbers may be infinite or NaN where it is."""
-    if not isinstance(default, float) or math.isfinite(default):
-        return ()
-    return (May.BE_NAN if math.isnan(default) else May.BE_INFINITE,)
+    declared = {}
+    for name, (default, notes) in entries.items():
+        # Numbers may be infinite or NaN where the default is.
+        if isinstance(default, float) and not math.isfinite(default):
+            notes = (*notes, May.BE_NAN if math.isnan(default) else May.BE_INFINITE)
+        declared[name] = node_of(hints[name], notes)
+    return declared

@@ -6,7 +6,7 @@ The imports of `__init__.pyi` are the public names: what users need, with checke
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from importlib import import_module
 from importlib.util import resolve_name
 from pathlib import Path
@@ -14,7 +14,14 @@ from pathlib import Path
 
 def attach(package: str, file: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
     """`__getattr__`, `__dir__` and `__all__` of the package whose `__init__.py` is the file."""
-    modules = _modules(ast.parse(Path(file).with_suffix(".pyi").read_text()).body, package)
+    stub = ast.parse(Path(file).with_suffix(".pyi").read_text())
+    # A submodule has the path of the package.
+    modules = {
+        alias.name: resolve_name("." * node.level + (node.module or ""), package)
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
     listed = sorted(modules)
 
     def load(name: str) -> object:
@@ -25,13 +32,3 @@ def attach(package: str, file: str) -> tuple[Callable[[str], object], Callable[[
         return getattr(import_module(modules[name]), name)
 
     return load, lambda: listed, listed
-
-
-def _modules(nodes: Iterable[ast.AST], package: str) -> dict[str, str]:
-    """Path of the module of every imported name; a submodule has the path of the package."""
-    return {
-        alias.name: resolve_name("." * node.level + (node.module or ""), package)
-        for node in nodes
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }

@@ -81,11 +81,6 @@ def value_and_error(value: float, error: float | None) -> tuple[str, str]:
     return texts[0], texts[1]
 
 
-def rounded_to(error: float | None) -> Callable[[float], str]:
-    """What shows numbers to the second digit of their error, or to five digits where it is not known."""
-    return lambda value: value_and_error(value, error)[0] if error else significant(value, _DIGITS_ALONE)
-
-
 def in_plain(text: str) -> str:
     """A formatted number in the characters of every terminal, as -1.2e-09."""
     head, times, power = text.partition(" × 10")
@@ -115,15 +110,6 @@ def column(values: Sequence[float], digits: int) -> list[str]:
     return [format_fixed(value, decimals) for value in values]
 
 
-def at_point(text: str) -> tuple[str, str]:
-    """The text of a number before its decimal point, and the rest, to align a column at the point."""
-    head, point, tail = text.partition(".")
-    if point:
-        return head, point + tail
-    head, times, power = text.partition(" ×")
-    return head, times + power
-
-
 def probability(value: float) -> str:
     """A probability as it is printed: two decimals, more where it is small, none below a thousandth."""
     if value < _LEAST_PROBABILITY:
@@ -141,11 +127,6 @@ def tests_of(count: int, total: int) -> str:
 def counted(count: int, noun: str) -> str:
     """A number of things, as "1 motion" or "2 motions"."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
-def most_of(share: float) -> str:
-    """A share in whole per cent; never 100 where it is less."""
-    return "more than 99" if 0.99 < share < 1.0 else format_fixed(100.0 * share, 0)
 
 
 def percent(share: float, decimals: int = 1) -> str:

@@ -94,10 +94,19 @@ class Table:
             lines = _align_rows([row[:count] for row in cells])
         for row, heading in sorted(self.headings.items(), reverse=True):
             lines.insert(1 + row, heading)
-        over = self._over([max(len(row[column]) for row in cells) for column in range(count)])
+        over, column = "", 0
+        for text, span in self.over:
+            if text and column < count:
+                # Each above the first column that it spans.
+                start = sum(2 + max(len(row[index]) for row in cells) for index in range(column))
+                over = f"{over:<{start}}{text if column else ''}  "
+            column += span
         left_out = ", ".join(self.columns[count:])
         notes = [f"Too wide for a terminal, and on the page: {left_out}"] if left_out else []
-        return [f"{indent}{line}".translate(_PLAIN) for line in (*over, *lines, *notes)]
+        return [
+            f"{indent}{line}".translate(_PLAIN)
+            for line in (*filter(str.strip, [over.rstrip()]), *lines, *notes)
+        ]
 
     def __repr__(self) -> str:
         return "\n".join(filter(None, (self.title, *self.lines("  "), self.note)))
@@ -151,16 +160,6 @@ class Table:
     # A template shows a table by its name, and so does a notebook.
     __html__ = html
     _repr_html_ = html
-
-    def _over(self, widths: Sequence[int]) -> list[str]:
-        """The headings above columns of these widths, each above the first column that it spans."""
-        line, column = "", 0
-        for text, span in self.over:
-            if text and column < len(widths):
-                start = sum(width + 2 for width in widths[:column])
-                line = f"{line:<{start}}{text if column else ''}  "
-            column += span
-        return [line.rstrip()] if line.strip() else []
 
 
 def document_of(columns: Sequence[TableColumn], item: object) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import get_args
 
@@ -108,7 +109,11 @@ def _value_and_interval(estimate: FittedParameter) -> tuple[str, str]:
     if interval is None:
         return numbers.significant(estimate.value, 5), numbers.NOTHING
     ends = [abs(end - estimate.value) for end in (interval.lower, interval.upper) if end is not None]
-    shown = numbers.rounded_to(sum(ends) / (2.0 * len(ends)) if ends else None)
+    error = sum(ends) / (2.0 * len(ends)) if ends else 0.0
+
+    def shown(value: float) -> str:
+        return numbers.value_and_error(value, error)[0] if error else numbers.significant(value, 5)
+
     return shown(estimate.value), interval.in_words(shown)
 
 
@@ -136,7 +141,7 @@ def caution(fit: Fit) -> str:
 
 def _align_texts(texts: Sequence[str]) -> list[Markup]:
     """Numbers cut at their decimal points, with as much room behind these as the longest tail takes."""
-    parts = [numbers.at_point(text) for text in texts]
+    parts = [(*re.split(r"(?=\.| ×)", text, maxsplit=1), "")[:2] for text in texts]
     width = max((len(tail) for _, tail in parts), default=0)
     form = Markup('{}<span class="tail" style="width:{}ch">{}</span>' if width else "{}")
     return [form.format(head, width, tail) for head, tail in parts]

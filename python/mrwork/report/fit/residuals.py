@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
-from mrwork.base.numbers import format_fixed, most_of, percent, probability, shortest, tests_of
+from mrwork.base.numbers import format_fixed, percent, probability, shortest, tests_of
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, draw_points, finish, finish_signed, legend
@@ -44,9 +44,9 @@ def residual_section(predictions: Sequence[Prediction]) -> Section:
     if correlated:
         parts = [f"correlated on {tests_of(correlated, len(tests))}"]
         if repeating:
-            parts.append(
-                f"{most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle"
-            )
+            share = float(np.median(repeating))
+            most = "more than 99" if 0.99 < share < 1.0 else percent(share, 0)
+            parts.append(f"{most} % of their mean square repeats in every cycle")
         findings.insert(0, "; ".join(parts))
         first = (
             "Residuals are correlated from sample to sample: standard errors and bands that count every sample as "
