@@ -42,16 +42,7 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
 
     All mistakes of the table, and of the tables in it, are raised together.
     """
-    values: dict[str, Any] = {}
-    with all_mistakes() as part:
-        with part():
-            values = given_values(kind, table, place)
-        keys = {entry.name_in_file: entry for entry in keys_of(kind)}
-        misspelt = {near for name in table if name not in keys for near in meant(name, [*keys])}
-        for name, entry in keys.items():
-            if entry.is_required and not {name} & (table.keys() | misspelt):
-                with part():
-                    refuse_missing(entry, place)
+    values = given_values(kind, table, place, complete=True)
     with place.prefix_errors(SettingError):
         if isinstance(kind, tuple):
             made = cast(T, Arguments(functions=kind, given=values, place=place.kept))
@@ -61,37 +52,38 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     return made
 
 
-def given_values(kind: Table, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
+def given_values(
+    kind: Table, table: Mapping[str, Any], place: Place, *, complete: bool = False
+) -> dict[str, Any]:
     """The values of the keys that a table gives, in the types of their annotations and in SI.
 
-    Names are fields of a dataclass; for functions, keys of the document.
+    Names are fields of a dataclass; for functions, keys of the document. A `complete` table has all that are required.
     """
     keys, declared = {entry.name_in_file: entry for entry in keys_of(kind)}, _nodes_in_file(kind)
+    unknown = {name: meant(name, [*keys]) for name in table if name not in keys}
+    misspelt = {near for names in unknown.values() for near in names}
     values = {}
     with all_mistakes() as part:
         for name, entry in keys.items():
-            if name in table:
-                with part():
+            with part():
+                if name in table:
                     where = place.within(name)
                     value = _read_value(declared[name], table[name], where, entry)
                     values[name if isinstance(kind, tuple) else entry.name] = value
                     _ask(value, table[name], where, entry)
-        for name in [key for key in table if key not in keys]:
+                elif complete and entry.is_required and name not in misspelt:
+                    refuse_missing(entry, place)
+        for name, near in unknown.items():
             with part():
-                place.within(name).refuse(_on_unknown(kind, name, table, place))
+                # A class may know better what was meant.
+                meant_by = getattr(kind, "_meant_by", lambda *_: "")
+                has = f"{place.table} has no key {name!r}{suggestion(name, [*keys], otherwise='it has')}"
+                place.within(name).refuse(meant_by(name, table) or has)
             # What stands below a misspelt name is read as the table that is meant.
-            near = meant(name, [*keys])
             if len(near) == 1 and inner_table(keys[near[0]])[0] is not None:
                 with part():
                     _read_value(declared[near[0]], table[name], place.within(name), keys[near[0]])
     return values
-
-
-def _on_unknown(kind: Table, name: str, table: Mapping[str, Any], place: Place) -> str:
-    """What a key that a table does not have is refused with; a class may know better what was meant."""
-    meant_by = getattr(kind, "_meant_by", None)
-    near = suggestion(name, [entry.name_in_file for entry in keys_of(kind)], otherwise="it has")
-    return (meant_by and meant_by(name, table)) or f"{place.table} has no key {name!r}{near}"
 
 
 # Room of a number whose unit is stated.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
@@ -63,31 +63,6 @@ class NamedArrays:
     arrays: Mapping[str, NamedArray]
     along: Mapping[str, NamedArray] = field(default_factory=dict)
 
-    def taken(
-        self, axis: str, indices: int | NDArray[np.int64], labels: Mapping[str, NamedArray]
-    ) -> NamedArrays:
-        """The arrays at indices along an axis; the axes of the indices, which have `labels`, replace it."""
-
-        def axes(names: tuple[str, ...]) -> tuple[str, ...]:
-            return tuple(new for name in names for new in (labels if name == axis else (name,)))
-
-        def arrays(group: Mapping[str, NamedArray]) -> dict[str, NamedArray]:
-            taken = dict(group)
-            for name, member in group.items():
-                if axis in member.axes:
-                    values = np.take(member.values, indices, member.axes.index(axis))
-                    taken[name] = replace(member, values=values, axes=axes(member.axes))
-            return taken
-
-        others = {name: label for name, label in self.labels.items() if name != axis}
-        return replace(
-            self,
-            rows=axes(self.rows),
-            labels={**others, **labels},
-            arrays=arrays(self.arrays),
-            along=arrays(self.along),
-        )
-
     def to_xarray(self) -> Dataset:
         """A variable for each array, with its unit and words as attributes."""
         from xarray import Dataset
@@ -102,8 +77,10 @@ class NamedArrays:
     def to_pandas(self) -> DataFrame:
         """A table with a row for each place along `rows`; units and words are in its `attrs`, by column."""
         from pandas import DataFrame, Index, MultiIndex
+        from xarray import Variable
 
-        shape = tuple(self.labels[axis].values.size for axis in self.rows)
+        sizes = {axis: label.values.size for axis, label in self.labels.items()}
+        n_rows = math.prod(sizes[axis] for axis in self.rows)
         shown = {
             name: array
             for name, array in {**self.along, **self.arrays}.items()
@@ -113,11 +90,11 @@ class NamedArrays:
         columns: dict[Any, NDArray[Any]] = {}
         for name, array in shown.items():
             further = [axis for axis in array.axes if axis not in self.rows]
-            row_axes = [axis for axis in self.rows if axis in array.axes]
-            values = np.transpose(array.values, [array.axes.index(axis) for axis in (*row_axes, *further)])
             # A label along some axes of the rows is repeated along the others.
-            wide = np.expand_dims(values, [n for n, axis in enumerate(self.rows) if axis not in row_axes])
-            flat = np.broadcast_to(wide, (*shape, *wide.shape[len(shape) :])).reshape(math.prod(shape), -1)
+            wide = Variable(array.axes, array.values).set_dims(
+                {axis: sizes[axis] for axis in (*self.rows, *further)}
+            )
+            flat = wide.values.reshape(n_rows, -1)
             labels = product(*(self.labels[axis].values.tolist() for axis in further))
             for number, label in enumerate(labels):
                 filled = (name, *label, *[""] * (depth - len(further)))
@@ -173,8 +150,8 @@ def number_labels(count: int) -> NamedArray:
     return NamedArray.of(np.arange(count))
 
 
-def tree_of(title: str, groups: Mapping[str, NamedArrays]) -> DataTree:
-    """Several groups of arrays, each with axes of its own."""
+def tree_of(title: str, groups: Mapping[str, Dataset]) -> DataTree:
+    """Several data sets, each with axes of its own."""
     from xarray import DataTree
 
-    return DataTree.from_dict({name: group.to_xarray() for name, group in groups.items()}, name=title)
+    return DataTree.from_dict(groups, name=title)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -129,13 +129,17 @@ def results_of_folder(run: RunFolder) -> StudyResults:
 
 def runs_content(results: StudyResults) -> bytes:
     """The quantities and criteria of all runs."""
-    steps = [
-        results.quantities.part(realisations=slice(number, number + 1))
-        ._named_arrays()
-        .taken("realisation", 0, {})
-        for number in range(results.quantities.shape[2])
-    ]
-    named = dict(zip(("", _HALF), steps, strict=False))
+    runs = results.quantities._named_arrays()
+    labels = {axis: label for axis, label in runs.labels.items() if axis != "realisation"}
+    named = {}
+    for number, name in zip(range(results.quantities.shape[2]), ("", _HALF), strict=False):
+        arrays = {
+            quantity: replace(
+                array, values=array.values[:, :, number], axes=(*array.axes[:2], *array.axes[3:])
+            )
+            for quantity, array in runs.arrays.items()
+        }
+        named[name] = replace(runs, labels=labels, arrays=arrays)
     return netcdf_of({**named, _CRITERIA: results.labelled._named_arrays()})
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.base import arguments
 from mrwork.base.arguments import NotNegative, Positive, Whole
-from mrwork.base.labelled import NamedArrays, labels_of, tree_of
+from mrwork.base.labelled import NamedArrays, tree_of
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names, named
@@ -453,7 +453,7 @@ class StudyResults(Plotted, Summarised):
         >>> drift = results.to_xarray()["criteria/peak_drift"]  # doctest: +SKIP
         >>> drift.sel(realisation="nominal").max("motion")  # doctest: +SKIP
         """
-        groups = self._named_groups()
+        groups = {name: group.to_xarray() for name, group in self._named_groups().items()}
         if by_record:
             at = self.record_levels
             if len(at.measures) > 1 or at.levels.size < 2 or (at.places < 0).any():
@@ -461,11 +461,13 @@ class StudyResults(Plotted, Summarised):
                     f"not each of {counted(len(at.records), 'record')} has the same levels, several of one measure of "
                     "intensity; give all the same pga or sa, or leave by_record out"
                 )
-            axes = {
-                "record": labels_of(at.records),
-                "intensity": labels_of(at.levels, unit="m/s^2", long_name=at.measure),
+            levels = ("intensity", at.levels, {"units": "m/s^2", "long_name": at.measure})
+            groups = {
+                name: group.isel(motion=(("record", "intensity"), at.places))
+                .drop_vars("motion")
+                .assign_coords(record=list(at.records), intensity=levels)
+                for name, group in groups.items()
             }
-            groups = {name: group.taken("motion", at.places, axes) for name, group in groups.items()}
         return tree_of(self.title, groups)
 
     def to_pandas(self) -> DataFrame:
