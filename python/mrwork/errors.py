@@ -76,7 +76,8 @@ class MrworkError(Restorable, Exception):
     first is empty if the text does not begin with a place. `path` are the keys that lead to what is refused in a value
     that declares keys, for whoever knows where that value stands. Of an argument that is refused, `key` is the name,
     and `in_a_file` the text for who has written a file and called no function; both are empty otherwise. `of_columns`
-    is whether the columns of one file are to be told, which others do not share.
+    is whether the columns of one file are to be told, which others do not share; `mistakes` are those of a document
+    with several.
     """
 
     document: str = ""
@@ -85,6 +86,7 @@ class MrworkError(Restorable, Exception):
     of_columns: bool = False
     key: str = ""
     in_a_file: str = ""
+    mistakes: tuple[MrworkError, ...] = ()
 
     def __str__(self) -> str:
         """The sentence, with escapes for what a reader cannot see in what it quotes, and cut in the middle if long."""

@@ -334,7 +334,7 @@ def told_of(path: Path) -> list[tuple[int, str]]:
     with pytest.raises(SettingError) as refusal:
         mr.read_study(path)
     error = refusal.value
-    return [(each.line, str(each)) for each in getattr(error, "mistakes", [error])]
+    return [(each.line, str(each)) for each in error.mistakes or (error,)]
 
 
 def test_the_command_lists_them_below_each_other(tmp_path: Path) -> None:

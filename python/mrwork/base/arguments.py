@@ -241,9 +241,16 @@ class Refusal(Restorable, Exception):  # noqa: N818 # becomes an error where the
         return f"{came or f'is {quoted}'}{wanted}"
 
 
-def accept(node: Node, value: Any) -> Any:
-    """The value, converted to what the annotation declares; raises `Refusal` where it is something else."""
-    return _CHECKS.get(node.form, _instance)(node, value)
+def accept(node: Node, value: Any, *key: Any) -> Any:
+    """The value, converted to what the annotation declares; raises `Refusal` where it is something else.
+
+    The `key`, if any, leads to the value in what is around it.
+    """
+    try:
+        return _CHECKS.get(node.form, _instance)(node, value)
+    except Refusal as refusal:
+        refusal.path = (*key, *refusal.path)
+        raise
 
 
 def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str:
@@ -404,7 +411,7 @@ def _sequence(node: Node, value: Any) -> Any:
     # The rows of a matrix are items of their own where items are lists or arrays.
     rows = any(part.form in (Form.ITEMS, Form.FIXED, Form.ARRAY) for part in (of, *of.parts))
     listed = _listed(node, value, most_axes=2 if rows else 1)
-    items = [_accept_at(of, item, index) for index, item in enumerate(listed)]
+    items = [accept(of, item, index) for index, item in enumerate(listed)]
     return items if isinstance(listed, list) and node.kind is not tuple else tuple(items)
 
 
@@ -421,23 +428,15 @@ def _fixed(node: Node, value: Any) -> Any:
     if len(listed) != len(node.parts):
         raise Refusal(node, value, f"has {len(listed)} values")
     pairs = zip(node.parts, listed, strict=True)
-    return tuple(_accept_at(part, item, index) for index, (part, item) in enumerate(pairs))
+    return tuple(accept(part, item, index) for index, (part, item) in enumerate(pairs))
 
 
 def _mapping(node: Node, value: Any) -> Any:
     if not isinstance(value, Mapping):
         raise Refusal(node, value)
     names, values = node.parts
-    accepted = {_accept_at(names, name, name): _accept_at(values, item, name) for name, item in value.items()}
+    accepted = {accept(names, name, name): accept(values, item, name) for name, item in value.items()}
     return value if all(accepted[name] is value[name] for name in accepted) else accepted
-
-
-def _accept_at(node: Node, value: Any, key: Any) -> Any:
-    try:
-        return accept(node, value)
-    except Refusal as refusal:
-        refusal.path = (key, *refusal.path)
-        raise
 
 
 # Objects

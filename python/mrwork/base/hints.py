@@ -141,11 +141,9 @@ class Form(Enum):
     ANYTHING = auto()
     # A number, a flag, a text or `None`, by its class.
     SCALAR = auto()
-    # One of the values that are the kind.
     ENUMERATED = auto()
     # An array of this kind of numbers; where that is `None`, also what NumPy turns into an array.
     ARRAY = auto()
-    # A tuple with an item of each part.
     FIXED = auto()
     # A tuple, another sequence, or an iterable, of any number of items of the one part.
     ITEMS = auto()
@@ -157,7 +155,6 @@ class Form(Enum):
     EITHER = auto()
     # A function; its kind is the list of what it takes, or an ellipsis, and what it returns.
     FUNCTION = auto()
-    # An object of another class.
     INSTANCE = auto()
 
 

@@ -77,10 +77,8 @@ class NamedArrays:
     def to_pandas(self) -> DataFrame:
         """A table with a row for each place along `rows`; units and words are in its `attrs`, by column."""
         from pandas import DataFrame, Index, MultiIndex
-        from xarray import Variable
 
-        sizes = {axis: label.values.size for axis, label in self.labels.items()}
-        n_rows = math.prod(sizes[axis] for axis in self.rows)
+        shape = tuple(self.labels[axis].values.size for axis in self.rows)
         shown = {
             name: array
             for name, array in {**self.along, **self.arrays}.items()
@@ -90,11 +88,11 @@ class NamedArrays:
         columns: dict[Any, NDArray[Any]] = {}
         for name, array in shown.items():
             further = [axis for axis in array.axes if axis not in self.rows]
+            row_axes = [axis for axis in self.rows if axis in array.axes]
+            values = np.transpose(array.values, [array.axes.index(axis) for axis in (*row_axes, *further)])
             # A label along some axes of the rows is repeated along the others.
-            wide = Variable(array.axes, array.values).set_dims(
-                {axis: sizes[axis] for axis in (*self.rows, *further)}
-            )
-            flat = wide.values.reshape(n_rows, -1)
+            wide = np.expand_dims(values, [n for n, axis in enumerate(self.rows) if axis not in row_axes])
+            flat = np.broadcast_to(wide, (*shape, *wide.shape[len(shape) :])).reshape(math.prod(shape), -1)
             labels = product(*(self.labels[axis].values.tolist() for axis in further))
             for number, label in enumerate(labels):
                 filled = (name, *label, *[""] * (depth - len(further)))

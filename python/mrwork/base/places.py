@@ -36,8 +36,7 @@ def all_mistakes() -> Iterator[Callable[[], AbstractContextManager[None]]]:
         try:
             yield
         except MrworkError as error:
-            several = error.mistakes if isinstance(error, MistakesError) else (error,)
-            by_text.update({(item.path, str(item)): item for item in several})
+            by_text.update({(item.path, str(item)): item for item in error.mistakes or (error,)})
 
     with part():
         yield part
@@ -63,12 +62,9 @@ def keyed(*keys: str | int) -> Iterator[None]:
     """Say of what the block refuses that these keys lead to it, for whoever knows where the value stands."""
     try:
         yield
-    except MistakesError as several:
-        for mistake in several.mistakes:
-            mistake.path = (*keys, *mistake.path)
-        raise
     except MrworkError as error:
-        error.path = (*keys, *error.path)
+        for mistake in error.mistakes or (error,):
+            mistake.path = (*keys, *mistake.path)
         raise
 
 
@@ -141,16 +137,12 @@ class Place:
         """Begin the message of an error in the block with this place; the type is `kind`, or stays."""
         try:
             yield
-        except MistakesError as several:
-            raise MistakesError(
-                self.origin, [self.about(mistake, kind) for mistake in several.mistakes]
-            ) from several
         except MrworkError as error:
-            raise self.about(error, kind) from error
+            told = [self._about(mistake, kind or type(mistake)) for mistake in error.mistakes or (error,)]
+            raise (MistakesError(self.origin, told) if error.mistakes else told[0]) from error
 
-    def about(self, error: MrworkError, kind: type[MrworkError] | None) -> MrworkError:
+    def _about(self, error: MrworkError, kind: type[MrworkError]) -> MrworkError:
         """The error of a value of this table as one whose message begins with the line of that value."""
-        kind = kind or type(error)
         if error.document == self.origin:
             return self._as(kind, str(error), error.line)
         place = self.within(*error.path)
@@ -163,12 +155,11 @@ class Place:
         if not self.origin:
             return InvalidSettingError(self.path, sentence)
         if self.arguments:
-            sentence = _HEADING.sub(self._argument, sentence)
+            named = self.arguments
+            sentence = _HEADING.sub(
+                lambda match: f"`{named[match[1]]}{match[2]}`" if match[1] in named else match[0], sentence
+            )
         return self._as(kind, f"{self}: {sentence}", self.line)
-
-    def _argument(self, heading: re.Match[str]) -> str:
-        name, below = heading.groups()
-        return f"`{self.arguments[name]}{below}`" if name in self.arguments else heading.group()
 
     def _as(self, kind: type[MrworkError], text: str, line: int) -> MrworkError:
         # A place says more than the key of an InvalidSettingError.

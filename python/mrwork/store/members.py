@@ -100,7 +100,6 @@ def _is_numeric(member: Any) -> bool:
 
 
 def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
-    """Attributes that are a number or a text."""
     for name in member.attrs:
         # A reference to what is not there is an error of the system.
         with suppress(OSError):

@@ -106,11 +106,6 @@ JOURNALS: Final = (JOURNAL, f"{MODELS}/*/*.jsonl")
 """Patterns of the journals that grow while a run is made."""
 
 
-def is_redrawn(name: str) -> bool:
-    """Whether a file of a run is one that later verbs write again."""
-    return name.partition("/")[0] in REDRAWN
-
-
 def is_added(name: str) -> bool:
     """Whether a file of a run is one that later verbs add, or that one of them is at work on."""
     return name.partition("/")[0].removesuffix(NEW) in ADDITIONS | {FIGURES}
@@ -148,11 +143,8 @@ def digest_of(name: str, content: bytes) -> str:
 
 
 def digest_at(name: str, path: Path) -> str:
-    """Digest of a file that has, or will have, a name; histories are not read whole."""
-    if PurePath(name).suffix in _TEXTS:
-        return digest_of(name, path.read_bytes())
-    with path.open("rb") as stream:
-        return f"sha256:{hashlib.file_digest(stream, 'sha256').hexdigest()}"
+    """Digest of a file that has, or will have, a name."""
+    return digest_of(name, path.read_bytes())
 
 
 def digest_of_manifest(stated: Mapping[str, object]) -> str:

@@ -13,6 +13,7 @@ import shutil
 import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from functools import partial
 from itertools import chain
 from pathlib import Path, PurePath
 from types import TracebackType
@@ -38,6 +39,7 @@ from mrwork.store.run_folder import (
     NEW,
     OWN,
     OWN_NAMES,
+    REDRAWN,
     RunFolder,
     RunKind,
     chunks_beside,
@@ -45,7 +47,6 @@ from mrwork.store.run_folder import (
     digest_at,
     digest_of,
     is_added,
-    is_redrawn,
     make_folders,
     manifest_document,
     real_path,
@@ -81,16 +82,12 @@ def _entries_of(names: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(first + slash for first, slash, _ in (name.partition("/") for name in names)))
 
 
-def _changes(run: RunFolder) -> list[str]:
-    """Files of the verb that are not as it has written them."""
-
-    def differs(name: str) -> bool:
-        path = run.real_path / name
-        if is_redrawn(name) or is_added(name) or not exists(path):
-            return False
-        return path.is_symlink() or not path.is_file() or digest_at(name, path) != run.files[name]
-
-    return [*([] if run.is_as_written else [MANIFEST]), *filter(differs, run.files)]
+def _differs(run: RunFolder, name: str) -> bool:
+    """Whether a file of the verb is not as it has written it."""
+    path = run.real_path / name
+    if name.partition("/")[0] in REDRAWN or is_added(name) or not exists(path):
+        return False
+    return path.is_symlink() or not path.is_file() or digest_at(name, path) != run.files[name]
 
 
 class RunAtWork:
@@ -134,9 +131,11 @@ class RunAtWork:
         if run.kind != self.kind:
             lost = {f", the results of `mrwork {run.kind.verb}`": _entries_of(names)}
         else:
+            changed = [] if run.is_as_written or self.continues else [MANIFEST]
+            changed += [] if self.continues else filter(partial(_differs, run), run.files)
             lost = {
                 ", which other verbs or you have added": _entries_of(filter(is_added, names)),
-                ", changed since the run was written": [] if self.continues else _changes(run),
+                ", changed since the run was written": changed,
             }
         if listed := [f"{list_names(names, _NAMED)}{why}" for why, names in lost.items() if names]:
             raise OutputError(
@@ -289,12 +288,10 @@ def _lock_of(folder: Path) -> Lock:
 def adding(path: str | Path, name: str) -> Iterator[None]:
     """Lock the file `name` that is added to the run folder at `path`, while no run is made there."""
     folder = real_path(path)
-    if not (folder / MANIFEST).is_file():
-        yield
-        return
-    with _lock_of(folder):
-        addition = Lock(folder, name)
-    with addition:
+    with ExitStack() as locked:
+        if (folder / MANIFEST).is_file():
+            with _lock_of(folder):
+                locked.enter_context(Lock(folder, name))
         yield
 
 
