@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from mrwork.base.progress import (
-    Display,
     ProgressLine,
     ProgressReport,
     note_compilation,
@@ -33,13 +32,9 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return seconds
 
 
-def shown_on(display: Display) -> ProgressLine[Report]:
-    return ProgressLine(lambda each: each.in_words, display)
-
-
 def test_a_terminal_has_a_bar_where_the_share_is_known(clock: list[float]) -> None:
     written: list[str] = []
-    with shown_on(terminal_bar(written.append, written.append)) as shown:
+    with ProgressLine(terminal_bar(written.append, written.append)) as shown:
         for clock[0], report in ((0.0, Report("begins")), (0.1, Report("lost")), (0.3, Report("on", 0.5))):
             shown(report)
     assert written[:2] == ["\rbegins", "\r[##########----------] on"]
@@ -50,7 +45,7 @@ def test_a_terminal_has_a_bar_where_the_share_is_known(clock: list[float]) -> No
 def test_a_notebook_has_one_bar_that_moves(clock: list[float]) -> None:
     widgets = pytest.importorskip("ipywidgets")
     displayed: list[Any] = []
-    with shown_on(notebook_bar(widgets, displayed.append)) as shown:
+    with ProgressLine(notebook_bar(widgets, displayed.append)) as shown:
         for clock[0], report in (
             (0.0, Report("begins")),
             (1.0, Report("half", 0.5)),
@@ -66,9 +61,9 @@ def test_a_notebook_has_one_bar_that_moves(clock: list[float]) -> None:
 
 def test_the_time_of_compilation_is_told_in_the_end() -> None:
     written: list[str] = []
-    with shown_on(plain_lines(written.append)):
+    with ProgressLine(plain_lines(written.append)):
         note_compilation("/jax/core/compile/backend_compile_duration", 3.4)
         note_compilation("/jax/core/compile/jaxpr_trace_duration", 50.0)
-    with shown_on(plain_lines(written.append)):
+    with ProgressLine(plain_lines(written.append)):
         note_compilation("/jax/core/compile/backend_compile_duration", 0.2)
     assert written == ["JAX compiled for 3 s"]

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 from command_line import COMMAND, mrwork, printed, ran
 from refusals import command_refusal
 from sentences import Refused
-from verb_folders import written_record
+from verb_folders import COMMANDS, written_record
+
+from mrwork.cli.derived import _declared
 
 FAST = ["--generations", "3", "--quiet"]
 
@@ -134,6 +137,20 @@ def test_other_bad_inputs_are_one_sentence(record: Path, tmp_path: Path, refused
     refused.command("identify", record, "--out", "/proc/run")
     refused.command("identify", "synthetic:none")
     refused.command("frobnicate")
+
+
+def test_what_is_read_from_the_source_of_a_slow_module_is_what_its_function_declares() -> None:
+    named = {
+        (declaring, name)
+        for command in COMMANDS.values()
+        for declaring, names in (command.get_default("derived") or {}).items()
+        for name in names
+        if isinstance(declaring, str)
+    }
+    assert len(named) > 10
+    for declaring, name in named:
+        module, _, called = declaring.partition(":")
+        assert _declared(declaring, name) == _declared(getattr(import_module(module), called), name)
 
 
 def test_importing_and_asking_for_help_load_nothing_heavy() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from mrwork.cli.output import progress_line
 from mrwork.identification import Progress
-from mrwork.identification.progress import IdentificationInWords
+from mrwork.identification.progress import Pace
 
 pytestmark = pytest.mark.words
 
@@ -40,32 +40,26 @@ NOW = replace(
 
 def test_a_search_tells_generation_best_median_rates_and_time_left() -> None:
     # 5000 evaluations and ten million steps in two seconds; 0.3 of the allowance took these, 0.6 are left.
-    described = IdentificationInWords()
-    described(BEGAN)
-    assert described(NOW) == (
+    pace = Pace(BEGAN)
+    pace.of(BEGAN)
+    assert pace.of(NOW).in_words == (
         "search 120, best 92.08 %, median 81.50 %, 2.5k evaluations/s, 5M steps/s, 3 s, "
         "at most 4 s of this stage left"
     )
 
 
-def seconds_left(text: str) -> float:
-    """The remaining time in a line of progress [s]."""
-    value, unit = text.split("at most ")[1].split()[:2]
-    return float(value) * {"s": 1.0, "min": 60.0, "h": 3600.0}[unit]
-
-
 def test_the_time_left_runs_down_without_leaps_and_never_below_zero() -> None:
-    described = IdentificationInWords()
+    pace = Pace(BEGAN)
     # A search that is at a tenth after 10 s, ends its first half early, takes more than allowed, and begins anew.
     shares = [*np.linspace(0.0, 0.1, 50), *np.linspace(0.5, 1.2, 50), *np.linspace(0.0, 0.5, 50)]
-    shown = []
-    for number, share in enumerate(shares):
-        text = described(replace(BEGAN, share=float(share), seconds=1.0 + 0.2 * number))
-        if "left" in text:
-            shown.append(seconds_left(text))
-    assert min(shown) >= 0.0
-    # Lines are 0.2 s apart, and show whole seconds below a minute.
-    leaps = [after - before for before, after in pairwise(shown) if before < 60.0 and after < 60.0]
+    left = [
+        pace.of(replace(BEGAN, share=float(share), seconds=1.0 + 0.2 * number)).left
+        for number, share in enumerate(shares)
+    ]
+    known = [seconds for seconds in left if seconds is not None]
+    assert min(known) >= 0.0
+    # Lines are 0.2 s apart.
+    leaps = [after - before for before, after in pairwise(known) if before < 60.0 and after < 60.0]
     assert max(map(abs, leaps)) <= 5.0
 
 
@@ -74,12 +68,14 @@ def test_without_a_terminal_a_plain_line_is_written_every_half_minute(
 ) -> None:
     seconds = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: seconds[0])
-    with progress_line("step {}".format, quiet=False) as line:
+    with progress_line(quiet=False) as line:
         for number in range(80):
             seconds[0] = float(number)
-            line(number)
-    assert capsys.readouterr().err == "mrwork: step 30\nmrwork: step 60\n"
-    with progress_line("step {}".format, quiet=True) as silent:
+            line(replace(BEGAN, seconds=seconds[0]))
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == f"mrwork: 10 %, {replace(BEGAN, seconds=30.0).in_words}"
+    assert second == f"mrwork: 10 %, {replace(BEGAN, seconds=60.0).in_words}"
+    with progress_line(quiet=True) as silent:
         seconds[0] = 300.0
-        silent(1)
+        silent(BEGAN)
     assert capsys.readouterr().err == ""

@@ -39,11 +39,12 @@ def parameter_texts(declaring: Any) -> dict[str, str]:
     """What the docstring of a function, or of a dataclass and its bases, says of each parameter."""
     if isinstance(declaring, type):
         bases = [base for base in reversed(declaring.__mro__) if base is not object]
-        return {name: text for base in bases for name, text in _texts_in(base.__doc__).items()}
-    return _texts_in(declaring.__doc__)
+        return {name: text for base in bases for name, text in texts_in(base.__doc__).items()}
+    return texts_in(declaring.__doc__)
 
 
-def _texts_in(docstring: str | None) -> dict[str, str]:
+def texts_in(docstring: str | None) -> dict[str, str]:
+    """What a docstring says of each parameter."""
     _, _, below = inspect.cleandoc(docstring or "").partition(PARAMETERS)
     section = SECTION.split(f"{below}\n", maxsplit=1)[0]
     return {

@@ -13,13 +13,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Self
 
 from mrwork.base.arguments import NotNegative, checked
 from mrwork.base.numbers import duration_in_words
 from mrwork.errors import escape_text
 
-Report = TypeVar("Report", contravariant=True)
 Write = Callable[[str], None]
 
 _BAR = 20
@@ -128,29 +127,24 @@ def display_here(*, write: Write, note: Write) -> Display:
     return terminal_bar(write, note) if sys.stderr.isatty() else plain_lines(note)
 
 
-class ProgressLine(Generic[Report]):
-    """Shows the latest report of a computation, `described` in words, in a display; without one nothing.
+class ProgressLine:
+    """Shows the latest report of a computation in a display; without one nothing.
 
     It appears after `patience` [s]. In the end it says for how long JAX compiled meanwhile.
     """
 
-    def __init__(
-        self, described: Callable[[Report], str], display: Display | None, *, patience: float = 0.0
-    ) -> None:
-        self._described, self._display = described, display
+    def __init__(self, display: Display | None, *, patience: float = 0.0) -> None:
+        self._display = display
         self._next = time.monotonic() + max(patience, display.patience if display is not None else 0.0)
         self._n_compiled = len(COMPILATIONS)
 
-    def __call__(self, progress: Report) -> None:
+    def __call__(self, progress: ProgressReport) -> None:
         """Show a progress report."""
-        if self._display is None:
-            return
-        # A description may follow the reports that are not shown.
-        text = escape_text(self._described(progress))
-        if time.monotonic() < self._next:
+        if self._display is None or time.monotonic() < self._next:
             return
         self._next = time.monotonic() + self._display.every
-        share = progress.share if isinstance(progress, ProgressReport) else None
+        share = progress.share
+        text = escape_text(progress.in_words)
         self._display.show(text, None if share is None else min(max(share, 0.0), 1.0))
 
     def __enter__(self) -> Self:
@@ -165,7 +159,7 @@ class ProgressLine(Generic[Report]):
 
 
 @checked
-def show_progress(*, patience: NotNegative = 0.5) -> ProgressLine[ProgressReport]:
+def show_progress(*, patience: NotNegative = 0.5) -> ProgressLine:
     """Progress of a computation below a cell of a notebook, on a terminal, or in lines of a log; for `on_progress`.
 
     In a notebook it is a widget where `ipywidgets` is installed, on a terminal a bar, elsewhere a line every 30 s. In
@@ -183,7 +177,7 @@ def show_progress(*, patience: NotNegative = 0.5) -> ProgressLine[ProgressReport
     ...     fit = mr.identify("bingham", mr.synthetic_test("spencer1997"), on_progress=shown)
     """
     display = display_here(write=_write_stderr, note=lambda sentence: _write_stderr(f"{sentence}\n"))
-    return ProgressLine(lambda report: report.in_words, display, patience=patience)
+    return ProgressLine(display, patience=patience)
 
 
 def _write_stderr(text: str) -> None:

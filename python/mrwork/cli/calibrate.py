@@ -7,17 +7,15 @@ from collections.abc import Sequence
 
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of
-from mrwork.cli.options import add_run, add_threads, end_parser
+from mrwork.cli.options import add_run, add_threads, end_parser, on_workers
 from mrwork.cli.output import end_addition, is_quiet, progress_line, told_findings
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, add_observation, nuisances_of, observation_of, opened_run, read_tests
-from mrwork.cli.workers import add_workers, on_workers
 from mrwork.store.run_folder import CALIBRATION, FOLDS
 from mrwork.store.run_writer import adding
-from mrwork.uncertainty.bands.calibration_files import FoldProgress, StoredBands, cross_validated, write_bands
+from mrwork.uncertainty.bands.calibration_files import StoredBands, cross_validated, write_bands
 from mrwork.uncertainty.bands.prediction import IN_WORDS, UNSEEN, Prediction
 from mrwork.uncertainty.bands.predictions import predict
-from mrwork.workers.engine import present_workers
 
 
 def add_options(parser: CommandParser) -> None:
@@ -34,8 +32,7 @@ def add_options(parser: CommandParser) -> None:
     add_files(parser, required=False)
     add_observation(parser, as_fitted=True)
     add_options_of(parser, cross_validated, "cross-validation", "leave_out")
-    add_threads(parser)
-    add_workers(parser, "the fits to the tests that remain")
+    add_threads(parser, "the fits to the tests that remain")
     end_parser(parser, run)
 
 
@@ -75,20 +72,10 @@ def _predict_held_out(
     options: argparse.Namespace,
 ) -> tuple[tuple[Sequence[Prediction], Sequence[Prediction]], Sequence[object]]:
     """Cross-validated predictions of the tests of the run, and those beyond the others; what checks found."""
-    from mrwork.identification.progress import IdentificationInWords
-
     opened = opened_run(options)
     findings = told_findings("calibrate", opened.tests, options)
-    in_words = IdentificationInWords()
-
-    def described(report: FoldProgress) -> str:
-        if (workers := present_workers()) is not None:
-            return workers.in_words
-        fold = f"{options.leave_out} {report.number} of {report.total}"
-        return fold if report.progress is None else f"{fold}: {in_words(report.progress)}"
-
     try:
-        with on_workers(options), progress_line(described, quiet=is_quiet(options), patience=0.0) as line:
+        with on_workers(options), progress_line(quiet=is_quiet(options), patience=0.0) as line:
             predictions = cross_validated(
                 opened, options.leave_out, threads=options.threads, on_progress=line
             )

@@ -18,7 +18,7 @@ from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
 from mrwork.cli.derived import add_option_of
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_threads, end_parser
+from mrwork.cli.options import add_threads, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import command_unit
@@ -62,17 +62,15 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument(
         "folder", type=named_path, metavar="FOLDER", help="folder of the test records of one damper"
     )
-    parser.group("model").add_argument(
-        "--model",
-        default=_MODELS,
-        metavar="NAMES",
-        help=f"damper models to choose among, as A,B,C; default {_MODELS}",
-    )
+    models = "damper models to choose among, as A,B,C"
+    parser.option("model", "--model", models, default=_MODELS, metavar="NAMES")
     add_option_of(parser, FitSettings, COMPUTATION, "rng")
     add_threads(parser)
-    add_out(parser, "run folder, default out/FOLDER")
     end_parser(
-        parser, run, resume="go on with a run that was interrupted; steps that are complete are not repeated"
+        parser,
+        run,
+        out="run folder, default out/FOLDER",
+        resume="go on with a run that was interrupted; steps that are complete are not repeated",
     )
 
 

@@ -16,7 +16,7 @@ from mrwork.base.table import Table
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import print_result, reading_line
+from mrwork.cli.output import print_result, reading_line, show_results
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, reading_of
 from mrwork.errors import MrworkError, SettingError, escape_text
@@ -63,23 +63,25 @@ def run(options: argparse.Namespace) -> int:
         except MrworkError as error:
             rows.append({"file": path, "error": str(error)})
             note(str(error))
-    together, shared = findings_of_set(tests), gathered_findings(tests).shared
-    document = {"files": rows, "set": [finding.document() for finding in together]}
-    document |= {"shared": [asdict(finding) for finding in shared]}
-    if tests or options.json:
-        print_result(options, document, _summary_of(tests).text(whole=True))
-    return 0 if len(tests) == len(rows) else 2
-
-
-def _summary_of(tests: Sequence[DamperTest]) -> Summary:
-    """A row of facts for each test, and what the checks found in each, in all, and in several."""
-    gathered = gathered_findings(tests)
+    together, gathered = findings_of_set(tests), gathered_findings(tests)
+    document = {
+        "files": rows,
+        "set": [finding.document() for finding in together],
+        "shared": [asdict(finding) for finding in gathered.shared],
+    }
     pairs = zip(tests, gathered.own, strict=True)
     notes = [
         f"{test.label}: {finding.severity}: {finding.message}" for test, items in pairs for finding in items
     ]
-    notes += [f"{finding.severity}: {finding.message}" for finding in findings_of_set(tests)]
+    notes += [f"{finding.severity}: {finding.message}" for finding in together]
     notes += [finding.in_words for finding in gathered.shared]
+    if tests or options.json:
+        show_results(options, _facts(tests, notes), document=document)
+    return 0 if len(tests) == len(rows) else 2
+
+
+def _facts(tests: Sequence[DamperTest], notes: Sequence[str]) -> Summary:
+    """A row of facts for each test, and what the checks found."""
     rows = [
         (
             *(test.label, str(test.n_time), f"{1.0 / test.dt:g}"),

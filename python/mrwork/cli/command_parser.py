@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from itertools import takewhile
 from typing import Any, NoReturn
 
@@ -109,6 +109,44 @@ class CommandParser(argparse.ArgumentParser):
             self.error(f"no verb is called {value!r}{near}")
         self.error(f"{'/'.join(action.option_strings) or action.metavar or action.dest} is {value!r}{near}")
 
+    def option(
+        self,
+        title: str,
+        name: str,
+        help: str,
+        reads: Callable[[str], Any] | type | None = None,
+        *,
+        metavar: str | None = None,
+        default: Any = None,
+        dest: str | None = None,
+        choices: Collection[str] | None = None,
+        repeated: bool = False,
+        required: bool = False,
+    ) -> None:
+        """Declare an option in the group of this title; `reads` makes its value of a text, and `bool` takes none.
+
+        The help ends with the default, if it is a number or a word, and with the range of a number. What is `repeated`
+        is added to the default, or is one entry where that is `None`.
+        """
+        group = self.group(title)
+        if reads is bool:
+            group.add_argument(name, help=help.replace("%", "%%"), dest=dest, action="store_true")
+            return
+        stated = "" if "default" in help else _stated(default)
+        repeat = "repeat for more" if repeated and default is not None else ""
+        parts = [help, repeat, stated, getattr(reads, "in_words", "")]
+        group.add_argument(
+            name,
+            help="; ".join(filter(None, parts)).replace("%", "%%"),
+            type=reads or str,
+            metavar=metavar,
+            default=default,
+            dest=dest,
+            choices=choices,
+            required=required,
+            action=Collect if repeated else "store",
+        )
+
     def group(self, title: str) -> argparse._ArgumentGroup:
         """The group of options with this title, which is made when it is first asked for."""
         made = next((group for group in self._action_groups if group.title == title), None)
@@ -117,3 +155,34 @@ class CommandParser(argparse.ArgumentParser):
 
 def _is_option(word: str) -> bool:
     return word.startswith("--") and word != "--"
+
+
+def _stated(default: Any) -> str:
+    if isinstance(default, float):
+        return f"default {default:g}"
+    return f"default {default}" if isinstance(default, str | int) else ""
+
+
+class Collect(argparse.Action):
+    """Values of a repeated option, in place of its default; a name only once."""
+
+    # argparse calls it with these arguments.
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        value: Any,
+        option_string: str | None = None,
+    ) -> None:
+        """Add a value."""
+        before = getattr(namespace, self.dest)
+        collected: Any = () if before is self.default else before
+        for item in value if isinstance(value, list) else [value]:
+            if not isinstance(item, tuple):
+                collected = (*collected, item)
+                continue
+            name, entry = item
+            if name in collected:
+                parser.error(f"{option_string or 'the command line'} gives {name} twice; give it once")
+            collected = dict(collected) | {name: entry}
+        setattr(namespace, self.dest, collected)

@@ -6,8 +6,8 @@ import argparse
 from functools import partial
 from typing import get_args
 
-from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.derived import Collect, add_option_of, arguments_of, read_entry
+from mrwork.cli.command_parser import Collect, CommandParser, examples
+from mrwork.cli.derived import add_option_of, arguments_of, read_entry
 from mrwork.cli.numbers import finite_number
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import show_results
@@ -29,14 +29,8 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument(
         "source", choices=get_args(Convention), metavar="FROM", help="convention of the values"
     )
-    conversion = parser.group("conversion")
-    conversion.add_argument(
-        "--to",
-        required=True,
-        choices=get_args(Convention),
-        metavar="TO",
-        help="spencer, normalised or opensees",
-    )
+    to = "spencer, normalised or opensees"
+    parser.option("conversion", "--to", to, metavar="TO", choices=get_args(Convention), required=True)
     parser.add_argument(
         "values",
         nargs="+",

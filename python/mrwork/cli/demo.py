@@ -8,7 +8,7 @@ from pathlib import Path
 
 from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
 from mrwork.cli.derived import add_option_of
-from mrwork.cli.options import add_out, add_threads, end_parser
+from mrwork.cli.options import add_threads, end_parser
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import damper
 from mrwork.identification.settings import FitSettings
@@ -28,11 +28,11 @@ def add_options(parser: CommandParser) -> None:
     parser.epilog = examples("mrwork demo", "mrwork demo --seed 2 --out out/seed2 --quiet")
     add_option_of(parser, FitSettings, COMPUTATION, "rng", default=_SEED)
     add_threads(parser)
-    add_out(parser, f"run folder, default {_OUT}")
     parser.set_defaults(out=_OUT)
     end_parser(
         parser,
         run,
+        out=f"run folder, default {_OUT}",
         resume="resume a demo that was killed or interrupted; all other options but --threads as in that demo",
     )
 

@@ -3,33 +3,42 @@
 The help is the first sentence that the docstring has of the parameter. What a text becomes is what the annotation says:
 a number of its range, one of several words, a flag, a list by repetition, or by commas where it is of numbers, and a
 mapping by repeated NAME=VALUE.
+
+Who declares is a function or a class, or its name as MODULE:NAME where its module is slow to load: the source tells.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
 import inspect
 import re
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, dataclass, fields, replace
-from functools import partial
+from functools import cache, partial
+from importlib import import_module
+from importlib.abc import SourceLoader
+from importlib.util import find_spec
 from typing import Any
 
-from mrwork.base.docstrings import parameter_texts
-from mrwork.base.hints import Form, Node, nodes_of
+from mrwork.base.docstrings import parameter_texts, texts_in
+from mrwork.base.hints import Form, Node, node_of, nodes_of
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, Range, finite_number
 from mrwork.errors import MrworkError
+
+Declaring = Callable[..., object] | str
 
 _FIRST_SENTENCE = re.compile(r".*?(?=(?<!\.)\.(?:\s|$)|$)", re.DOTALL)
 # Options that are not called as the parameter.
 _CALLED = {"rng": "seed"}
 _DERIVED = "derived"
+_DECLARING = (ast.FunctionDef, ast.ClassDef)
 UNCHANGED: Any = object()
 """The default of a parameter."""
 
 
-def add_options_of(parser: CommandParser, declaring: Callable[..., object], title: str, *names: str) -> None:
+def add_options_of(parser: CommandParser, declaring: Declaring, title: str, *names: str) -> None:
     """Declare options for parameters of a function, or fields of a class, in the group of this title."""
     for name in names:
         add_option_of(parser, declaring, title, name)
@@ -37,7 +46,7 @@ def add_options_of(parser: CommandParser, declaring: Callable[..., object], titl
 
 def add_option_of(
     parser: CommandParser,
-    declaring: Callable[..., object],
+    declaring: Declaring,
     title: str,
     name: str,
     option: str = "",
@@ -58,35 +67,31 @@ def add_option_of(
     if form is None:
         raise TypeError(f"no text stands for `{name}`; say how one is read")
     option = option or _CALLED.get(name) or (name.removesuffix("s") if form.repeated else name)
-    default = own_default if default is UNCHANGED else default
     listed = f"one of {', '.join(choices)}" if metavar and choices and not form.repeated else ""
-    stated = "" if "default" in more else _stated(default)
-    repeat = "repeat for more" if form.repeated else ""
-    parts = [_as_help(text), listed, more, repeat, stated, getattr(form.reads, "in_words", "")]
-    kwargs: dict[str, Any] = {"dest": name, "default": default}
-    if form.action == "store_true":
-        kwargs["action"] = "store_true"
-    else:
-        kwargs |= {
-            "type": form.reads,
-            "choices": [*form.choices, *choices] or None,
-            "metavar": metavar or form.metavar,
-        }
-    if form.repeated:
-        kwargs["action"] = Collect
-    says = "; ".join(filter(None, parts)).replace("%", "%%")
-    parser.group(title).add_argument(f"--{option.replace('_', '-')}", help=says, **kwargs)
+    parser.option(
+        title,
+        f"--{option.replace('_', '-')}",
+        "; ".join(filter(None, (_as_help(text), listed, more))),
+        form.reads,
+        metavar=metavar or form.metavar,
+        default=own_default if default is UNCHANGED else default,
+        dest=name,
+        choices=[*form.choices, *choices] or None,
+        repeated=form.repeated,
+    )
     derived = parser.get_default(_DERIVED) or {}
     parser.set_defaults(**{_DERIVED: derived | {declaring: (*derived.get(declaring, ()), name)}})
 
 
-def arguments_of(options: argparse.Namespace, declaring: Callable[..., object]) -> dict[str, Any]:
+def arguments_of(options: argparse.Namespace, declaring: Declaring) -> dict[str, Any]:
     """The arguments of a function that the command line gives."""
     return {name: getattr(options, name) for name in getattr(options, _DERIVED)[declaring]}
 
 
 def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
     """Annotation, default and text of a parameter."""
+    if isinstance(declaring, str):
+        return _declared_in_source(declaring, name)
     text = parameter_texts(declaring)[name]
     if isinstance(declaring, type):
         (field,) = (entry for entry in fields(declaring) if entry.name == name)
@@ -95,16 +100,55 @@ def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
     return nodes_of(declaring)[name], inspect.signature(declaring).parameters[name].default, text
 
 
+def _declared_in_source(declaring: str, name: str) -> tuple[Node, Any, str]:
+    """Annotation, default and text of a parameter of MODULE:NAME, which has a default."""
+    module, _, called = declaring.partition(":")
+    body = _source(module)
+    (found,) = (entry for entry in body if isinstance(entry, _DECLARING) and entry.name == called)
+    if isinstance(found, ast.ClassDef):
+        pairs: list[tuple[ast.expr | None, ast.expr | None]] = [
+            (entry.annotation, entry.value)
+            for entry in found.body
+            if isinstance(entry, ast.AnnAssign) and ast.unparse(entry.target) == name
+        ]
+    else:
+        given = found.args
+        taken, defaults = [*given.args, *given.kwonlyargs], [*given.defaults, *given.kw_defaults]
+        # The first may have no default.
+        with_default = zip(taken[::-1], defaults[::-1], strict=False)
+        pairs = [(argument.annotation, value) for argument, value in with_default if argument.arg == name]
+    hint, default = (_evaluated(part, body) for part in pairs[0] if part is not None)
+    return node_of(hint), default, texts_in(ast.get_docstring(found))[name]
+
+
+def _evaluated(expression: ast.expr, body: list[ast.stmt]) -> Any:
+    """The value of an expression in a module, of which only what the expression names is imported or assigned."""
+    used = {node.id for node in ast.walk(expression) if isinstance(node, ast.Name)}
+    known: dict[str, Any] = {}
+    for entry in body:
+        match entry:
+            case ast.ImportFrom(str(module), names):
+                known |= {
+                    one.name: getattr(import_module(module), one.name) for one in names if one.name in used
+                }
+            case ast.Assign([ast.Name(assigned)], value) if assigned in used:
+                known[assigned] = _evaluated(value, body)
+    return eval(ast.unparse(expression), known)
+
+
+@cache
+def _source(module: str) -> list[ast.stmt]:
+    """The statements of a module, which is not imported."""
+    found = find_spec(module)
+    assert found is not None
+    assert isinstance(found.loader, SourceLoader)
+    return ast.parse(found.loader.get_source(module) or "").body
+
+
 def _as_help(text: str) -> str:
     (first,) = re.findall(_FIRST_SENTENCE, " ".join(text.split()))[:1]
     plain: str = first.replace("`", "")
     return plain[0].lower() + plain[1:] if plain[1:2].islower() else plain
-
-
-def _stated(default: Any) -> str:
-    if isinstance(default, bool) or not isinstance(default, str | int | float):
-        return ""
-    return f"default {default:g}" if isinstance(default, float) else f"default {default}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +158,6 @@ class _Form:
     reads: Callable[[str], Any] | None = None
     choices: tuple[str, ...] = ()
     metavar: str | None = None
-    action: str = "store"
     repeated: bool = False
 
 
@@ -139,7 +182,7 @@ def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
         case Node(Form.ENUMERATED, choices):
             return _Form(choices=choices)
         case Node(Form.SCALAR, kind) if kind is bool:
-            return _Form(action="store_true")
+            return _Form(reads=bool)
         case Node(Form.SCALAR, kind) if kind in (int, float):
             number = Range.of(node)
             return _Form(reads=number, metavar=number.metavar)
@@ -170,28 +213,3 @@ def _entry_of(value: Node) -> tuple[Callable[[str], Any], str]:
     if value.form in (Form.FIXED, Form.ITEMS):
         return ends_of, "LOWER:UPPER"
     return (finite_number, "NUMBER") if value.kind is float else (str, "VALUE")
-
-
-class Collect(argparse.Action):
-    """Values of a repeated option, in place of its default; a name only once."""
-
-    # argparse calls it with these arguments.
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        value: Any,
-        option_string: str | None = None,
-    ) -> None:
-        """Add a value."""
-        before = getattr(namespace, self.dest)
-        collected: Any = () if before is self.default else before
-        for item in value if isinstance(value, list) else [value]:
-            if not isinstance(item, tuple):
-                collected = (*collected, item)
-                continue
-            name, entry = item
-            if name in collected:
-                parser.error(f"{option_string or 'the command line'} gives {name} twice; give it once")
-            collected = dict(collected) | {name: entry}
-        setattr(namespace, self.dest, collected)

@@ -57,17 +57,6 @@ def whole_parser() -> CommandParser:
     return _parser_with(verbs())
 
 
-class _ShowVersion(argparse.Action):
-    """Print the version, and which vector instructions this build and this machine have."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from mrwork import __version__
-        from mrwork.dampers.simulation import instruction_set
-
-        show(f"mrwork {__version__}\n{instruction_set()}")
-        parser.exit()
-
-
 def _parser_with(declared: Collection[str]) -> CommandParser:
     root = CommandParser(
         prog="mrwork",
@@ -75,7 +64,7 @@ def _parser_with(declared: Collection[str]) -> CommandParser:
         epilog="mrwork help VERB describes a verb, with its options and examples; mrwork alone shows where to begin.",
     )
     root.add_argument(
-        "-V", "--version", action=_ShowVersion, nargs=0, help="show version and instruction sets, and exit"
+        "-V", "--version", action="store_true", help="show version and instruction sets, and exit"
     )
     root.set_defaults(run=_show_tour)
     commands = root.add_subparsers(title="verbs", metavar="VERB", parser_class=CommandParser)
@@ -104,9 +93,15 @@ options of one with examples, mrwork models the damper models.
 mrwork completion SHELL completes commands in bash, zsh, fish."""
 
 
-def _show_tour(_: argparse.Namespace) -> int:
-    """Print where to begin: what a command line without a verb does."""
-    show(TOUR)
+def _show_tour(options: argparse.Namespace) -> int:
+    """Print where to begin, or the version and the vector instructions: what a command line without a verb does."""
+    text = TOUR
+    if options.version:
+        from mrwork import __version__
+        from mrwork.dampers.simulation import instruction_set
+
+        text = f"mrwork {__version__}\n{instruction_set()}"
+    show(text)
     return 0
 
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 
-from mrwork.base.hints import node_of
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.derived import add_option_of
-from mrwork.cli.numbers import Range, add_number, named_path
+from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import print_result
 from mrwork.cli.own_models import add_trust
-from mrwork.dampers.conventions import OpenSeesTimeStep, convert
 from mrwork.errors import SettingError
 
 _TARGETS = ("mat", "opensees", "csv")
+_EXPORT = "mrwork.runs.export:export"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -33,28 +31,13 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument(
         "run_folder", type=named_path, metavar="RUN", help="folder of mrwork identify, respond or tune"
     )
-    target, output = parser.group("target"), parser.group(OUTPUT)
-    target.add_argument("--to", required=True, choices=_TARGETS, metavar="TO", help="mat, opensees or csv")
-    target.add_argument(
-        "--command",
-        metavar="COMMAND",
-        help="command at which the damper is exported, as in 0.5A; csv: default five over the tested ones",
-    )
-    add_option_of(parser, convert, "target", "error", metavar="SHARE")
-    add_number(
-        target,
-        "--time-step",
-        replace(Range.of(node_of(OpenSeesTimeStep)), unit="s"),
-        "step of the analysis in OpenSees, of which the sub-steps are told; default 0.001",
-        metavar="S",
-    )
-    output.add_argument(
-        "--output",
-        type=named_path,
-        metavar="FILE",
-        help="file to write; without it opensees and csv are printed",
-    )
-    output.add_argument("--replace", action="store_true", help="replace a file that is there")
+    parser.option("target", "--to", "mat, opensees or csv", metavar="TO", choices=_TARGETS, required=True)
+    add_option_of(parser, _EXPORT, "target", "command", metavar="COMMAND")
+    add_option_of(parser, _EXPORT, "target", "error", metavar="SHARE")
+    add_options_of(parser, _EXPORT, "target", "time_step")
+    file = "file to write; without it opensees and csv are printed"
+    parser.option(OUTPUT, "--output", file, named_path, metavar="FILE")
+    parser.option(OUTPUT, "--replace", "replace a file that is there", bool)
     add_trust(parser)
     end_parser(parser, run, quiet="")
 
@@ -70,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     observation = opened.observation_in_words if isinstance(opened, Fit) else ""
     document = {"run": str(options.run_folder), "to": options.to}
     document |= {"observation": observation} if observation else {}
-    wanted = {"command": options.command, "error": options.error, "time_step": options.time_step}
+    wanted = arguments_of(options, _EXPORT)
     if options.output is not None:
         path = export(options.run_folder, options.to, options.output, replace=options.replace, **wanted)
         text = "\n".join(filter(None, (f"Written: {path}", observation)))

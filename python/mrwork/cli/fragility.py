@@ -8,15 +8,17 @@ from typing import TYPE_CHECKING
 
 from mrwork.base.table import csv_text
 from mrwork.cli.command_parser import OUTPUT, CommandParser, examples
-from mrwork.cli.numbers import DISPERSION, LEVEL, add_number, named_path
+from mrwork.cli.derived import add_option_of, arguments_of
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
-from mrwork.cli.output import print_result, undrawn_warned
-from mrwork.errors import SettingError
+from mrwork.cli.output import show_results, undrawn_warned
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
     from mrwork.study.fragilities import Fragilities
+
+_FRAGILITY = "mrwork.study.fragilities:fragility"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -31,42 +33,23 @@ def add_options(parser: CommandParser) -> None:
         "mrwork fragility out/ida --limit peak_acceleration=3m/s2 --against uncontrolled --output limit.csv",
     )
     parser.add_argument("study_run", type=named_path, metavar="RUN", help="folder of mrwork respond")
-    group = parser.group("fragility")
-    group.add_argument(
-        "--limit",
-        metavar="CRITERION=LIMIT",
-        help="criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%%; default: limit of "
-        "[report] or drift_limit of [building] of the study, else collapse, peak_drift_ratio=10%%",
-    )
-    add_number(group, "--level", LEVEL, "level of the bands, default 0.9", default=0.9, metavar="P")
-    add_number(
-        group,
-        "--modelling-dispersion",
-        DISPERSION,
-        "standard deviation of the logarithm that models add, default 0",
-        default=0.0,
-        metavar="BETA",
-    )
-    group.add_argument(
+    add_option_of(parser, _FRAGILITY, "fragility", "limit", reads=_limit, metavar="CRITERION=LIMIT")
+    add_option_of(parser, _FRAGILITY, "fragility", "level", metavar="P")
+    add_option_of(parser, _FRAGILITY, "fragility", "modelling_dispersion", metavar="BETA")
+    parser.option(
+        "fragility",
         "--against",
+        "arrangement that the others are compared with; default: the best constant command, else uncontrolled",
         metavar="LABEL",
-        help="arrangement that the others are compared with; default: the best constant command, else uncontrolled",
     )
-    output = parser.group(OUTPUT)
-    output.add_argument(
-        "--output",
-        type=named_path,
-        metavar="FILE",
-        help="file of the shares and probabilities at each level, as CSV; beside it FILE-ida.svg and "
-        "FILE-fragility.svg",
-    )
-    output.add_argument("--replace", action="store_true", help="replace files that are there")
+    file = "file of the shares and probabilities at each level, as CSV; beside it FILE-ida.svg and FILE-fragility.svg"
+    parser.option(OUTPUT, "--output", file, named_path, metavar="FILE")
+    parser.option(OUTPUT, "--replace", "replace files that are there", bool)
     end_parser(parser, run, quiet="")
 
 
 def run(options: argparse.Namespace) -> int:
     """Find, write the files, print the table."""
-    limit = None if options.limit is None else _limit(options.limit)
     table: Path | None = options.output
     figures = ("ida", "fragility") if table is not None else ()
     files = (
@@ -81,9 +64,7 @@ def run(options: argparse.Namespace) -> int:
 
     result = fragility(
         load(options.study_run, StudyResults),
-        limit,
-        level=options.level,
-        modelling_dispersion=options.modelling_dispersion,
+        **arguments_of(options, _FRAGILITY),
     )
     contents = [_table(result)] if files else []
     with undrawn_warned("a figure", "the table stands without it"):
@@ -92,19 +73,16 @@ def run(options: argparse.Namespace) -> int:
     for path, content in zip(written, contents, strict=True):
         write_file(path, content)
     document = result.document(options.against) | {"files": list(map(str, written))}
-    text = result._summary(options.against).text(whole=True)
-    print_result(options, document, "\n".join([text, *(f"Written: {path}" for path in written)]))
+    below = [f"Written: {path}" for path in written]
+    show_results(options, result._summary(options.against), document=document, below=below)
     return 0
 
 
-def _limit(text: str) -> dict[str, float | str]:
-    name, _, limit = (part.strip() for part in text.partition("="))
-    if not name or not limit:
-        raise SettingError(f"--limit is {text!r}; give a criterion and its limit, as peak_drift_ratio=1%")
+def _limit(text: str) -> float | str:
     try:
-        return {name: float(limit)}
+        return float(text)
     except ValueError:
-        return {name: limit}
+        return text
 
 
 def _figures(result: Fragilities) -> tuple[bytes, ...]:

@@ -8,10 +8,10 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from mrwork.base.progress import ProgressLine
-from mrwork.cli.output import in_words, is_quiet, progress_line
+from mrwork.cli.output import is_quiet, progress_line
 from mrwork.cli.terminal import note
 from mrwork.errors import Interrupted
 from mrwork.store.run_folder import RunKind
@@ -52,15 +52,11 @@ class Frame:
         return is_quiet(self.options)
 
     def compute(
-        self,
-        compute: Callable[[ProgressLine[Any]], Result],
-        described: Callable[[Any], str] = in_words,
-        *,
-        patience: float = 0.0,
+        self, compute: Callable[[ProgressLine], Result], *, patience: float = 0.0
     ) -> tuple[Result | None, int]:
         """The result with a progress line, after Ctrl-C what there is of it; and the exit status, 0 or 130."""
         try:
-            with progress_line(described, quiet=self.is_quiet, patience=patience) as line:
+            with progress_line(quiet=self.is_quiet, patience=patience) as line:
                 return compute(line), 0
         except Interrupted as interrupt:
             return interrupt.result, 130

@@ -6,12 +6,12 @@ import argparse
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from mrwork.base.progress import ProgressLine
 from mrwork.base.summary import Summarised
 from mrwork.cli.frame import Frame, command_line
-from mrwork.cli.output import as_plain, draw_last, in_words, renew_page, show_results
+from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
 from mrwork.dampers.spec import DamperSpec
@@ -19,7 +19,6 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import manifest_of, others_content, read_fit, write_run
 from mrwork.identification.identify import identify_with
-from mrwork.identification.progress import IdentificationInWords
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for
@@ -89,11 +88,9 @@ class Identification:
             is_step=is_step,
         )
 
-    def search(
-        self, search: Callable[[ProgressLine[Any]], Result], described: Callable[[Any], str], *, before: str
-    ) -> tuple[Result | None, int]:
+    def search(self, search: Callable[[ProgressLine], Result], *, before: str) -> tuple[Result | None, int]:
         """The result of a search, and the exit status; `before` says what has not happened when Ctrl-C leaves none."""
-        result, status = self.frame.compute(search, described)
+        result, status = self.frame.compute(search)
         if result is None:
             note(f"interrupted before {before}; run the same command with --resume to continue")
         return result, status
@@ -188,7 +185,6 @@ def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> 
                 on_progress=line,
                 journal=journal,
             ),
-            IdentificationInWords(),
             before="any candidate was simulated",
         )
         journal.close()
@@ -211,7 +207,6 @@ def fit_best(verb: Identification, choose: Callable[..., Choice]) -> int:
                 on_progress=line,
                 journal_of=lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
             ),
-            in_words,
             before="anything was compared",
         )
         if choice is None:

@@ -9,12 +9,11 @@ from typing import get_args
 
 from mrwork.base.units import COMMAND_SCALES
 from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
-from mrwork.cli.derived import Collect, add_option_of, add_options_of, arguments_of, read_entry
+from mrwork.cli.derived import add_option_of, add_options_of, arguments_of, read_entry
 from mrwork.cli.numbers import finite_number, named_path
-from mrwork.cli.options import add_out, add_repeated, add_threads, end_parser
+from mrwork.cli.options import add_threads, end_parser, on_workers
 from mrwork.cli.own_models import is_own, own_model
 from mrwork.cli.tests import add_files, add_observation, command_unit, nuisances_of
-from mrwork.cli.workers import add_workers, on_workers
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
@@ -28,7 +27,7 @@ from mrwork.identification.settings import (
     searches,
 )
 
-_AUTO = "auto"
+_AUTO, _LAWS = "auto", "current laws"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -39,65 +38,70 @@ def add_options(parser: CommandParser) -> None:
         "mrwork identify synthetic:spencer1997 --model dahl,normalised_bouc_wen",
     )
     add_files(parser)
-    model, laws = parser.group("model"), parser.group("current laws")
-    model.add_argument(
+    parser.option(
+        "model",
         "--model",
+        "damper model, see mrwork models; default normalised_bouc_wen; all, or A,B,C, identifies several models and "
+        "ranks them, or chooses among their laws with --law auto; FILE.py:NAME, a damper of your own that "
+        "mrwork.own_damper has made, runs this file as Python",
         default="normalised_bouc_wen",
         metavar="NAME",
-        help="damper model, see mrwork models; default normalised_bouc_wen; all, or A,B,C, identifies several models "
-        "and ranks them, or chooses among their laws with --law auto; FILE.py:NAME, a damper of your own that "
-        "mrwork.own_damper has made, runs this file as Python",
     )
     add_options_of(parser, FitSettings, "model", "bounds")
     add_option_of(parser, FitSettings, "model", "ties", metavar="NAME=EXPRESSION")
-    model.add_argument(
+    parser.option(
+        "model",
         "--fix",
-        dest="fixed",
-        action=Collect,
-        default={},
-        type=partial(read_entry, finite_number, "VALUE"),
+        "hold a parameter fixed",
+        partial(read_entry, finite_number, "VALUE"),
         metavar="NAME=VALUE",
-        help="hold a parameter fixed; repeat for more",
-    )
-    laws.add_argument(
-        "--law",
-        action=Collect,
         default={},
-        type=_law,
+        dest="fixed",
+        repeated=True,
+    )
+    parser.option(
+        _LAWS,
+        "--law",
+        "let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
+        "commands, values:0,0.3,1 by values at these, exponential; auto chooses the laws of all other parameters "
+        "without bounds by the fit to tests left out",
+        _law,
         metavar="NAME=LAW",
-        help="let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
-        "commands, values:0,0.3,1 by values at these, exponential; repeat for more; auto chooses the laws of all other "
-        "parameters without bounds by the fit to tests left out",
+        default={},
+        repeated=True,
     )
-    laws.add_argument(
+    parser.option(
+        _LAWS,
         "--command-unit",
-        choices=[*COMMAND_SCALES],
+        "unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %, bar, psi, "
+        "lb or degC; default A where the tests have a current",
         metavar="UNIT",
-        help="unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %%, "
-        "bar, psi, lb or degC; default A where the tests have a current",
+        choices=[*COMMAND_SCALES],
     )
-    laws.add_argument(
+    parser.option(
+        _LAWS,
         "--driver-lag",
-        action="store_true",
-        help="let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; "
-        "for records of a set point that varies, rather than of the current itself; left out where the tests show none",
+        "let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; for "
+        "records of a set point that varies, rather than of the current itself; left out where the tests show none",
+        bool,
     )
-    comparison = parser.group("comparison of models and laws")
-    comparison.add_argument(
+    parser.option(
+        "comparison of models and laws",
         "--leave-out",
+        "with several models or --law auto: tests that are left out together and predicted: all of one motion (default "
+        "from three motions on), each test alone, or all at one command",
         choices=get_args(Fold),
-        help="with several models or --law auto: tests that are left out together and predicted: all of one motion "
-        "(default from three motions on), each test alone, or all at one command",
     )
     add_observation(parser)
-    search = parser.group(SEARCH)
-    add_repeated(
-        search,
+    parser.option(
+        SEARCH,
         "--start",
-        "RUN",
-        "also start from an earlier fit of this model, or of a model with some of its parameters; repeat for more",
+        "also start from an earlier fit of this model, or of a model with some of its parameters",
+        named_path,
+        metavar="RUN",
+        default=(),
         dest="starts",
-        type=named_path,
+        repeated=True,
     )
     elsewhere = ("bounds", "ties", "starts", "nuisances", "observe", "search", "rng")
     add_option_of(parser, FitSettings, SEARCH, "search", choices=searches(), metavar="NAME")
@@ -109,12 +113,11 @@ def add_options(parser: CommandParser) -> None:
     )
     add_options_of(parser, resize_search, SEARCH, "population", "generations")
     add_options_of(parser, FitSettings, COMPUTATION, "rng")
-    add_threads(parser)
-    add_workers(parser, "the fits where several models are compared")
-    add_out(parser, "run folder, default out/TEST-MODEL")
+    add_threads(parser, "the fits where several models are compared")
     end_parser(
         parser,
         run,
+        out="run folder, default out/TEST-MODEL",
         resume="resume a run that was killed or interrupted; all other options as in that run, but "
         "--threads, --workers and --cluster",
     )

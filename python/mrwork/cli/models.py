@@ -7,18 +7,17 @@ from dataclasses import asdict
 from math import inf
 from typing import Any
 
-from mrwork.base.hints import Within
 from mrwork.base.table import Table
 from mrwork.cli.command_parser import CommandParser, examples
-from mrwork.cli.numbers import Range, add_number, named_path
+from mrwork.cli.derived import add_options_of, arguments_of
+from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import check_figure, print_result, show_results, write_figure
 from mrwork.cli.own_models import is_own, own_model
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError
 
-_AMPLITUDE = Range(within=Within(least=1e-6, most=1.0), unit="m")
-_FREQUENCY = Range(within=Within(least=1e-4, most=1e3), unit="Hz")
+_FIGURE = "mrwork.plots.of_dampers:nominal_loops"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -28,20 +27,11 @@ def add_options(parser: CommandParser) -> None:
         "mrwork models --presets", "mrwork models normalised_bouc_wen --figure loops.svg"
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
-    parser.add_argument(
-        "--presets",
-        action="store_true",
-        help="list the published sets by the force that a damper is made for, of all models or of NAME",
-    )
-    figure = parser.group("figure")
-    figure.add_argument(
-        "--figure",
-        type=named_path,
-        metavar="FILE",
-        help="draw the loops of the model with its nominal parameters, as an .svg or a .png file",
-    )
-    add_number(figure, "--amplitude", _AMPLITUDE, "of the motion of the figure", metavar="M", default=0.015)
-    add_number(figure, "--frequency", _FREQUENCY, "of the motion of the figure", metavar="HZ", default=2.5)
+    presets = "list the published sets by the force that a damper is made for, of all models or of NAME"
+    parser.add_argument("--presets", action="store_true", help=presets)
+    figure = "draw the loops of the model with its nominal parameters, as an .svg or a .png file"
+    parser.option("figure", "--figure", figure, named_path, metavar="FILE")
+    add_options_of(parser, _FIGURE, "figure", "amplitude", "frequency")
     end_parser(parser, run, quiet="")
 
 
@@ -113,8 +103,7 @@ def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     check_figure(options.figure)
     from mrwork.plots.of_dampers import nominal_loops
 
-    figure = nominal_loops(spec, amplitude=options.amplitude, frequency=options.frequency)
-    write_figure(options.figure, figure)
+    write_figure(options.figure, nominal_loops(spec, **arguments_of(options, _FIGURE)))
 
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:

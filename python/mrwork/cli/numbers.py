@@ -10,11 +10,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any
 
-from mrwork.base.arguments import Count, Level, Threads
+from mrwork.base.arguments import Threads
 from mrwork.base.hints import InUnit, Node, Within, instead_of, node_of
-from mrwork.base.keys import LARGEST_SEED
 
 # As many digits of a number as a message repeats.
 _SHOWN = 40
@@ -86,28 +84,7 @@ class Listed:
         return numbers
 
 
-SEED = Range(within=Within(least=0, most=LARGEST_SEED), whole=True)
 THREADS = Range.of(node_of(Threads))
-# Instants of a record may count from a far epoch, in seconds.
-INSTANT = Range(within=Within(least=-1e10, most=1e10), unit="s")
-SETTLE = Range(within=Within(least=0.0, most=1e6), unit="s")
-EVERY, LEVEL = (Range.of(node_of(kind)) for kind in (Count, Level))
-DISPERSION = Range(within=Within(least=0.0, most=10.0))
-
-
-def add_number(
-    parser: Any,
-    option: str,
-    numeric: Range,
-    help: str,
-    *,
-    metavar: str,
-    default: float | None = None,
-    dest: str | None = None,
-) -> None:
-    """Declare an option that takes a number; its help ends with the range."""
-    says = f"{help}; {numeric.in_words}"
-    parser.add_argument(option, type=numeric, help=says, metavar=metavar, default=default, dest=dest)
 
 
 def finite_number(text: str) -> float:

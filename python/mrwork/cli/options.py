@@ -1,55 +1,47 @@
-"""Options that several verbs share."""
+"""Options that several verbs share; and the workers that they name."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser
-from mrwork.cli.numbers import SEED, THREADS, add_number, named_path
+from mrwork.cli.numbers import THREADS, named_path
 from mrwork.cli.own_models import add_trust
-
-
-def add_repeated(
-    group: Any, option: str, metavar: str, help: str, *, dest: str | None = None, type: Any = None
-) -> None:
-    """Declare an option that may be given several times, as its help says."""
-    group.add_argument(option, action="append", default=[], metavar=metavar, help=help, dest=dest, type=type)
+from mrwork.cli.terminal import note
+from mrwork.errors import SettingError
 
 
 def add_run(parser: CommandParser) -> None:
     """RUN, the folder of an identification, as `options.run_folder`."""
     parser.add_argument("run_folder", type=named_path, metavar="RUN", help="run folder of mrwork identify")
-    parser.add_argument(
-        "--changed",
-        action="store_true",
-        help="also read files of RUN that are not as mrwork has written them",
-    )
+    changed = "also read files of RUN that are not as mrwork has written them"
+    parser.add_argument("--changed", action="store_true", help=changed)
     add_trust(parser)
 
 
-def add_threads(parser: CommandParser) -> None:
-    """--threads."""
-    group = parser.group(COMPUTATION)
-    add_number(group, "--threads", THREADS, "number of threads, default 0, all", default=0, metavar="N")
-
-
-def add_seed(parser: CommandParser, of: str) -> None:
-    """--seed, of what `of` names."""
-    add_number(parser.group(COMPUTATION), "--seed", SEED, f"seed of {of}, default 0", default=0, metavar="N")
-
-
-def add_out(parser: CommandParser, what: str) -> None:
-    """--out, which `what` describes, and --replace."""
-    output = parser.group(OUTPUT)
-    output.add_argument("--out", type=named_path, metavar="DIR", help=what)
-    output.add_argument(
-        "--replace",
-        action="store_true",
-        help="replace the run in the folder also where it is unfinished or of another verb, where other verbs have "
-        "added to it, or where a file has been changed; otherwise it is refused. Files that no verb has written are "
-        "kept",
+def add_threads(parser: CommandParser, workers: str = "") -> None:
+    """--threads; and --workers and --cluster, where `workers` says what they do."""
+    says = "number of threads, default 0, all"
+    parser.option(COMPUTATION, "--threads", says, THREADS, default=0, metavar="N")
+    if not workers:
+        return
+    parser.option(
+        COMPUTATION,
+        "--workers",
+        f"processes of this machine that do {workers}, on one thread each, default 0: this process does all; the "
+        "results are the same",
+        THREADS,
+        default=0,
+        metavar="N",
+    )
+    parser.option(
+        COMPUTATION,
+        "--cluster",
+        "the same by the workers of a Dask scheduler: its address, as in tcp://HOST:8786, or its scheduler file; needs "
+        "the extra cluster",
+        metavar="ADDRESS",
     )
 
 
@@ -57,15 +49,42 @@ def end_parser(
     parser: CommandParser,
     run: Callable[[argparse.Namespace], int],
     *,
+    out: str = "",
     resume: str = "",
     quiet: str = "no progress line",
 ) -> None:
-    """Declare --resume and --quiet, each where it has a help, and --json; `run` is what the verb does."""
-    output = parser.group(OUTPUT)
-    for option, help in (("--resume", resume), ("--quiet", quiet)):
-        if help:
-            output.add_argument(option, action="store_true", help=help)
-    output.add_argument(
-        "--json", action="store_true", help="print one JSON object on stdout and nothing else"
+    """Declare --out with --replace, --resume and --quiet, each where it has a help, and --json; `run` is the verb."""
+    if out:
+        parser.option(OUTPUT, "--out", out, named_path, metavar="DIR")
+    replace = (
+        "replace the run in the folder also where it is unfinished or of another verb, where other verbs have added to "
+        "it, or where a file has been changed; otherwise it is refused. Files that no verb has written are kept"
     )
+    json = "print one JSON object on stdout and nothing else"
+    flags = {"--replace": out and replace, "--resume": resume, "--quiet": quiet, "--json": json}
+    for option, help in flags.items():
+        if help:
+            parser.option(OUTPUT, option, help, bool)
     parser.set_defaults(run=run)
+
+
+@contextmanager
+def on_workers(options: argparse.Namespace, *, needless: str = "") -> Iterator[None]:
+    """Let the workers of the command line do runs and fits in the block; `needless` says why they cannot help."""
+    if not options.workers and options.cluster is None:
+        yield
+        return
+    if options.workers and options.cluster is not None:
+        raise SettingError("--workers and --cluster both say who works; give one of them")
+    if needless:
+        note(f"{'--workers' if options.workers else '--cluster'} has no effect: {needless}")
+        yield
+        return
+    # Pools and hashes are slow to load.
+    from mrwork.workers.cluster import cluster_workers
+    from mrwork.workers.engine import working_on
+    from mrwork.workers.local import local_workers
+
+    there = local_workers(options.workers) if options.workers else cluster_workers(options.cluster)
+    with there as executor, working_on(executor):
+        yield

@@ -6,12 +6,12 @@ import argparse
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 from mrwork.base.progress import ProgressLine, ProgressReport, display_here
-from mrwork.base.summary import Summarised
+from mrwork.base.summary import Summarised, Summary
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError, SettingError, reason_of
 from mrwork.store.codec import finite
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from mrwork.records.reading import OnRead
     from mrwork.report.section import OnDrawn
 
-Report = TypeVar("Report")
-
 PATIENCE = 2.0
 """Seconds until the progress line appears, for computations that are often shorter."""
 
@@ -37,29 +35,28 @@ def is_quiet(options: argparse.Namespace) -> bool:
     return bool(options.json or getattr(options, "quiet", False))
 
 
-def in_words(report: ProgressReport) -> str:
-    """The report's own progress line."""
-    return report.in_words
-
-
-def progress_line(
-    described: Callable[[Report], str], *, quiet: bool, patience: float = PATIENCE
-) -> ProgressLine[Report]:
+def progress_line(*, quiet: bool, patience: float = PATIENCE) -> ProgressLine:
     """A line of progress, which is cleared at the end."""
     display = None if quiet else display_here(write=write_stderr, note=note)
-    return ProgressLine(described, display, patience=patience)
+    return ProgressLine(display, patience=patience)
+
+
+@dataclass(frozen=True, slots=True)
+class _TestsRead(ProgressReport):
+    done: int
+    total: int
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line."""
+        return "reading the test" if self.total == 1 else f"reading {self.done + 1} of {self.total} tests"
 
 
 @contextmanager
 def reading_line(*, quiet: bool) -> Iterator[OnRead]:
     """Progress line with the number of tests that have been read."""
-    with progress_line(_reading_described, quiet=quiet, patience=0.0) as line:
-        yield lambda done, total: line((done, total))
-
-
-def _reading_described(read: tuple[int, int]) -> str:
-    done, total = read
-    return "reading the test" if total == 1 else f"reading {done + 1} of {total} tests"
+    with progress_line(quiet=quiet, patience=0.0) as line:
+        yield lambda done, total: line(_TestsRead(done, total))
 
 
 def print_json(document: object) -> None:
@@ -77,12 +74,13 @@ def print_result(options: argparse.Namespace, document: object, text: str) -> No
 
 def show_results(
     options: argparse.Namespace,
-    *results: Summarised,
+    *results: Summarised | Summary,
     document: Mapping[str, object],
     below: Sequence[str] = (),
 ) -> None:
     """Print results: the `document` with --json, else their summaries and the lines `below`."""
-    texts = [result._summary().text(whole=True) for result in results]
+    summaries = [result if isinstance(result, Summary) else result._summary() for result in results]
+    texts = [summary.text(whole=True) for summary in summaries]
     print_result(options, document, "\n".join(["\n\n".join(texts), *below]))
 
 
@@ -184,7 +182,7 @@ def drawing(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> in
     Return the exit status: 130 after Ctrl-C, when a message says how to draw the page later, otherwise 0.
     """
     try:
-        with progress_line(in_words, quiet=quiet) as line:
+        with progress_line(quiet=quiet) as line:
             draw(line)
     except KeyboardInterrupt:
         note(

@@ -19,18 +19,11 @@ _SUFFIX = ".py"
 
 def add_trust(parser: CommandParser) -> None:
     """--trust, and --model of a verb that takes what another has identified."""
-    group = parser.group("damper of the user")
-    group.add_argument(
-        "--trust",
-        action="store_true",
-        help="let the Python equations run that a run folder has of a damper of its user; read them first",
-    )
-    group.add_argument(
-        "--model",
-        dest="own_model",
-        metavar="FILE.py:NAME",
-        help="let them run if they equal this file's, which runs as Python",
-    )
+    title = "damper of the user"
+    trust = "let the Python equations run that a run folder has of a damper of its user; read them first"
+    parser.option(title, "--trust", trust, bool)
+    model = "let them run if they equal this file's, which runs as Python"
+    parser.option(title, "--model", model, dest="own_model", metavar="FILE.py:NAME")
 
 
 def admit_equations(options: argparse.Namespace) -> None:

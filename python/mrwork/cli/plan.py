@@ -33,22 +33,15 @@ def add_options(parser: CommandParser) -> None:
     )
     add_run(parser)
     add_options_of(parser, plan, "band", "band")
-    candidates = parser.group("candidates")
-    candidates.add_argument(
-        "--candidates",
-        type=named_path,
-        metavar="FILE",
-        help="CSV with the columns amplitude [m], frequency [Hz] and, with current laws, current",
-    )
+    file = "CSV with the columns amplitude [m], frequency [Hz] and, with current laws, current"
+    parser.option("candidates", "--candidates", file, named_path, metavar="FILE")
     add_options_of(parser, candidate_grid, "candidates", "amplitudes", "frequencies")
     add_option_of(parser, candidate_grid, "candidates", "commands", "currents")
     add_options_of(parser, Limits, "candidates", "stroke", "peak_velocity")
-    parser.group("band").add_argument(
-        "--targets",
-        type=named_path,
-        metavar="FILE",
-        help="CSV as in --candidates with the excitations for which the band is computed; default: the candidates",
+    file = (
+        "CSV as in --candidates with the excitations for which the band is computed; default: the candidates"
     )
+    parser.option("band", "--targets", file, named_path, metavar="FILE")
     add_threads(parser)
     end_parser(parser, run, quiet="no note on candidates that could not be simulated")
 

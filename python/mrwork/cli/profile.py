@@ -11,7 +11,6 @@ from mrwork.cli.derived import add_options_of, arguments_of
 from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import (
     end_addition,
-    in_words,
     is_quiet,
     progress_line,
     show_results,
@@ -53,7 +52,7 @@ def _profile(options: argparse.Namespace) -> int:
     opened = opened_run(options)
     findings, path = told_findings("profile", opened.tests, options), opened.run.path
     try:
-        with progress_line(in_words, quiet=is_quiet(options)) as line:
+        with progress_line(quiet=is_quiet(options)) as line:
             profiles = profile(
                 opened.fit,
                 opened.tests,

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import drawing, is_quiet, print_json, told_findings
 from mrwork.cli.terminal import note, show
@@ -20,6 +21,8 @@ from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
 
+_PAGE = "mrwork.report.pages:write_page"
+
 
 def add_options(parser: CommandParser) -> None:
     """Declare the options."""
@@ -28,24 +31,11 @@ def add_options(parser: CommandParser) -> None:
     )
     parser.epilog = examples("mrwork report out/demo --summary", "mrwork report out/demo --figures")
     add_run(parser)
-    page = parser.group("page")
-    page.add_argument(
-        "--summary",
-        action="store_true",
-        help="write the front of the page alone, one screen or sheet of paper, as RUN/summary.html",
-    )
-    page.add_argument("--open", action="store_true", help="open it in the browser")
-    page.add_argument(
-        "--figures",
-        action="store_true",
-        help="of a fit: also write every figure of the page as an SVG and a PNG file into RUN/figures",
-    )
-    page.add_argument(
-        "--all-tests",
-        action="store_true",
-        help="of a fit: draw every test in full; by default up to four tests, of more the best, the median and the "
-        "worst fit",
-    )
+    add_options_of(parser, _PAGE, "page", "summary")
+    parser.option("page", "--open", "open it in the browser", bool)
+    figures = "of a fit: also write every figure of the page as an SVG and a PNG file into RUN/figures"
+    parser.option("page", "--figures", figures, bool)
+    add_option_of(parser, _PAGE, "page", "every_test", "all-tests")
     end_parser(parser, run)
 
 
@@ -53,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the page, and the figures if requested; print where they are."""
     path = options.run_folder
     kind = RunFolder.open(path).kind
-    if kind is not FIT_RUN and (options.figures or options.all_tests):
+    if kind is not FIT_RUN and (options.figures or options.every_test):
         option = "--figures" if options.figures else "--all-tests"
         raise SettingError(
             f"{option} is of the tests of a fit, and {path} is of `mrwork {kind.verb}`; leave it out"
@@ -67,8 +57,7 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.report.fit.page import write_figures
         from mrwork.report.pages import page_of
 
-        drawn = {"every_test": options.all_tests, "summary": options.summary}
-        page, compared = page_of(path, **drawn, on_progress=on_progress)
+        page, compared = page_of(path, **arguments_of(options, _PAGE), on_progress=on_progress)
         tests.extend(test.test for test in compared)
         written.append(page.write(path, summary=options.summary))
         if options.figures:

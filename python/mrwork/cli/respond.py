@@ -7,15 +7,21 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.command_parser import CommandParser, examples
+from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
+from mrwork.cli.derived import add_options_of
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_seed, add_threads, end_parser
-from mrwork.cli.output import check_figure, in_words, is_quiet, print_result, progress_line, write_figure
+from mrwork.cli.options import add_threads, end_parser
+from mrwork.cli.output import (
+    check_figure,
+    is_quiet,
+    print_result,
+    progress_line,
+    show_results,
+    write_figure,
+)
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note, show
-from mrwork.cli.workers import add_workers
 from mrwork.errors import Interrupted, SettingError
-from mrwork.store.codec import finite, plain
 from mrwork.store.run_folder import STUDY_RUN
 
 if TYPE_CHECKING:
@@ -38,59 +44,51 @@ def add_options(parser: CommandParser) -> None:
         "mrwork respond study.toml", "mrwork respond study.toml --motions all --check-step --out out/checked"
     )
     parser.add_argument("study", nargs="?", type=named_path, metavar="STUDY.toml", help="study file")
-    listings, study = parser.group("listings"), parser.group("simulation")
-    listings.add_argument("--schema", action="store_true", help="print the keys of a study file and exit")
-    listings.add_argument(
-        "--laws", action="store_true", help="print the control laws with their settings and exit"
-    )
-    listings.add_argument(
-        "--building",
-        action="store_true",
-        help="print masses, stiffnesses, periods, participation and effective modal masses of the building and exit",
-    )
-    listings.add_argument(
-        "--pushover",
-        action="store_true",
-        help="push the building sideways in its first mode, print base shear and drifts over the displacement of the "
-        "roof and exit",
-    )
-    listings.add_argument(
+    for option, says in (
+        ("--schema", "print the keys of a study file and exit"),
+        ("--laws", "print the control laws with their settings and exit"),
+        (
+            "--building",
+            "print masses, stiffnesses, periods, participation and effective modal masses of the building and exit",
+        ),
+        (
+            "--pushover",
+            "push the building sideways in its first mode, print base shear and drifts over the displacement of the "
+            "roof and exit",
+        ),
+    ):
+        parser.option("listings", option, says, bool)
+    parser.option(
+        "listings",
         "--size",
+        "find the least dampers that keep the limit of the study, report.limit or drift_limit of its building: with "
+        "count as many in each [[damper]], with storey a count of each; print them and exit",
         choices=("count", "storey"),
-        help="find the least dampers that keep the limit of the study, report.limit or drift_limit of its building: "
-        "with count as many in each [[damper]], with storey a count of each; print them and exit",
     )
-    listings.add_argument(
-        "--figure",
-        type=named_path,
-        metavar="FILE",
-        help="with --size, draw the criterion over the number of dampers, as an .svg or a .png file",
-    )
-    add_seed(parser, "noise and synthetic motions")
-    study.add_argument(
+    curve = "with --size, draw the criterion over the number of dampers, as an .svg or a .png file"
+    parser.option("listings", "--figure", curve, named_path, metavar="FILE")
+    parser.option(
+        "simulation",
         "--motions",
+        "use of the motions that are simulated, default test; with all, scores stand on the test motions",
         choices=("test", "training", "all"),
         default="test",
-        help="use of the motions that are simulated, default test; with all, scores stand on the test motions",
     )
-    study.add_argument(
-        "--check-step",
-        action="store_true",
-        help="repeat every run with half the integration step and compare",
-    )
-    study.add_argument(
+    add_options_of(parser, "mrwork.study.run:run_study", "simulation", "check_step")
+    parser.option(
+        "simulation",
         "--ensemble",
-        action="store_true",
-        help="run the study once more for each other set of laws that predicts nearly as well, within 1 point, of a "
-        "damper from a run of identify --law auto, with its control laws designed anew; say which verdict changes",
+        "run the study once more for each other set of laws that predicts nearly as well, within 1 point, of a damper "
+        "from a run of identify --law auto, with its control laws designed anew; say which verdict changes",
+        bool,
     )
-    add_threads(parser)
-    add_workers(parser, "the runs without histories")
+    add_options_of(parser, "mrwork.runs.study:read_study", COMPUTATION, "seed")
+    add_threads(parser, "the runs without histories")
     add_trust(parser)
-    add_out(parser, "folder of the results, default out/STUDY")
     end_parser(
         parser,
         run,
+        out="folder of the results, default out/STUDY",
         resume="resume a study that was killed or interrupted; all other options but --threads, --workers, "
         "--check-step and --ensemble as in that study",
     )
@@ -121,11 +119,11 @@ def run(options: argparse.Namespace) -> int:
         building = read_bare_building(options.study)
         if options.pushover:
             pushed = pushover(building)
-            print_result(options, finite(plain(pushed)), repr(pushed))
+            print_result(options, pushed.document(), repr(pushed))
             return 0
         modal = {name: getattr(building, name).tolist() for name in ("effective_masses", "participation")}
         facts = {**asdict(BuildingFacts.of(building)), **modal, "warnings": building.warnings}
-        print_result(options, finite(facts), repr(building))
+        print_result(options, facts, repr(building))
         return 0
     if options.size is not None:
         return _find_counts(options)
@@ -155,14 +153,14 @@ def _find_counts(options: argparse.Namespace) -> int:
 
     study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if options.motions == "all" else study.of_use(options.motions)
-    with progress_line(in_words, quiet=is_quiet(options)) as line:
+    with progress_line(quiet=is_quiet(options)) as line:
         counts = damper_counts(
             study,
             by="uniform" if options.size == "count" else "storey",
             on_progress=None if is_quiet(options) else line,
             threads=options.threads,
         )
-    drawn: dict[str, Any] = {}
+    drawn = {} if options.figure is None else {"figure": str(options.figure)}
     if options.figure is not None:
         from mrwork.plots.canvas import column_axes
         from mrwork.plots.of_studies import damper_counts as figure_of
@@ -170,19 +168,14 @@ def _find_counts(options: argparse.Namespace) -> int:
         figure, axes = column_axes()
         figure_of(counts, axes)
         write_figure(options.figure, figure)
-        drawn = {"figure": str(options.figure)}
-    text = counts._summary().text(whole=True)
-    print_result(
-        options,
-        finite(plain(counts)) | drawn,
-        "\n".join([text, *(f"Figure: {curve}" for curve in drawn.values())]),
-    )
+    below = [f"Figure: {curve}" for curve in drawn.values()]
+    show_results(options, counts, document=counts.document() | drawn, below=below)
     return 0
 
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[StudyResults]:
     """The responses of a study, with the histories that it stores."""
-    from mrwork.cli.study_text import StudyVerb, design_lines, study_text
+    from mrwork.cli.study_text import StudyVerb, design_lines
     from mrwork.study.ensemble import dampers_apart
     from mrwork.study.folder import design_document, study_document, write_study
     from mrwork.study.histories import Histories
@@ -193,11 +186,11 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             "its dampers has others than the chosen one; leave it out, or identify the damper with mrwork identify "
             "--law auto"
         )
-    histories, path = Histories(work, study), work.path
+    histories = Histories(work, study)
     further: dict[str, Any] = {}
     lines: list[str] = []
 
-    def compute(journal: Journal, line: ProgressLine[StudyProgress]) -> StudyResults:
+    def compute(journal: Journal, line: ProgressLine) -> StudyResults:
         from mrwork.closed_loop.user_law import UserLaw
         from mrwork.study.run import run_study
 
@@ -232,18 +225,11 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             raise Interrupted(results, "study with other sets of laws") from interrupt
         return results
 
-    def document(results: StudyResults) -> dict[str, Any]:
-        return study_document(results) | design_document(study) | further
-
-    def text(results: StudyResults, drawn: bool, written: bool) -> str:
-        summary = study_text(results, path if drawn or not written else None)
-        return "\n".join([*design_lines(study), *lines, summary])
-
     return StudyVerb(
         compute=compute,
         write=partial(write_study, histories=histories),
-        document=document,
-        text=text,
+        document=lambda results: study_document(results) | design_document(study) | further,
+        text=lambda results, simulated: "\n".join([*design_lines(study), *lines, simulated]),
     )
 
 
@@ -252,7 +238,7 @@ def _run_ensemble(
     study: Study,
     results: StudyResults,
     journal: Journal,
-    line: ProgressLine[StudyProgress],
+    line: ProgressLine,
 ) -> Ensemble:
     """The study with each other set of laws, read anew with its dampers, in the journal after the study itself."""
     from mrwork.runs.study import read_study

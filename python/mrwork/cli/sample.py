@@ -12,7 +12,6 @@ from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import (
     end_addition,
-    in_words,
     is_quiet,
     progress_line,
     told_findings,
@@ -50,6 +49,7 @@ def add_options(parser: CommandParser) -> None:
     of_posterior("noise", more=" or ".join(NOISES))
     of_posterior(
         "priors",
+        default={},
         reads=prior_of_text,
         metavar="NAME=KIND:A:B",
         more=f"{PRIORS_IN_WORDS}, as in k_w=normal:650:50",
@@ -59,9 +59,7 @@ def add_options(parser: CommandParser) -> None:
     add_option_of(parser, sample, "chain", "most_steps", "steps")
     add_options_of(parser, sample, COMPUTATION, "rng")
     add_threads(parser)
-    parser.group(OUTPUT).add_argument(
-        "--replace", action="store_true", help="begin a new chain in place of an unfinished one"
-    )
+    parser.option(OUTPUT, "--replace", "begin a new chain in place of an unfinished one", bool)
     end_parser(parser, run, resume=f"continue {CHAIN}; only --steps and --threads may differ")
 
 
@@ -93,7 +91,7 @@ def _sample(opened: OpenedRun, journal: Journal, options: argparse.Namespace) ->
     """Sample with a progress line; return the draws, `None` after Ctrl-C."""
     reports: list[SamplingProgress] = []
     try:
-        with progress_line(in_words, quiet=is_quiet(options)) as line:
+        with progress_line(quiet=is_quiet(options)) as line:
 
             def report(progress: SamplingProgress) -> None:
                 most = progress.most_seconds

@@ -8,15 +8,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
 from mrwork.base.progress import ProgressLine
 from mrwork.cli.frame import Frame, command_line
-from mrwork.cli.output import in_words, is_quiet, print_result, progress_line, renew_page
+from mrwork.cli.options import on_workers
+from mrwork.cli.output import is_quiet, print_result, progress_line, renew_page
 from mrwork.cli.terminal import keep_stdout, note
-from mrwork.cli.workers import on_workers
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import REPORT, RunKind
@@ -34,15 +33,12 @@ _SOON = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerb(Generic[Results]):
-    """A verb on a study: computes the results and their folder, JSON object and text.
+    """A verb on a study: computes the results and their folder, JSON object, and text around that of the study."""
 
-    `text` takes whether the page was drawn and whether the folder was written.
-    """
-
-    compute: Callable[[Journal, ProgressLine[Any]], Results]
+    compute: Callable[[Journal, ProgressLine], Results]
     write: Callable[..., None]
     document: Callable[[Results], dict[str, Any]]
-    text: Callable[[Results, bool, bool], str]
+    text: Callable[[Results, str], str]
 
 
 def run_on_study(
@@ -55,19 +51,20 @@ def run_on_study(
     use: Use | Literal["all"] = "all",
 ) -> int:
     """Run a verb on the motions of a `use` of its study: compute, write the folder, print; return the exit status."""
-    # The simulation is slow to load.
+    # The simulation and its tables are slow to load.
     from mrwork.runs.study import read_study
     from mrwork.study.named_laws import designed
+    from mrwork.study.tables import study_summary
 
     began = time.perf_counter()
-    with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
+    with progress_line(quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
         line(StudyProgress(label="reading the study and designing its laws"))
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
     frame = Frame.of(options, kind, default, kept)
     with frame.work as work:
         journal = work.journal()
-        with progress_line(in_words, quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
+        with progress_line(quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
             study = designed(study, journal=journal, on_progress=line)
         verb = verb_of(study, work)
         with keep_stdout(), on_workers(options):
@@ -93,9 +90,11 @@ def run_on_study(
             # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
             if not interrupted:
                 status = renew_page(folder, quiet=is_quiet(options))
+        text = study_summary(results).text(whole=True, width=_WIDEST)
+        if not written or (folder / REPORT).is_file():
+            text = f"{text}\nReport: {folder / REPORT}"
         document = verb.document(results) | {"out": str(folder)}
-        drawn = written and (folder / REPORT).is_file()
-        print_result(options, document, verb.text(results, drawn, written))
+        print_result(options, document, verb.text(results, text))
         if interrupted:
             frame.note_stop(written=written)
         return status
@@ -112,12 +111,3 @@ def design_lines(study: Study) -> list[str]:
         for heading, sentences in study.design_notes
         for line in (heading, *(f"  {sentence}" for sentence in sentences), "")
     ]
-
-
-def study_text(results: StudyResults, folder: Path | None) -> str:
-    """The summary of a study, and the path of its page."""
-    # Its tables are slow to load.
-    from mrwork.study.tables import study_summary
-
-    text = study_summary(results).text(whole=True, width=_WIDEST)
-    return "\n".join([text, *([f"Report: {folder / REPORT}"] if folder else [])])

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, get_args
 from mrwork.base.keys import suggestion
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.cli.command_parser import MEASUREMENT, RECORDS, CommandParser
-from mrwork.cli.derived import UNCHANGED, Collect, add_option_of
-from mrwork.cli.numbers import EVERY, INSTANT, SETTLE, add_number, finite_number
-from mrwork.cli.options import add_repeated
+from mrwork.cli.derived import UNCHANGED, add_option_of, add_options_of, arguments_of
+from mrwork.cli.numbers import finite_number
 from mrwork.cli.output import is_quiet, reading_line
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -31,12 +30,12 @@ if TYPE_CHECKING:
     from mrwork.records.rig_table import EveryUse, Use
 
 _NONE = "none"
+_READING = "mrwork.records.reading:Reading"
 
 
 def add_files(parser: CommandParser, *, required: bool = True) -> None:
     """FILE... and the options for reading the files."""
-    records = parser.group(RECORDS)
-    records.add_argument(
+    parser.group(RECORDS).add_argument(
         "files",
         nargs="+" if required else "*",
         metavar="FILE",
@@ -44,41 +43,30 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
         "tests (file, use, columns, command), of which the rows for this verb are used; or a folder, for its tests.csv "
         "or its records",
     )
-    add_repeated(
-        records,
+    parser.option(
+        RECORDS,
         "--column",
-        "QUANTITY=NAME[:UNIT]",
         "heading of a column that is not recognised, with its unit where the file does not tell it, as in "
         "force=F:kN, or its number from 1; the command as a number, as in command=0.5A; the step or rate of a record "
-        "without times, as in time=200Hz; NAME=none leaves a column out, markers=skip lines that mark events; repeat "
-        "for more",
+        "without times, as in time=200Hz; NAME=none leaves a column out, markers=skip lines that mark events",
+        metavar="QUANTITY=NAME[:UNIT]",
+        default=(),
+        repeated=True,
     )
-    add_number(records, "--from", INSTANT, "use the record from this time on", dest="start", metavar="S")
-    add_number(records, "--until", INSTANT, "use the record up to this time", dest="end", metavar="S")
-    add_number(records, "--every", EVERY, "use every N-th sample", default=1, metavar="N")
-    records.add_argument(
+    add_option_of(parser, _READING, RECORDS, "start", "from")
+    add_option_of(parser, _READING, RECORDS, "end", "until")
+    add_options_of(parser, _READING, RECORDS, "every")
+    parser.option(
+        RECORDS,
         "--repair",
-        action=Collect,
-        default={},
-        type=_repair,
+        f"repair the records: {', '.join(REPAIR_KINDS)}; an amount replaces the estimate from the record, as in "
+        f"delay=0.002: {AMOUNTS_IN_WORDS}",
+        _repair,
         metavar="KIND[=AMOUNT]",
-        help=f"repair the records: {', '.join(REPAIR_KINDS)}; an amount replaces the estimate from the record, as "
-        f"in delay=0.002: {AMOUNTS_IN_WORDS}; repeat for more",
+        default={},
+        repeated=True,
     )
-    records.add_argument(
-        "--keep-velocity",
-        action="store_true",
-        help="use a velocity column also where it is a difference of the displacement, half a sample off, or held over "
-        "several samples; otherwise the velocity is derived from the displacement, and said",
-    )
-    add_number(
-        records,
-        "--settle",
-        SETTLE,
-        "time at the start that is simulated but not compared; default: until the damper has travelled half its "
-        "peak-to-peak stroke",
-        metavar="S",
-    )
+    add_options_of(parser, _READING, RECORDS, "keep_velocity", "settle")
 
 
 def add_observation(parser: CommandParser, *, as_fitted: bool = False) -> None:
@@ -111,18 +99,15 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
     several = [name for name in ("damper", "serial") if "," in facts.get(name, "")]
     if several:
         note(f"warning: the table names several dampers ({facts[several[0]]}), which one fit takes for one")
+    keeping = {"keep_velocity": True} if fit is not None and fit.keeps_velocity else {}
     return Reading(
         files=tuple(row.file for row in rows),
         columns_of={row.file: row.columns for row in rows if row.columns},
         folder=str(Path.cwd()),
         columns=dict(parse_column_option(option) for option in options.column),
-        start=options.start,
-        end=options.end,
-        every=options.every,
         repairs=options.repair,
-        settle=options.settle,
         facts=facts,
-        keep_velocity=options.keep_velocity or (fit is not None and fit.keeps_velocity),
+        **arguments_of(options, _READING) | keeping,
     )
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from mrwork.cli.command_parser import SEARCH, CommandParser, examples
+from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
+from mrwork.cli.derived import add_option_of, add_options_of
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_out, add_repeated, add_seed, add_threads, end_parser
+from mrwork.cli.options import add_threads, end_parser
 from mrwork.cli.output import is_quiet
 from mrwork.cli.own_models import add_trust
-from mrwork.cli.workers import add_workers
 from mrwork.errors import Interrupted
 from mrwork.store.run_folder import CHOSEN, TUNING_RUN
 
@@ -41,27 +41,17 @@ def add_options(parser: CommandParser) -> None:
         "mrwork tune study.toml --quick", "mrwork tune study.toml --law lyapunov --quick --out out/lyapunov"
     )
     parser.add_argument("study", type=named_path, metavar="STUDY.toml", help="study file")
-    search = parser.group(SEARCH)
-    add_repeated(
-        search,
-        "--law",
-        "NAME",
-        "tune this law with all keys of [[tune]] at their defaults, instead of the tables of the study; repeat "
-        "for more",
-    )
-    search.add_argument(
-        "--quick",
-        action="store_true",
-        help=f"at most {_QUICK[0]} candidates of each law in generations of {_QUICK[1]}: a first look, not a result",
-    )
-    add_seed(parser, "the searches, of noise and synthetic motions")
-    add_threads(parser)
-    add_workers(parser, "the runs without histories")
+    add_options_of(parser, "mrwork.tuning.run:tune", SEARCH, "laws")
+    quick = f"at most {_QUICK[0]} candidates of each law in generations of {_QUICK[1]}: a first look, not a result"
+    parser.option(SEARCH, "--quick", quick, bool)
+    reader = "mrwork.runs.study:read_study"
+    add_option_of(parser, reader, COMPUTATION, "seed", more="also of the searches")
+    add_threads(parser, "the runs without histories")
     add_trust(parser)
-    add_out(parser, "folder of the results, default out/STUDY-tuned")
     end_parser(
         parser,
         run,
+        out="folder of the results, default out/STUDY-tuned",
         resume="resume a tuning that was killed or interrupted; all other options as in that tuning, but "
         "--threads, --workers and --cluster",
     )
@@ -78,17 +68,16 @@ def run(options: argparse.Namespace) -> int:
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[TunedStudy]:
     """The tuning of the tables of a study, or of the command line, and the study that judges it."""
-    from mrwork.cli.study_text import StudyVerb, design_lines, study_text
+    from mrwork.cli.study_text import StudyVerb, design_lines
     from mrwork.study.folder import design_document
     from mrwork.study.histories import Histories
     from mrwork.tuning.folder import tuning_document, write_tuning
     from mrwork.tuning.judging import judge, unjudged, with_tuned_rows
     from mrwork.tuning.run import tune
 
-    tables, path = _tables(study, options), work.path
-    wider, stored = study, Histories(work, study)
+    tables, wider, stored = _tables(study, options), study, Histories(work, study)
 
-    def compute(journal: Journal, line: ProgressLine[Any]) -> TunedStudy:
+    def compute(journal: Journal, line: ProgressLine) -> TunedStudy:
         nonlocal wider, stored
         try:
             tuned = tune(
@@ -109,10 +98,9 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
             threads=options.threads,
         )
 
-    def text(results: TunedStudy, drawn: bool, written: bool) -> str:
+    def text(results: TunedStudy, judged: str) -> str:
         summary = results.tuned._found().text(whole=True)
-        judged = study_text(results, path if drawn or not written else None)
-        settings = f"Settings for mrwork respond: {path / CHOSEN}"
+        settings = f"Settings for mrwork respond: {work.path / CHOSEN}"
         return "\n".join([summary, "", *design_lines(wider), judged, settings])
 
     return StudyVerb(
@@ -127,7 +115,7 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
     """The tables of the command line or of the study; smaller ones for a quick look."""
     from mrwork.study.schema import TuneTable
 
-    tables = (TuneTable(laws=tuple(options.law)),) if options.law else study.tunes
+    tables = (TuneTable(laws=options.laws),) if options.laws else study.tunes
     if not options.quick:
         return tables
     budget, population = _QUICK

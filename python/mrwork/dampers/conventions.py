@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 
 from mrwork.base.arguments import Positive, Shape, checked
-from mrwork.base.hints import Within
+from mrwork.base.hints import InUnit, Within
 from mrwork.base.keys import suggestion
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
@@ -25,7 +25,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 
 OpenSeesError = Annotated[float, Within(least=1e-6, most=0.2)]
-OpenSeesTimeStep = Annotated[float, Within(least=1e-6, most=1.0)]
+OpenSeesTimeStep = Annotated[float, Within(least=1e-6, most=1.0), InUnit("s")]
 USUAL_OPENSEES_ERROR: Final = 0.005
 """Error of z in OpenSees, as a share of its largest value, for which a strain step is stated where none is wanted."""
 

@@ -93,7 +93,8 @@ class Progress(ProgressReport):
 
     `fit_percent` is the best fit so far of what is `fitted`, as "dahl on excerpts"; empty for the model on all samples.
     `generation` counts in the search, and `median_percent` is the median fit of its population; 0 and NaN outside a
-    search. `evaluations` and `steps` are the candidates and time steps simulated so far.
+    search. `evaluations` and `steps` are the candidates and time steps simulated so far, `rates` how many in a second
+    of this stage, and `left` is the time that the stage takes at most [s]; 0 and `None` before they are known.
     """
 
     stage: Stage
@@ -107,6 +108,8 @@ class Progress(ProgressReport):
     evaluations: int
     steps: int
     fitted: str = ""
+    rates: tuple[float, float] = (0.0, 0.0)
+    left: float | None = None
 
     @property
     def best_in_words(self) -> str:
@@ -115,8 +118,52 @@ class Progress(ProgressReport):
 
     @property
     def in_words(self) -> str:
-        """Progress in one line, without rates, which need an earlier report."""
-        return describe_progress(self, self, None)
+        """Progress in one line."""
+        generation = f" {self.generation}" if self.generation else ""
+        parts = [f"{self.stage}{generation}", self.best_in_words]
+        if math.isfinite(self.median_percent):
+            parts.append(f"median {self.median_percent:.2f} %")
+        if self.unit == "steps":
+            parts.append(f"{self.count} steps")
+        if self.rates[1] > 0.0:
+            parts += [f"{format_rate(self.rates[0])} evaluations/s", f"{format_rate(self.rates[1])} steps/s"]
+        parts.append(duration_in_words(self.seconds))
+        if self.left is not None:
+            parts.append(f"at most {duration_in_words(self.left)} of this stage left")
+        return ", ".join(parts)
+
+
+# Seconds until the remaining time of a stage is first estimated, and within which it follows the estimate.
+_FIRST_ESTIMATE = 1.0
+_STEADY = 5.0
+
+
+@dataclass(slots=True)
+class Pace:
+    """Rates and the time left, from the reports of a stage since it `began`.
+
+    The time left runs down with the clock, and approaches the estimate from the share that is done within some seconds:
+    searches end early, and a share grows in steps.
+    """
+
+    began: Progress
+    share: float = 0.0
+    seconds: float = 0.0
+    left: float | None = None
+
+    def of(self, progress: Progress) -> Progress:
+        """The progress with them."""
+        began, running = self.began, progress.seconds - self.began.seconds
+        self.share = max(self.share, min(progress.share, 1.0))
+        passed, self.seconds = progress.seconds - self.seconds, progress.seconds
+        if running <= 0.0:
+            return progress
+        rates = (progress.evaluations - began.evaluations) / running, (progress.steps - began.steps) / running
+        if self.share > began.share and running >= _FIRST_ESTIMATE:
+            estimate = running * (1.0 - self.share) / (self.share - began.share)
+            run_down = estimate if self.left is None else max(self.left - passed, 0.0)
+            self.left = estimate + (run_down - estimate) * math.exp(-passed / _STEADY)
+        return replace(progress, rates=rates, left=self.left)
 
 
 @array_dataclass()
@@ -144,6 +191,7 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
 
     tally: Tally
     least: dict[tuple[Stage, str], float] = field(default_factory=dict)
+    pace: Pace | None = None
 
     def on_search(self, fitted: str, found: Found) -> None:
         """Report a search of what is `fitted`."""
@@ -173,71 +221,19 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
     ) -> None:
         """Report the progress of a stage."""
         least = self.least[stage, fitted] = min(misfit, self.least.get((stage, fitted), math.inf))
-        self.report(
-            Progress(
-                stage=stage,
-                count=count,
-                unit=unit,
-                fit_percent=100.0 * (1.0 - least),
-                share=share,
-                seconds=self.seconds,
-                generation=generation,
-                median_percent=100.0 * (1.0 - median),
-                evaluations=self.tally.simulations,
-                steps=self.tally.steps,
-                fitted=fitted,
-            )
+        progress = Progress(
+            stage=stage,
+            count=count,
+            unit=unit,
+            fit_percent=100.0 * (1.0 - least),
+            share=share,
+            seconds=self.seconds,
+            generation=generation,
+            median_percent=100.0 * (1.0 - median),
+            evaluations=self.tally.simulations,
+            steps=self.tally.steps,
+            fitted=fitted,
         )
-
-
-# Seconds until the remaining time of a stage is first estimated, and within which it follows the estimate.
-_FIRST_ESTIMATE = 1.0
-_STEADY = 5.0
-
-
-class IdentificationInWords:
-    """Describes the progress of an identification in a line, with rates and the time left since its stage began.
-
-    The time left runs down with the clock, and approaches the estimate from the share that is done within some seconds:
-    searches end early, and a share grows in steps.
-    """
-
-    def __init__(self) -> None:
-        self._began: Progress | None = None
-
-    def __call__(self, progress: Progress) -> str:
-        """Progress in one line."""
-        if self._began is None or self._began.stage != progress.stage:
-            self._began, self._share, self._seconds = progress, progress.share, progress.seconds
-            self._left: float | None = None
-        return describe_progress(progress, self._began, self._time_left(progress, self._began))
-
-    def _time_left(self, progress: Progress, began: Progress) -> float | None:
-        """The time [s], not below 0; `None` where it is not known yet."""
-        self._share = max(self._share, min(progress.share, 1.0))
-        passed, self._seconds = progress.seconds - self._seconds, progress.seconds
-        running = progress.seconds - began.seconds
-        if self._share <= began.share or running < _FIRST_ESTIMATE:
-            return None
-        estimate = running * (1.0 - self._share) / (self._share - began.share)
-        run_down = estimate if self._left is None else max(self._left - passed, 0.0)
-        self._left = estimate + (run_down - estimate) * math.exp(-passed / _STEADY)
-        return self._left
-
-
-def describe_progress(progress: Progress, began: Progress, left: float | None) -> str:
-    """Progress in one line; rates are measured since the stage `began`, of which this time is `left` [s]."""
-    generation = f" {progress.generation}" if progress.generation else ""
-    parts = [f"{progress.stage}{generation}", progress.best_in_words]
-    if math.isfinite(progress.median_percent):
-        parts.append(f"median {progress.median_percent:.2f} %")
-    if progress.unit == "steps":
-        parts.append(f"{progress.count} steps")
-    running = progress.seconds - began.seconds
-    if running > 0.0 and progress.steps > began.steps:
-        parts.append(f"{format_rate((progress.evaluations - began.evaluations) / running)} evaluations/s")
-        parts.append(f"{format_rate((progress.steps - began.steps) / running)} steps/s")
-    parts.append(duration_in_words(progress.seconds))
-    if left is not None:
-        parts.append(f"at most {duration_in_words(left)} of this stage left")
-    return ", ".join(parts)
+        if self.pace is None or self.pace.began.stage != stage or self.recalling:
+            self.pace = Pace(progress)
+        self.report(self.pace.of(progress))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import get_args
+from typing import Annotated, get_args
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from mrwork.base.hints import InUnit, Within
 from mrwork.dampers.simulation import simulate_force
 from mrwork.dampers.spec import DamperSpec
 from mrwork.plots import canvas, style
@@ -40,8 +41,19 @@ def nominal_test(
 
 
 @style.drawn_in_style()
-def nominal_loops(spec: DamperSpec, *, amplitude: float, frequency: float) -> Figure:
-    """Force over displacement and over velocity in the last cycle of a sinusoid [m, Hz], at zero command."""
+def nominal_loops(
+    spec: DamperSpec,
+    *,
+    amplitude: Annotated[float, Within(least=1e-6, most=1.0), InUnit("m")] = 0.015,
+    frequency: Annotated[float, Within(least=1e-4, most=1e3), InUnit("Hz")] = 2.5,
+) -> Figure:
+    """Force over displacement and over velocity in the last cycle of a sinusoid, at zero command.
+
+    Parameters
+    ----------
+    amplitude, frequency
+        Of the motion of the figure.
+    """
     whole = nominal_test(spec, amplitude=amplitude, frequency=frequency, per_cycle=_PER_CYCLE)
     test = whole.part(whole.n_time - _PER_CYCLE - 1, whole.n_time)
     unit = style.force_unit(float(np.abs(test.force).max()))

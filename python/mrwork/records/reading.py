@@ -8,10 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from mrwork.base.arguments import Count, checked
+from mrwork.base.arguments import Count, Within, checked
+from mrwork.base.hints import InUnit
 from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force
@@ -23,6 +25,10 @@ from mrwork.records.read import Origin, read_damper_test, test_from_arrays
 from mrwork.records.repairs import repair
 from mrwork.records.window import count_samples_from, cut
 from mrwork.store.input_file import exists
+
+# Instants of a record may count from a far epoch.
+Instant = Annotated[float, Within(least=-1e10, most=1e10), InUnit("s")]
+Settle = Annotated[float, Within(least=0.0, most=1e6), InUnit("s")]
 
 # Called with the number of tests that have been read, and of all.
 OnRead = Callable[[int, int], None]
@@ -109,19 +115,33 @@ class Reading:
     """Files of one run and how each was processed: window, repairs, start of the samples that count.
 
     `columns` and `repairs` are as in `read_damper_test` and `repair`, with `None` for a repair that takes no amount;
-    `columns_of` are of single files, as a table of tests gives them, and go before `columns`; `start`, `end` and
-    `settle` in seconds; `keep_velocity` is as in `read_damper_test`; `facts` are of the specimen. Relative
-    `files` are relative to `folder`, or to the current folder.
+    `columns_of` are of single files, as a table of tests gives them, and go before `columns`; `facts` are of the
+    specimen. Relative `files` are relative to `folder`, or to the current folder.
+
+    Parameters
+    ----------
+    start
+        Use the record from this time on.
+    end
+        Use the record up to this time.
+    every
+        Use every N-th sample.
+    settle
+        Time at the start that is simulated but not compared; default: until the damper has travelled half its
+        peak-to-peak stroke.
+    keep_velocity
+        Use a velocity column also where it is a difference of the displacement, half a sample off, or held over several
+        samples; otherwise the velocity is derived from the displacement, and said.
     """
 
     files: tuple[str, ...]
     folder: str = ""
     columns: Mapping[str, str] = field(default_factory=dict)
-    start: float | None = None
-    end: float | None = None
+    start: Instant | None = None
+    end: Instant | None = None
     every: Count = 1
     repairs: Mapping[RepairKind, float | None] = field(default_factory=dict)
-    settle: float | None = None
+    settle: Settle | None = None
     columns_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     keep_velocity: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)

@@ -32,9 +32,9 @@ def write_page(
     run
         The folder, as of `load`.
     summary
-        Write the front of the page alone, as ``summary.html``, beside ``report.html``.
+        Write the front of the page alone, one screen or sheet of paper, as summary.html beside report.html.
     every_test
-        Draw every test of a fit in full, and not the best, the median and the worst of many.
+        Of a fit: draw every test in full; by default up to four tests, of more the best, the median and the worst fit.
     on_progress
         Called with the progress.
 

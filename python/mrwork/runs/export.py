@@ -67,11 +67,11 @@ def export(
     output
         The file to write.
     command
-        Command at which the damper is exported, with its unit, as in ``"0.5 A"``.
+        Command at which the damper is exported, as in 0.5A; csv: default five over the tested ones.
     error
         Wanted error of BoucWen in OpenSees, a share of the largest force of the loop; default 0.005.
     time_step
-        Step [s] of the analysis in OpenSees, of which sub-steps are told; default 0.001.
+        Step of the analysis in OpenSees, of which the sub-steps are told; default 0.001.
     replace
         Whether a file that is there is replaced.
 

@@ -19,8 +19,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.base.arguments import Level, NotNegative, Positive, Seed, checked
-from mrwork.base.hints import May
+from mrwork.base.arguments import Level, Positive, Seed, checked
+from mrwork.base.hints import May, Within
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
 from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
@@ -359,7 +359,7 @@ def fragility(
     limit: Mapping[str, float | str] | None = None,
     *,
     level: Level = 0.9,
-    modelling_dispersion: NotNegative = 0.0,
+    modelling_dispersion: Annotated[float, Within(least=0.0, most=10.0)] = 0.0,
     seed: Seed = 0,
 ) -> Fragilities:
     """The intensity at which each arrangement of a study reaches a limit, lognormal over the records of its motions.
@@ -372,12 +372,13 @@ def fragility(
     Parameters
     ----------
     limit
-        A criterion and its limit, as `{"peak_drift_ratio": 0.01}` or `"1 %"`; by default `limit` of `[report]` of the
-        study, or `drift_limit` of `[building]`, and where it states none collapse, a drift ratio of 0.1.
+        Criterion and its limit, a number in SI or with a unit, as in peak_drift_ratio=1%; default: limit of [report] or
+        drift_limit of [building] of the study, else collapse, peak_drift_ratio=10%. In Python a mapping, as
+        `{"peak_drift_ratio": 0.01}`.
     level
-        Level of the bands, by bootstrap over the records; the same records are drawn for every arrangement.
+        Level of the bands. The bootstrap draws the same records for every arrangement.
     modelling_dispersion
-        Further standard deviation of the logarithm, which is added to the dispersion as a square.
+        Standard deviation of the logarithm that models add. It is added to the dispersion as a square.
     seed
         Seed of the bootstrap.
 

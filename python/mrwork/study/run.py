@@ -49,7 +49,7 @@ def run_study(
     on_progress
         Called with the progress, with the time that is left from the first runs of each kind on.
     check_step
-        Repeat every run with half the step at the end.
+        Repeat every run with half the integration step at the end, and compare.
     executor
         Does the runs in chunks: an executor of `concurrent.futures`, Dask, mpi4py or loky, or `Workers`. The results
         have the same bits. By default this process does them, as always the runs of laws in Python.

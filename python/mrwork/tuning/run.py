@@ -60,9 +60,11 @@ def tune(
     ----------
     tables
         What to tune; by default the [[tune]] tables of the study file.
-    laws, risk, budget
-        Instead of tables: names of laws with all other keys at their defaults, the risk, and the candidates of each
-        law.
+    laws
+        Tune this law with all keys of [[tune]] at their defaults, instead of the tables of the study. In Python several
+        names, instead of `tables`.
+    risk, budget
+        With `laws`, the risk, and the candidates of each law.
     rng
         Seed, added to the `seed` of each table.
     journal

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import format_fixed, percent
+from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, freeze_samples
@@ -41,6 +42,7 @@ from mrwork.uncertainty.bands.prediction import (
     predict_left_out,
     rests_of,
 )
+from mrwork.workers.engine import present_workers
 
 if TYPE_CHECKING:
     from mrwork.identification.progress import Progress
@@ -234,12 +236,18 @@ def _prediction(facts: dict[str, Any], number: int, arrays: Mapping[str, NDArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FoldProgress:
-    """Progress of a cross-validation: the fold that is fitted, of how many, and how far its fit is."""
+class FoldProgress(ProgressReport):
+    """Progress of a cross-validation: the `fold` that is fitted, as "motion 2 of 9", and how far its fit is."""
 
-    number: int
-    total: int
+    fold: str
     progress: Progress | None
+
+    @property
+    def in_words(self) -> str:
+        """Progress in one line, of the workers where they fit."""
+        if (workers := present_workers()) is not None:
+            return workers.in_words
+        return self.fold if self.progress is None else f"{self.fold}: {self.progress.in_words}"
 
 
 def cross_validated(
@@ -273,7 +281,7 @@ def cross_validated(
         tasks=[FitTask(spec=opened.fit.spec, tests=rests[number], settings=settings) for number in missing],
         threads=threads,
         on_progress=lambda number, progress: on_progress(
-            FoldProgress(number=missing[number] + 1, total=len(rests), progress=progress)
+            FoldProgress(fold=f"{leave_out} {missing[number] + 1} of {len(rests)}", progress=progress)
         ),
         on_fit=lambda number, fit: add_to_run(opened.run.path, {names[missing[number]]: fit_content(fit)}),
     )
