@@ -19,7 +19,7 @@ from mrwork.closed_loop import (
     UserLaw,
     simulate_loop,
 )
-from mrwork.closed_loop.simulate import GainChanges, LoopVariation
+from mrwork.closed_loop.simulate import LoopVariation
 from mrwork.control import ControlLaw
 from mrwork.motions import GroundMotion
 from mrwork.twins.loop_ground import half_steps, stage_values
@@ -172,14 +172,16 @@ def test_derivatives_of_gains_are_those_of_the_loop() -> None:
     frame, loop = five_storeys(), devices(rd1005(), second=False)
     law = law_with_gains("proportional_direct", plant_with(loop))
     direction, reach = law.gain_rows(1, 10)[0], 1e-6
-    changes = GainChanges(rows=direction[None], reach=reach)
-    along = LoopVariation(buildings=(frame,), delay=np.zeros(1), seed=np.zeros(1, int), changes=changes)
-    moved = simulate_loop(frame, loop, law, [noisy(0.5)], Hardware(), variation=along)
-    for sign, place in ((1.0, 1), (-1.0, 2)):
+    along = LoopVariation(
+        buildings=(frame,), delay=np.zeros(1), seed=np.zeros(1, int), changes=direction[None]
+    )
+    runs = simulate_loop(frame, loop, law, [noisy(0.5)], Hardware(), variation=along)
+    for sign in (1.0, -1.0):
         other = replace(law, gains={name: each * (1.0 + sign * reach) for name, each in law.gains.items()})
         again = simulate_loop(frame, loop, other, [noisy(0.5)])
         # Second order in the reach.
-        np.testing.assert_allclose(moved.over_axes("rms_drift")[place, 0, 0], again.rms_drift[0], rtol=1e-10)
+        moved = runs.rms_drift + sign * reach * runs.slopes[0]["rms_drift"]
+        np.testing.assert_allclose(moved, again.rms_drift, rtol=1e-10)
 
 
 def test_sensors_of_the_ground_read_the_mean_over_the_step_before_and_histories_the_record() -> None:

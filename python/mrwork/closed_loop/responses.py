@@ -234,7 +234,8 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     integration steps; accelerations are absolute. `energy_error` is the largest imbalance of input, kinetic, strain,
     damping, device and element energy during the run, relative to the largest energy. `steps` is the number of
     integration steps per sample, `shape` the numbers of candidates, motions and draws. `devices` are the dampers, none
-    where actuators replace them; `seconds` are the lengths of the motions.
+    where actuators replace them; `seconds` are the lengths of the motions. `slopes` are the exact derivatives of the
+    `numbers` along each direction in the gains that the `LoopVariation` has.
     """
 
     shape: tuple[int, int, int]
@@ -245,6 +246,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     devices: tuple[Device, ...] = ()
     seconds: tuple[float, ...] = ()
     motions: tuple[str, ...] = ()
+    slopes: tuple[Mapping[str, Floats], ...] = ()
 
     @checked
     def over_axes(self, name: str) -> Floats:

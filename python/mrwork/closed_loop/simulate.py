@@ -298,7 +298,7 @@ def _respond(
     histories: bool = False,
     threads: int = 0,
     outside: Any = None,
-    changes: GainChanges | None = None,
+    changes: Floats | None = None,
 ) -> Any:
     if isinstance(driven, RunsOfLoop):
         return _respond_by_twin(core, driven, runs, histories=histories)
@@ -317,7 +317,7 @@ def _respond(
             step_factor=core.loop.step_factor,
             threads=threads,
             outside=outside,
-            changes=None if changes is None else changes.rows[None],
+            changes=None if changes is None else changes[None],
             n_commanded=core.loop.n_commanded,
         )
 
@@ -476,18 +476,6 @@ def _design_observer(plant: Plant, hardware: Hardware, floors: Sequence[int]) ->
     )
 
 
-@array_dataclass()
-class GainChanges:
-    """Directions in the gains of one candidate, rows of shape (n_directions, n_gains), and how far results are moved.
-
-    The candidates are then these gains, and two for each direction: every quantity of a run, moved by its exact
-    derivative along the direction times the reach and its negative.
-    """
-
-    rows: Floats
-    reach: float
-
-
 @checked
 @array_dataclass(repr=False)
 class LoopVariation(Summarised):
@@ -502,13 +490,14 @@ class LoopVariation(Summarised):
     seed
         Added to the seed of the sensor noise, shape (n,).
     changes
-        Directions in the gains, along which results are moved; `None` for none.
+        Directions in the gains of one candidate, shape (n_directions, n_gains), along each of which the responses have
+        slopes; `None` for none.
     """
 
     buildings: tuple[Building, ...]
     delay: Floats
     seed: NDArray[np.int64]
-    changes: GainChanges | None = None
+    changes: Floats | None = None
 
     def __len__(self) -> int:
         """Number of realisations."""
@@ -745,7 +734,7 @@ class _Call:
     late: NDArray[np.uint32]
     streams: NDArray[np.uint64]
     seeds: NDArray[np.uint64]
-    changes: GainChanges | None
+    changes: Floats | None
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -812,18 +801,13 @@ class _Call:
 
     def responses(self, building: _rust.Building, parts: list[Any], order: NDArray[np.intp]) -> Responses:
         """The responses of runs that were simulated in this order."""
-        loop, shape, places, histories = self.loop, self.shape, np.argsort(order), None
+        loop, places, histories, slopes = self.loop, np.argsort(order), None, []
         summary, outcome, steps = (
             np.concatenate([part[index] for part in parts])[places] for index in range(3)
         )
         if self.changes is not None:
-            slopes = np.concatenate([part[4] for part in parts])[places]
-            reaches = (self.changes.reach, -self.changes.reach)
-            moves = [reach * slopes[:, k] for k in range(slopes.shape[1]) for reach in reaches]
-            shape = (1 + len(moves), *shape[1:])
-            summary = np.concatenate([summary, *(summary + move for move in moves)])
-            outcome, steps = (np.tile(values, shape[0]) for values in (outcome, steps))
-        elif parts[0][3] is not None:
+            slopes = [*np.moveaxis(np.concatenate([part[4] for part in parts])[places], 1, 0)]
+        if parts[0][3] is not None:
             layout, rows = building.history_layout, [history for part in parts for history in part[3]]
             histories = tuple(
                 History(
@@ -832,25 +816,31 @@ class _Call:
                 )
                 for run in places
             )
-        candidate, _, realisation = np.indices(shape).reshape(3, -1)
-        numbers = columns_by_name(summary, run_quantities(), building.summary_layout)
-        numbers |= _shears(loop.building, numbers, self.springs, self.places[realisation])
-        if loop.n_commanded < len(loop.devices):
-            # Devices that no law commands count in no criterion of the command.
-            of_law = np.arange(len(loop.devices)) < loop.n_commanded
-            names = {criterion.quantity for criterion in criteria() if criterion.of_command}
-            numbers |= {name: np.where(of_law, numbers[name], np.nan) for name in names}
-        if self.factors is not None:
-            numbers |= {name: numbers[name] * self.factors[candidate] for name in _COMMANDS}
+        candidate, _, realisation = np.indices(self.shape).reshape(3, -1)
+
+        def by_name(columns: Floats) -> dict[str, Floats]:
+            """Quantities of the runs, or their slopes, of columns of the core."""
+            numbers = columns_by_name(columns, run_quantities(), building.summary_layout)
+            numbers |= _shears(loop.building, numbers, self.springs, self.places[realisation])
+            if loop.n_commanded < len(loop.devices):
+                # Devices that no law commands count in no criterion of the command.
+                of_law = np.arange(len(loop.devices)) < loop.n_commanded
+                names = {criterion.quantity for criterion in criteria() if criterion.of_command}
+                numbers |= {name: np.where(of_law, numbers[name], np.nan) for name in names}
+            if self.factors is not None:
+                numbers |= {name: numbers[name] * self.factors[candidate] for name in _COMMANDS}
+            return numbers
+
         return Responses(
-            shape=shape,
+            shape=self.shape,
             outcome=outcome,
             steps=steps,
             histories=histories,
             devices=() if loop.law.spec.commands_force else loop.devices,
             seconds=tuple(motion.duration for motion in loop.motions),
             motions=tuple(motion.name for motion in loop.motions),
-            numbers=numbers,
+            numbers=by_name(summary),
+            slopes=tuple(map(by_name, slopes)),
         )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import reduce
+from typing import Final
 
 import numpy as np
 
@@ -14,8 +15,8 @@ from mrwork.buildings.matrices import Device
 from mrwork.buildings.yielding import with_factors
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.responses import command_unit_of
-from mrwork.closed_loop.simulate import GainChanges, LoopVariation, simulate_loop
+from mrwork.closed_loop.responses import Responses, command_unit_of
+from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
@@ -26,6 +27,8 @@ from mrwork.study.study import Arrangement, StudyLaw
 
 OnBlock = Callable[[int, int], None]
 """Called with the runs that are done and all of a call."""
+REACH: Final = 1e-5
+"""How far responses are moved along slopes: far above rounding, far below what turns the order of two peaks."""
 
 
 def loop_of(
@@ -56,13 +59,14 @@ def simulate_criteria(
     shaping: Floats | None = None,
     threads: int = 0,
     on_block: OnBlock | None = None,
-    changes: GainChanges | None = None,
+    changes: Floats | None = None,
 ) -> Runs:
     """Criteria of an arrangement under motions, with realisations or once, in one call of the core.
 
     The observer, if there is one, is designed for the nominal building, and laws go on believing in it.
-    `largest_commands` and `shaping` belong to the candidates of its law, see `simulate_loop`; `changes` make candidates
-    of one law. Storeys that yield have one strength in a call: realisations of their stiffness are calls of their own.
+    `largest_commands` and `shaping` belong to the candidates of its law, see `simulate_loop`. With `changes` of the
+    gains of one law, two candidates for each follow it, whose responses are moved by `REACH` along the slopes and
+    against. Storeys that yield have one strength in a call: realisations of their stiffness are calls of their own.
     """
     realisations = nominal(arrangement.devices) if realisations is None else realisations
     yields = any(element.in_stiffness for element in arrangement.building.elements)
@@ -112,9 +116,26 @@ def simulate_criteria(
         threads=threads,
         on_progress=on_block,
     )
+    if changes is not None:
+        responses = _beside(responses)
     axes = candidate_axes(responses.shape[0], motions, len(realisations))
     runs = runs_of(responses, arrangement, axes)
     return runs.criteria(scales_of(arrangement), command_unit_of(arrangement.devices))
+
+
+def _beside(responses: Responses) -> Responses:
+    """The responses of one candidate, and beside them two for each of their slopes, moved along it and against."""
+    moves = [(reach, slopes) for slopes in responses.slopes for reach in (REACH, -REACH)]
+    return replace(
+        responses,
+        shape=(1 + len(moves), *responses.shape[1:]),
+        outcome=np.tile(responses.outcome, 1 + len(moves)),
+        steps=np.tile(responses.steps, 1 + len(moves)),
+        numbers={
+            name: np.concatenate([values, *(values + reach * slopes[name] for reach, slopes in moves)])
+            for name, values in responses.numbers.items()
+        },
+    )
 
 
 def scales_of(arrangement: Arrangement) -> Scales:

@@ -15,7 +15,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import SCORE
-from mrwork.closed_loop.simulate import GainChanges
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, design_law, settings_of
@@ -131,9 +130,9 @@ class Bench(Summarised):
         *,
         largest_commands: Floats | None = None,
         shaping: Floats | None = None,
-        changes: GainChanges | None = None,
+        changes: Floats | None = None,
     ) -> Runs:
-        """Criteria of the candidates of a law, see `simulate_loop`."""
+        """Criteria of the candidates of a law, see `simulate_criteria`."""
         return simulate_criteria(
             replace(self.study.at_zero, devices=problem.all_devices, law=law),
             self.motions,

@@ -14,11 +14,11 @@ import numpy as np
 
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
-from mrwork.closed_loop.simulate import GainChanges
 from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
 from mrwork.control.laws.law_problem import DesignProblem
 from mrwork.control.laws.law_settings import design_candidates, settings_of
 from mrwork.errors import SettingError
+from mrwork.study.loop_runs import REACH
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
 from mrwork.tuning.problem import LawPlan
@@ -28,8 +28,6 @@ from mrwork.tuning.space import LARGEST, SHAPING_SPANS, FreeSetting
 # designs have kinks where another limit binds.
 _STEP = 2e-4
 _NODES = np.arange(-2.0, 3.0)
-# How far results are moved, in the unit of a range: far above rounding, far below what turns the order of two peaks.
-_REACH = 1e-5
 
 
 def without_gradient(study: Study, table: TuneTable) -> str:
@@ -74,12 +72,12 @@ def slopes_at(plan: LawPlan, unit: Floats) -> tuple[float, Floats]:
     except SettingError:
         return math.inf, slopes
     bench = plan.bench
-    runs = bench.simulate(problem, law, changes=GainChanges(rows=rows, reach=_REACH))
+    runs = bench.simulate(problem, law, changes=rows)
     values = bench.scores_of(plan.objective, runs).penalised_scores
     if not math.isfinite(values[0]):
         return math.inf, slopes
     with np.errstate(invalid="ignore"):
-        slopes[_places(plan)] = (values[1::2] - values[2::2]) / (2.0 * _REACH)
+        slopes[_places(plan)] = (values[1::2] - values[2::2]) / (2.0 * REACH)
     return float(values[0]), slopes
 
 
