@@ -14,10 +14,10 @@ from tuning_samples import motion, without_times
 import mrwork as mr
 from mrwork.errors import Interrupted
 from mrwork.report.study.page import study_page
-from mrwork.study.placements import placements_of
 from mrwork.tuning import TuningResults, judge, tune
 from mrwork.tuning.folder import chosen_study
 from mrwork.tuning.law_tuning import TuningProgress
+from mrwork.tuning.placing import placements_of
 from mrwork.tuning.results import places_table
 
 # Storey 3 is the soft one, where dampers help most.
@@ -139,7 +139,7 @@ def test_an_interrupted_comparison_resumes_to_the_same_bits(
 def test_equal_dampers_that_stand_already_are_the_placement_of_the_study(tmp_path: Path) -> None:
     dampers = DAMPER + DAMPER.replace("storey 1", "storey 3").replace("preset", 'name = "upper"\npreset')
     study = study_with(tmp_path, "[places]\nstoreys = [1, 2, 3, 4]\neach = 1", dampers=dampers)
-    given, placements = placements_of(study.table, study.building)
+    given, placements = placements_of(study)
     assert given == {"storey 1": 1, "storey 3": 1}
     assert given in placements
     assert len(placements) == 6

@@ -55,13 +55,11 @@ def force_table(fit: Fit, stated: StatedCommand | None) -> str:
     forces = np.stack([_forces(fit, rows, tested.stroke, float(speed)) for speed in speeds])
     both_ways = np.concatenate([-speeds[::-1], speeds])
     force = np.concatenate([forces[::-1, :, 1], forces[:, :, 0]])
-    frequency = np.abs(both_ways) / (2.0 * np.pi * tested.stroke)
-    amplitude = np.full(both_ways.size, tested.stroke)
-    for index, command in enumerate(commands):
-        columns = np.column_stack([both_ways, force[:, index], amplitude, frequency]).tolist()
-        first = [] if command is None else [repr(command)]
-        last = [remarks[index]] if remark else []
-        lines += [[*first, *map(repr, numbers), *last] for numbers in columns]
+    for command, words, of_command in zip(commands, remarks, force.T.tolist(), strict=True):
+        first, last = [] if command is None else [repr(command)], [words] if remark else []
+        for velocity, newtons in zip(both_ways.tolist(), of_command, strict=True):
+            numbers = velocity, newtons, tested.stroke, abs(velocity) / (2.0 * np.pi * tested.stroke)
+            lines.append([*first, *map(repr, map(float, numbers)), *last])
     return csv_text(lines)
 
 

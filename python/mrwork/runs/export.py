@@ -7,8 +7,9 @@ import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from io import BytesIO
+from itertools import chain, count
 from pathlib import Path
-from typing import Any, Literal, assert_never
+from typing import Any, Literal
 
 import numpy as np
 
@@ -28,11 +29,11 @@ from mrwork.uncertainty.bands.predictions import predict
 
 Target = Literal["mat", "opensees", "csv"]
 
-# Which of the options belong to a target, of a fit; a study or a tuning has none.
-_OPTIONS: dict[Target, tuple[str, ...]] = {
-    "mat": (),
-    "opensees": ("command", "error", "time_step"),
-    "csv": ("command",),
+# Targets that take an option, of a fit; a study or a tuning takes none.
+_TARGETS: dict[str, tuple[Target, ...]] = {
+    "command": ("opensees", "csv"),
+    "error": ("opensees",),
+    "time_step": ("opensees",),
 }
 
 
@@ -113,24 +114,19 @@ def exported(
 ) -> bytes:
     """Content of the file that `export` writes."""
     options = {"command": command, "error": error, "time_step": time_step}
-    for name, value in options.items():
-        if value is not None and name not in _OPTIONS[to]:
-            takes = [key_name for key_name, names in _OPTIONS.items() if name in names]
+    for name, targets in _TARGETS.items():
+        if options[name] is not None and to not in targets:
             raise SettingError(
-                f"the {name.replace('_', ' ')} is only for an export to {' or '.join(takes)}; leave it out"
+                f"the {name.replace('_', ' ')} is only for an export to {' or '.join(targets)}; leave it out"
             )
     stated = None if command is None else StatedCommand.of(command)
     opened = read_run(Path(run)) if isinstance(run, str | Path) else run
     if isinstance(opened, Fit):
-        match to:
-            case "mat":
-                return _matlab_of_fit(opened, Path(run) if isinstance(run, str | Path) else None)
-            case "csv":
-                return force_table(opened, stated).encode()
-            case "opensees":
-                return opensees_text(opened, stated, error=error, time_step=time_step, tcl=tcl).encode()
-            case _:
-                assert_never(to)
+        if to == "mat":
+            return _matlab_of_fit(opened, Path(run) if isinstance(run, str | Path) else None)
+        if to == "csv":
+            return force_table(opened, stated).encode()
+        return opensees_text(opened, stated, error=error, time_step=time_step, tcl=tcl).encode()
     if to == "opensees" or stated is not None:
         raise SettingError(
             "a study or a tuning has no single damper to export at a command; give the run folder of mrwork identify"
@@ -156,19 +152,13 @@ _KEYWORDS = frozenset({
 def matlab_names(names: Iterable[str]) -> dict[str, str]:
     """Valid and distinct MATLAB name of each name: letters, digits and underscores, first a letter, at most 63."""
     valid_names: dict[str, str] = {}
-    taken: set[str] = set()
     for name in names:
         valid = re.sub(r"[^A-Za-z0-9_]", "_", name)
         if not re.match(r"[A-Za-z]", valid) or valid in _KEYWORDS:
             valid = f"x{valid}"
-        stem, number = valid[:_LONGEST], 1
-        valid = stem
-        while valid in taken:
-            number += 1
-            end = f"_{number}"
-            valid = f"{stem[: _LONGEST - len(end)]}{end}"
-        taken.add(valid)
-        valid_names[name] = valid
+        ends = chain([""], (f"_{number}" for number in count(2)))
+        distinct = (f"{valid[: _LONGEST - len(end)]}{end}" for end in ends)
+        valid_names[name] = next(other for other in distinct if other not in valid_names.values())
     return valid_names
 
 
@@ -177,12 +167,9 @@ def _matlab_of_fit(fit: Fit, path: Path | None) -> bytes:
     spec = fit.spec
     parameters = {
         estimate.name: {
-            **{key: getattr(estimate, key) for key in ("name", "value", "unit")},
-            "standard_error": np.nan if estimate.standard_error is None else estimate.standard_error,
-            **{
-                key: getattr(estimate, key)
-                for key in ("lower", "upper", "verdict", "reason", "tie", "remark")
-            },
+            key: np.nan if value is None else value
+            for key, value in asdict(estimate).items()
+            if key != "interval"
         }
         for estimate in fit.estimates
     }

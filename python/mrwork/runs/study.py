@@ -47,9 +47,7 @@ def fitted_damper(run: Path) -> FittedDamper:
         stored_draws = read_draws(folder, fit)
         return None if stored_draws is None else stored_draws.theta
 
-    chosen = FittedDamper(
-        spec=fit.spec, theta=fit.theta, tested=fit.tested, draws=draws, like=cache(partial(_like, fit))
-    )
+    chosen = replace(_damper_of(fit), draws=draws)
     # Draws of the chosen set only are known.
     others = tuple(
         replace(
@@ -265,9 +263,11 @@ def _damper_table(table: Table) -> Table:
 
 
 def _damper_of(fit: Fit) -> FittedDamper:
-    from mrwork.identification.fit_file import fit_content, manifest_of
+    """A fit as a study takes it."""
 
     def files() -> dict[str, bytes]:
+        from mrwork.identification.fit_file import fit_content, manifest_of
+
         return with_manifest({FIT: fit_content(fit)}, manifest_of(fit, fit.status), FIT_RUN)
 
     return FittedDamper(

@@ -128,7 +128,7 @@ class ConstantSearch:
         )
 
     def scan(self) -> tuple[BestConstant, Runs]:
-        """The best share of the largest commands, and the criteria under every level."""
+        """The best share of the largest commands, and the criteria under it."""
         commands = self._levels
         runs = self._runs(commands)
         scores = runs.scores(runs.of_row(0)).mean(axis=(1, 2))
@@ -138,7 +138,7 @@ class ConstantSearch:
             score=float(scores[best]),
             scores=tuple(scores.tolist()),
             runs=runs.outcome.size,
-        ), runs
+        ), runs.of_row(best)
 
     def chosen(self, call: LongCall[Any, Any], shares: dict[str, BestConstant]) -> tuple[Arrangement, str]:
         """The arrangement under its best constant commands, and a sentence on the choice.
@@ -198,9 +198,8 @@ class ConstantSearch:
         best, runs = self.scan()
         if math.isnan(best.score):
             raise self._without_score()
-        level = best.scores.index(best.score)
         drift, acceleration = (
-            round_to(float(runs.numbers[name][level].mean())) for name in ("peak_drift", "peak_acceleration")
+            round_to(float(runs.numbers[name].mean())) for name in ("peak_drift", "peak_acceleration")
         )
         return ReferencePeaks(
             commands=tuple(map(round_to, best.commands)), drift=drift, acceleration=acceleration

@@ -31,6 +31,11 @@ REACH: Final = 1e-5
 """How far responses are moved along slopes: far above rounding, far below what turns the order of two peaks."""
 
 
+def unobserved(hardware: Hardware) -> Hardware:
+    """The hardware of a loop in which nothing is fed back, which needs no observer."""
+    return replace(hardware, feedback="state", measured_floors=None, known_ground=False, kinematic=False)
+
+
 def loop_of(
     arrangement: Arrangement, hardware: Hardware
 ) -> tuple[Building, Sequence[Device], StudyLaw, Hardware]:
@@ -42,11 +47,7 @@ def loop_of(
     spec = damper("dahl")
     device = Device(name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
     still = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
-    # What nothing is fed back to needs no observer.
-    unobserved = replace(
-        hardware, feedback="state", measured_floors=None, known_ground=False, kinematic=False
-    )
-    return building, (device,), still, unobserved
+    return building, (device,), still, unobserved(hardware)
 
 
 def simulate_criteria(

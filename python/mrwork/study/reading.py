@@ -39,7 +39,6 @@ from mrwork.study.arrangements import arrangements, resolve_settings, settings_o
 from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper, equip_building, other_sets
 from mrwork.study.fragilities import limit_of
 from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study, refuse_same
-from mrwork.study.placements import placements_of
 from mrwork.study.realisations import realisations_of
 from mrwork.study.schema import (
     PASSIVE_OFF,
@@ -196,9 +195,6 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
             limit: Mapping[str, float] = {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
             if table.report.limit is not None:
                 limit = limit_of(table.report.limit, command_unit, Scales.of(bare))
-        with part():
-            if table.places is not None:
-                placements_of(table, bare)
     with all_mistakes() as part:
         with part():
             checked_suite = _check_suite(aims, motions)

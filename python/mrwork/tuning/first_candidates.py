@@ -16,7 +16,7 @@ from mrwork.base.summary import Summarised
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
-from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, PublishedRegulator, plain_weight
+from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, plain_weight
 from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import SettingError
 from mrwork.study.constant import LEVELS
@@ -48,7 +48,7 @@ _SCALES = (0.2, 0.4, 0.8, 1.6, 3.2)
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Basis(Summarised):
-    """Inputs of the first candidates: nominal bench, magnitudes of the response, convex and published weights.
+    """Inputs of the first candidates: nominal bench, magnitudes of the response, and convex weights.
 
     `limits` are those on rms responses by name, of drifts, and of drifts and accelerations.
     """
@@ -57,7 +57,6 @@ class Basis(Summarised):
     magnitudes: Magnitudes
     limits: tuple[Mapping[str, float], ...]
     convex: tuple[Mapping[str, Any], ...]
-    published: tuple[PublishedRegulator, ...]
 
 
 def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
@@ -66,7 +65,7 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
     Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under the
     stationary ground of the training motions, with the damper's force as budget; a peak counts as three times the rms.
     """
-    floors, convex = len(bench.study.building.floor_names), list[Mapping[str, Any]]()
+    convex = list[Mapping[str, Any]]()
     drift = {"rms_drift": round_to(magnitudes.drift / PEAK_FACTOR)}
     limits = (drift, {**drift, "rms_acceleration": round_to(magnitudes.acceleration / PEAK_FACTOR)})
     # A building with an undamped mode has no such weights, motions that are too short no ground.
@@ -80,13 +79,7 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
                 spectrum=ground_of(bench.problem).spectrum,
             )
             convex.append({name: _round_all(value) for name, value in designed.settings().items()})
-    return Basis(
-        bench=bench,
-        magnitudes=magnitudes,
-        limits=limits,
-        convex=tuple(convex),
-        published=tuple(regulator for regulator in PUBLISHED_REGULATORS if regulator.n_floors == floors),
-    )
+    return Basis(bench=bench, magnitudes=magnitudes, limits=limits, convex=tuple(convex))
 
 
 def _round_all(value: Any) -> Any:
@@ -135,11 +128,10 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
     # Where the weights of limits exist, their semi-active form does, too.
     for limits in basis.limits if basis.convex else ():
         yield {**others, "designed": {**limits, "semi_active": _SHARE}}, SEMI_ACTIVE
-    for published in basis.published:
-        yield (
-            {**others, "accelerations": published.weights, _WEIGHT: published.control_weight},
-            f"published weights {published.name}",
-        )
+    for published in PUBLISHED_REGULATORS:
+        if published.n_floors == len(basis.bench.study.building.floor_names):
+            weights = {"accelerations": published.weights, _WEIGHT: published.control_weight}
+            yield {**others, **weights}, f"published weights {published.name}"
 
 
 def _sizes(

@@ -19,7 +19,6 @@ from mrwork.store.run_folder import CHOSEN, JOURNAL, SCORES_TABLE, TUNED, TUNING
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study.folder import results_of_folder, study_document, study_files
 from mrwork.study.histories import Histories
-from mrwork.study.placements import placed_document
 from mrwork.study.study import StudyFile
 from mrwork.tuning.judging import TunedStudy, with_tuning
 from mrwork.tuning.results import TunedLaw, TuningResults
@@ -93,10 +92,18 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
     The text of the study stays; names of files in it are relative to its own folder.
     """
     text = study_file.text
+    document = tomllib.loads(text)
     if results.places:
-        text = toml_text(placed_document(tomllib.loads(text), results.places[0].storeys))
+        first, placed = document["damper"][0], results.places[0].storeys
+        first.pop("name", None)
+        document["damper"] = [
+            first | {"storey": name, "count": first.get("count", 1) * number}
+            for name, number in placed.items()
+        ]
+        del document["places"]
+        text = toml_text(document)
     blocks = [_controller(law) for law in results.laws]
-    folder = study_file.path.parent / tomllib.loads(text).get("folder", "")
+    folder = study_file.path.parent / document.get("folder", "")
     head = (
         f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
         f"folder = {toml_value(str(folder))} # of the files that the study names\n\n"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from typing import ClassVar
-
-import numpy as np
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import apart, percent, with_decimals
@@ -17,15 +16,14 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
 from mrwork.study.course import StudyProgress
 from mrwork.study.histories import RunHistory
-from mrwork.study.placements import placed_tables
-from mrwork.study.reading import with_dampers
 from mrwork.study.results import RealisationBand, StudyResults, bands_over
 from mrwork.study.run import run_study
-from mrwork.study.runs import Runs
 from mrwork.study.schema import Use
 from mrwork.study.study import Arrangement, Row, Study
+from mrwork.tuning.placing import placed_study
 from mrwork.tuning.problem import arrange_law, check_controllable
 from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults
+from mrwork.tuning.space import TuningObjective
 from mrwork.workers.engine import Workers, on_executor
 
 TRAINING_ONLY = (
@@ -81,19 +79,14 @@ class TunedStudy(StudyResults):
             return None
         if not self.quantities.done[row, list(motions), 0].all():
             return None
-        ratios = self.ratios_over(off)
-        named = {
-            entry.name: ratios[entry.name][row, list(motions)].tolist() for entry in criteria() if entry.ratio
-        }
-        objective, violation = self._objective(law, row, motions)
+        ratios, names = self.ratios_over(off), [entry.name for entry in criteria() if entry.ratio]
+        spread = {name: Spread.of(ratios[name][row, list(motions)].tolist()) for name in names}
+        objective, violation = _value_of(self, law.objective, row, motions, robust=law.robust)
         bands = bands_over(self, row, off) if motions == tuple(self.judged_motions) else {}
         return Judgement(
             score=self.score_under(row, motions),
-            criteria={name: float(np.mean(values)) for name, values in named.items()},
-            spread={
-                "score": self.spread(row, motions),
-                **{name: Spread.of(values) for name, values in named.items()},
-            },
+            criteria={name: ratio.mean for name, ratio in spread.items()},
+            spread={"score": self.spread(row, motions), **spread},
             objective=objective,
             violation=violation,
             bands={name: bands[name] for name in ("score", *SCORE) if name in bands},
@@ -105,16 +98,6 @@ class TunedStudy(StudyResults):
         if law.kind in ("passive_off", "best_passive"):
             return self.row_of(law.kind)
         return next((number for number, row in enumerate(self.rows) if row.label == law.label), None)
-
-    def _objective(self, law: TunedLaw, row: int, motions: Sequence[int]) -> tuple[float, float]:
-        """Value of the objective of a law, and the excess of its limits, under some motions."""
-        against = self.row_of(law.objective.relative_to)
-        count = self.n_realisations if law.robust else 0
-        runs = _part_of(self.labelled, row, motions, count)
-        if against is None:
-            return float("nan"), float("nan")
-        scores = law.objective.run_scores(runs, _part_of(self.labelled, against, motions, count))
-        return float(law.objective.value(scores)[0]), float(law.objective.violation(runs)[0])
 
     def warnings(self) -> list[str]:
         """Warnings of the study and of the tuning, and on what scores cannot say or that a law does not reach."""
@@ -131,21 +114,28 @@ class TunedStudy(StudyResults):
         return sentences
 
     def _reference_ahead_of(self, law: TunedLaw) -> list[str]:
-        rows = {reference.label: self.row_of_law(reference) for reference in (law, *self.tuned.references)}
+        rows = {result.label: self.row_of_law(result) for result in (law, *self.tuned.references)}
         scores = {label: self.score(row) for label, row in rows.items() if row is not None}
-        finite = {label: score for label, score in scores.items() if np.isfinite(score)}
-        best = min(finite, key=lambda label: finite[label], default=law.label)
-        if law.label not in finite or finite[best] >= finite[law.label]:
+        own = scores.pop(law.label, math.nan)
+        lower = {label: score for label, score in scores.items() if score < own}
+        if not lower:
             return []
+        best = min(lower, key=lambda label: lower[label])
         on = "test" if self.held_out else "training"
-        both = " against ".join(apart(with_decimals, finite[law.label], finite[best], 3))
+        both = " against ".join(apart(with_decimals, own, lower[best], 3))
         return [f"{law.label} does not reach the score of {best} on the {on} motions ({both})."]
 
 
-def _part_of(runs: Runs, row: int, motions: Sequence[int], count: int) -> Runs:
-    """Criteria of a row under some motions: nominal ones, or of the last `count` realisations."""
-    chosen = slice(-count, None) if count else slice(1)
-    return runs.part(slice(row, row + 1), list(motions), chosen)
+def _value_of(
+    results: StudyResults, objective: TuningObjective, row: int, motions: Sequence[int], *, robust: bool
+) -> tuple[float, float]:
+    """Value of an objective for a row under some motions, and the excess of its limits; `robust` over realisations."""
+    against, count = results.row_of(objective.relative_to), results.n_realisations if robust else 0
+    if against is None:
+        return math.nan, math.nan
+    both = results.labelled.part([row, against], list(motions), slice(-count, None) if count else slice(1))
+    value = objective.value(objective.run_scores(both.of_row(0), both.of_row(1)))
+    return float(value[0]), float(objective.violation(both.of_row(0))[0])
 
 
 @checked
@@ -232,32 +222,26 @@ def _judge_front(
     """A front whose points have their objectives on the test motions, from a study with the points as rows."""
     law = next(law for law in tuned.laws if law.label == front.label)
     constant = next(reference for reference in tuned.references if reference.kind == "best_passive")
-    rows = [
-        study.at_zero,
-        _arrange_found(study, constant),
-        *(
-            arrange_law(study, front.law, point.candidate, Row(label=f"point {number}", kind="controller"))
-            for number, point in enumerate(front.points, start=1)
-        ),
-    ]
-    realisations = study.realisations if law.robust else None
-    results = run_study(
-        replace(study, arrangements=tuple(rows), histories=(), realisations=realisations),
-        journal=journal,
-        threads=threads,
+    rows = (
+        arrange_law(study, front.law, point.candidate, Row(label=f"point {number}", kind="controller"))
+        for number, point in enumerate(front.points, start=1)
     )
-    of_rows = [_part_of(results.labelled, row, motions, results.n_realisations) for row in range(len(rows))]
-    baseline = of_rows[0 if law.objective.relative_to == "passive_off" else 1]
-
-    def ratio_of(runs: Runs, name: str) -> float:
-        objective = replace(law.objective, weights={name: 1.0})
-        return float(objective.value(objective.run_scores(runs, baseline))[0])
-
-    points = (
-        replace(point, test={name: ratio_of(runs, name) for name in front.objectives})
-        for point, runs in zip(front.points, of_rows[2:], strict=True)
+    points_study = replace(
+        study,
+        arrangements=(study.at_zero, _arrange_found(study, constant), *rows),
+        histories=(),
+        realisations=study.realisations if law.robust else None,
     )
-    return replace(front, points=tuple(points))
+    results = run_study(points_study, journal=journal, threads=threads)
+
+    def tested(point: FrontPoint, row: int) -> FrontPoint:
+        parts = {name: replace(law.objective, weights={name: 1.0}) for name in front.objectives}
+        values = {
+            name: _value_of(results, part, row, motions, robust=law.robust)[0] for name, part in parts.items()
+        }
+        return replace(point, test=values)
+
+    return replace(front, points=tuple(map(tested, front.points, range(2, 2 + len(front.points)))))
 
 
 def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
@@ -266,7 +250,7 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
     One that has them already stays as it is.
     """
     if tuned.places and study.table.places is not None:
-        study = with_dampers(study, placed_tables(study.table.damper[0], tuned.places[0].storeys))
+        study = placed_study(study, tuned.places[0].storeys)
     kinds, labels = {row.kind for row in study.rows}, {row.label for row in study.rows}
     rows: list[Arrangement] = []
     for reference in (*tuned.references, *tuned.laws):

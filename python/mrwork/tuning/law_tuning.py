@@ -233,7 +233,9 @@ def front_of(plan: LawPlan, basis: Basis, *, rng: int, report: Callable[[int, in
     parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
 
     def ratios(runs: Runs) -> Floats:
-        return np.column_stack([part.value(part.run_scores(runs, bench.baseline(part))) for part in parts])
+        return np.column_stack(
+            [part.value(part.run_scores(runs, bench.baselines[part.relative_to])) for part in parts]
+        )
 
     def objectives(units: Floats) -> Floats:
         runs = bench.run(plan.law, [space.candidate(unit) for unit in units])

@@ -1,104 +1,145 @@
-"""Placements of the dampers of a study, each with its best constant command, ranked and judged on unseen motions."""
+"""Placements of equal dampers over the storeys of a building, with their best constant commands, ranked and judged."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
+from itertools import islice
 from typing import Any, Final
 
-import numpy as np
-
-from mrwork.closed_loop.evaluation import searched
-from mrwork.motions import GroundMotion
+from mrwork.base.numbers import counted
+from mrwork.base.places import keyed
+from mrwork.errors import InvalidSettingError
 from mrwork.store.long_call import LongCall
 from mrwork.study.constant import ConstantSearch
-from mrwork.study.dampers import ChosenDamper, equip_building
-from mrwork.study.loop_runs import simulate_criteria
-from mrwork.study.placements import Placed, placed_tables, placements_of
+from mrwork.study.dampers import chosen_damper, equip_building
+from mrwork.study.loop_runs import simulate_criteria, unobserved
+from mrwork.study.reading import with_dampers
 from mrwork.study.runs import Runs
-from mrwork.study.study import (
-    Arrangement,
-    Row,
-    Study,
-    constant_commands,
-    digest_of_run,
-)
+from mrwork.study.schema import DamperTable, Use
+from mrwork.study.study import Arrangement, Study, constant_commands
 from mrwork.tuning.results import Placement
 
-# Best placements that are judged on the test motions, beside the study's own.
+Placed = Mapping[str, int]
+"""Number of [[damper]] in each storey that has any, by its name."""
+# Most placements, and the best that are judged on the test motions, beside the study's own.
+_MOST: Final = 60
 _JUDGED: Final = 5
 
 
+def placements_of(study: Study) -> tuple[Placed, list[Placed]]:
+    """The placement of the [[damper]] of a study, and all that its [places] allow."""
+    places, dampers, bare = study.table.places, study.table.damper, study.building
+    assert places is not None
+    for number, damper in enumerate(dampers):
+        if (
+            damper.row is not None
+            or replace(damper, storey=dampers[0].storey, name=dampers[0].name) != dampers[0]
+        ):
+            raise InvalidSettingError(
+                ("damper", number),
+                "[places] compares storeys of equal dampers, and this one differs from the first, or has a row; keep "
+                "one, and give an angle instead of a row",
+            )
+    with keyed("places", "storeys"):
+        names = list(dict.fromkeys(map(bare.storey_name, places.storeys or bare.drift_names)))
+    number = places.dampers or len(dampers)
+    if len(dampers) not in (1, number):
+        raise InvalidSettingError(
+            ("places", "dampers"),
+            f"dampers is {number}, and the study has {len(dampers)} [[damper]]; give one, or one for each place",
+        )
+    most = min(places.each or number, number)
+    placements: list[Placed] = list(islice(_spread(names, number, most), _MOST + 1))
+    if not 1 <= len(placements) <= _MOST:
+        many = f"more than {_MOST} placements; give fewer storeys, a smaller each, or fewer dampers of a larger count"
+        raise InvalidSettingError(
+            "places",
+            f"{counted(number, 'damper')} in {counted(len(names), 'storey')}, at most {most} in each, have "
+            f"{many if placements else 'no placement; give a larger each'}",
+        )
+    tally = Counter(bare.storey_name(damper.storey) for damper in dampers)
+    own = {name: tally[name] if len(dampers) > 1 else number for name in bare.storey_names if tally[name]}
+    return own, placements
+
+
+def _spread(names: Sequence[str], number: int, most: int) -> Iterator[dict[str, int]]:
+    if number == 0:
+        yield {}
+    elif number <= most * len(names):
+        for count in range(min(most, number), -1, -1):
+            for rest in _spread(names[1:], number - count, most):
+                yield ({names[0]: count} if count else {}) | rest
+
+
+def placed_tables(study: Study, placed: Placed) -> list[DamperTable]:
+    """Tables of the dampers of a placement, made of the first [[damper]] of a study."""
+    first = study.table.damper[0]
+    return [
+        replace(first, storey=name, name=None, count=first.count * number) for name, number in placed.items()
+    ]
+
+
+def placed_study(study: Study, placed: Placed) -> Study:
+    """The study with its dampers in these storeys, without a comparison of placements."""
+    return with_dampers(study, placed_tables(study, placed))
+
+
 def compare_places(
-    study: Study,
-    *,
-    call: LongCall[Any, Any],
-    threads: int,
-    on_compared: Callable[[int, int, float], None],
+    study: Study, *, call: LongCall[Any, Any], threads: int, on_compared: Callable[[int, int, float], None]
 ) -> list[Placement]:
     """The placements of a study that has a table of them, by the score of their best constant command, best first.
 
     `on_compared` is called with the placements that are done, all of them, and the least score.
     """
-    original, placements = placements_of(study.table, study.building)
-    first, device = study.table.damper[0], study.devices[0]
-    one = ChosenDamper(
-        spec=device.spec,
-        theta=device.draws[0],
-        largest_command=device.largest_command,
-        source="",
-        tested=device.tested,
-    )
-    # What a constant command needs: no law reads anything.
-    hardware = replace(
-        study.hardware, feedback="state", measured_floors=None, known_ground=False, kinematic=False
-    )
+    own, placements = placements_of(study)
+    first, hardware = study.table.damper[0], unobserved(study.hardware)
+    one = chosen_damper(first, study.folder, study.identified)
     testing = tuple(motion.ground for motion in study.motions if motion.use == "test")
 
-    def at(arrangement: Arrangement, command: float, motions: Sequence[GroundMotion]) -> Runs:
-        held = replace(arrangement, law=constant_commands([command] * len(arrangement.devices)))
-        return simulate_criteria(held, motions, hardware, threads=threads)
+    def at(placed: Placed) -> Arrangement:
+        tables = placed_tables(study, placed)
+        building, devices = equip_building(study.building, tables, [one] * len(tables))
+        return replace(study.at_zero, building=building, devices=devices, law=None)
+
+    def runs_of(arrangement: Arrangement, command: float, use: Use) -> Runs:
+        law = constant_commands([command] * len(arrangement.devices))
+        motions = testing if use == "test" else study.chosen_on
+        return simulate_criteria(replace(arrangement, law=law), motions, hardware, threads=threads)
 
     @cache
-    def without_dampers(*, test: bool) -> Runs:
-        return at(study.arrangements[0], 0.0, testing if test else study.chosen_on)
-
-    def arranged(placed: Placed) -> Arrangement:
-        tables = placed_tables(first, placed)
-        building, devices = equip_building(study.building, tables, [one] * len(tables))
-        row = Row(label="placement", kind="best_passive")
-        return Arrangement(row=row, bare=study.building, building=building, devices=devices, law=None)
+    def bare(use: Use) -> Runs:
+        return runs_of(study.arrangements[0], 0.0, use)
 
     def best_of(placed: Placed) -> Placement:
         best, runs = ConstantSearch(
-            arrangement=arranged(placed), motions=study.chosen_on, hardware=hardware, threads=threads
+            arrangement=at(placed), motions=study.chosen_on, hardware=hardware, threads=threads
         ).scan()
-        of_levels = runs.scores(without_dampers(test=False)).mean(axis=(1, 2))
         return Placement(
             storeys=dict(placed),
             command=best.commands[0],
-            train=float(of_levels[np.argmin(searched(np.array(best.scores)))]),
-            given=placed == original,
+            train=float(runs.scores(bare("training")).mean()),
+            given=placed == own,
             count=first.count,
         )
 
     def judged(placement: Placement) -> Placement:
-        runs = at(arranged(placement.storeys), placement.command, testing)
-        return replace(placement, test=float(runs.scores(without_dampers(test=True)).mean()))
+        runs = runs_of(at(placement.storeys), placement.command, "test")
+        return replace(placement, test=float(runs.scores(bare("test")).mean()))
 
     ranked: list[Placement] = []
-    compared = placements if original in placements else [*placements, original]
+    compared = placements if own in placements else [*placements, own]
     for placed in compared:
-        run = digest_of_run(arranged(placed), *study.chosen_on)
-        ranked.append(call.step("placement", Placement, partial(best_of, placed), [*placed.items()], run))
+        ranked.append(call.step("placement", Placement, partial(best_of, placed), [*placed.items()]))
         on_compared(len(ranked), len(compared), min(placement.train for placement in ranked))
     # The study's own placement comes last where it may not be chosen.
     ranked.sort(key=lambda entry: (entry.storeys not in placements, math.isnan(entry.train), entry.train))
     held_out = 0 < len(testing) < len(study.motions)
     for number, placement in enumerate(ranked if held_out else ()):
         if number < _JUDGED or placement.given:
-            inputs = ([*placement.storeys.items()], placement.command)
+            inputs = [*placement.storeys.items()], placement.command
             ranked[number] = call.step("judged placement", Placement, partial(judged, placement), *inputs)
     return ranked

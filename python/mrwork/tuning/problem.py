@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,14 +19,13 @@ from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, design_law, settings_of
 from mrwork.errors import SettingError
-from mrwork.motions import GroundMotion
 from mrwork.store.codec import digest_of
 from mrwork.store.long_call import LongCall
 from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.realisations import Realisations, nominal
 from mrwork.study.runs import Runs, candidate_axes, study_criteria
-from mrwork.study.schema import TuneTable
+from mrwork.study.schema import Baseline, TuneTable
 from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective
 
@@ -56,17 +55,15 @@ class Scores(Summarised):
 class Bench(Summarised):
     """Training motions and realisations under which candidates are simulated, and the criteria of baselines under them.
 
-    `passive` are the criteria at i = 0, `constant` under the best constant command where an objective takes them.
+    `baselines` are the criteria at i = 0, and under the best constant command where an objective takes them.
     """
 
     study: Study
     problem: DesignProblem
-    motions: tuple[GroundMotion, ...]
     realisations: Realisations
     call: LongCall[Any, Any]
     threads: int
-    passive: Runs
-    constant: Runs | None = None
+    baselines: Mapping[Baseline, Runs]
 
     @staticmethod
     def of(
@@ -77,26 +74,21 @@ class Bench(Summarised):
     ) -> Bench:
         """The bench of a study with these realisations, by default the nominal one; i = 0 is simulated on it."""
         check_controllable(study)
-        problem, motions = study.problem, study.chosen_on
-        assert problem is not None
-        call = LongCall() if call is None else call
-        realised = nominal(study.devices) if realisations is None else realisations
-        axes = candidate_axes(1, motions, len(realised))
-        passive = Runs.empty(axes, study_criteria(study.command_unit)).recalled(
-            call.journal,
-            "passive",
-            digest_of([motion.name for motion in motions], len(realised)),
-            lambda _: simulate_criteria(study.at_zero, motions, study.hardware, realised, threads=threads),
-        )
-        return Bench(
+        assert study.problem is not None
+        bench = Bench(
             study=study,
-            problem=problem,
-            motions=motions,
-            realisations=realised,
-            call=call,
+            problem=study.problem,
+            realisations=nominal(study.devices) if realisations is None else realisations,
+            call=LongCall() if call is None else call,
             threads=threads,
-            passive=passive,
+            baselines={},
         )
+        return bench.relative_to("passive_off", constant_candidate(bench.problem.devices, 0.0))
+
+    def relative_to(self, baseline: Baseline, constant: LawCandidate) -> Bench:
+        """The bench with the criteria under a constant command as a further baseline."""
+        runs = self.recalled("baseline", "passive", [constant])
+        return replace(self, baselines={**self.baselines, baseline: runs})
 
     def run(self, law: str, candidates: Sequence[LawCandidate]) -> Runs:
         """Criteria of candidates, none for those that make no law."""
@@ -135,7 +127,7 @@ class Bench(Summarised):
         """Criteria of the candidates of a law, see `simulate_criteria`."""
         return simulate_criteria(
             replace(self.study.at_zero, devices=problem.all_devices, law=law),
-            self.motions,
+            self.study.chosen_on,
             self.study.hardware,
             self.realisations,
             largest_commands=largest_commands,
@@ -151,7 +143,7 @@ class Bench(Summarised):
         return empty.recalled(self.call.journal, step, inputs, lambda _: self.run(law, candidates))
 
     def _empty(self, n_candidates: int) -> Runs:
-        axes = candidate_axes(n_candidates, self.motions, len(self.realisations))
+        axes = candidate_axes(n_candidates, self.study.chosen_on, len(self.realisations))
         return Runs.empty(axes, study_criteria(self.study.command_unit))
 
     def scores(self, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]) -> Scores:
@@ -160,7 +152,7 @@ class Bench(Summarised):
 
     def scores_of(self, objective: TuningObjective, runs: Runs) -> Scores:
         """The scores of candidates whose criteria are known."""
-        value = objective.value(objective.run_scores(runs, self.baseline(objective)))
+        value = objective.value(objective.run_scores(runs, self.baselines[objective.relative_to]))
         violation = objective.violation(runs)
         return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 
@@ -169,13 +161,6 @@ class Bench(Summarised):
     ) -> Scores:
         """The scores of candidates, from the journal if it has them."""
         return self.call.step(step, Scores, lambda: self.scores(objective, law, candidates), law, candidates)
-
-    def baseline(self, objective: TuningObjective) -> Runs:
-        """What the criteria of an objective are divided by."""
-        if objective.relative_to == "passive_off":
-            return self.passive
-        assert self.constant is not None
-        return self.constant
 
     def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
         """Indices of candidates that are simulated together, and whether their largest commands may differ.
@@ -254,7 +239,12 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
         # Of the frame of the default model.
         constant = bench.problem.reference_peaks(True)
     return magnitudes_of_runs(
-        study.building, bench.motions, bench.passive, on, devices=study.devices, constant=constant
+        study.building,
+        study.chosen_on,
+        bench.baselines["passive_off"],
+        on,
+        devices=study.devices,
+        constant=constant,
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal
 
@@ -20,13 +20,11 @@ from mrwork.search.registry import library
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.named_laws import designed
-from mrwork.study.placements import placed_tables
-from mrwork.study.reading import with_dampers
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import Basis, basis_of, constant_commands, weights_of_regulators
 from mrwork.tuning.law_tuning import TuningProgress, check_settings, front_of, tune_law
-from mrwork.tuning.placing import compare_places
+from mrwork.tuning.placing import compare_places, placed_study, placements_of
 from mrwork.tuning.problem import Bench, LawPlan, check_controllable, magnitudes_of
 from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
 from mrwork.tuning.score_slopes import without_gradient
@@ -97,6 +95,9 @@ def tune(
     1.316
     """
     check_controllable(study)
+    if study.table.places is not None:
+        with study.place.prefix_errors():
+            placements_of(study)
     study = designed(study, journal=journal)
     tables = _tables(study, tables, laws, risk, budget)
     place = study.place if tables == study.tunes else Place()
@@ -108,10 +109,8 @@ def tune(
     with place.prefix_errors():
         objectives = read_each(objective_of_table, range(len(tables)))
     if journal is not None:
-        places_of_study = study.table.places
-        stated = [{field.name: getattr(table, field.name) for field in fields(table)} for table in tables]
-        among = {} if places_of_study is None else {"places": given_in(places_of_study)}
-        journal.agree("tuning", {**fingerprint_of(study), "tune": stated, **among, "rng": rng})
+        stated = {"tune": [*map(given_in, tables)], "places": study.table.places, "rng": rng}
+        journal.agree("tuning", {**fingerprint_of(study), **stated})
     tuned: list[TunedLaw] = []
     fronts: list[Front] = []
     places: list[Placement] = []
@@ -154,7 +153,7 @@ def tune(
         if study.table.places is not None:
             compare = partial(report, "placements", 1)
             places.extend(compare_places(study, call=call, threads=threads, on_compared=compare))
-            study = with_dampers(study, placed_tables(study.table.damper[0], places[0].storeys))
+            study = placed_study(study, places[0].storeys)
         plans, basis, constants = _plan(study, tables, objectives, call, threads, place)
         references.extend(constants)
         if plans:
@@ -201,8 +200,8 @@ def _plan(
     if any(table.robust for table in tables):
         benches.append(Bench.of(study, study.realisations, call, threads))
     if any(objective.relative_to == "best_passive" for objective in objectives):
-        best = [constant.candidate for constant in constants if constant.kind == "best_passive"]
-        benches = [replace(bench, constant=bench.recalled("baseline", "passive", best)) for bench in benches]
+        best = next(constant for constant in constants if constant.kind == "best_passive")
+        benches = [bench.relative_to("best_passive", best.candidate) for bench in benches]
     plans, labels = list[LawPlan](), {arrangement.row.label for arrangement in study.arrangements}
     for number, (table, objective) in enumerate(zip(tables, objectives, strict=True)):
         with place.prefix_errors(), keyed("tune", number):

@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
 from mrwork.base.arguments import Share, Whole
-from mrwork.base.keys import keys_of, suggestion
+from mrwork.base.keys import check_known, keys_of
 from mrwork.base.numbers import of_unit, round_to
+from mrwork.base.places import keyed
 from mrwork.base.summary import Summarised
-from mrwork.base.units import number_in
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import SCORE, criterion, ratio, searched
-from mrwork.closed_loop.responses import COMMAND_UNIT, in_command_unit
+from mrwork.closed_loop.responses import COMMAND_UNIT
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
 from mrwork.control.laws.law_settings import SETTINGS
-from mrwork.errors import InvalidSettingError
+from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.study.fragilities import limit_of
 from mrwork.study.runs import Runs
 from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 
@@ -108,7 +110,10 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
     """The objective of a table."""
     criteria = table.criteria or SCORE
     weights = dict(criteria) if isinstance(criteria, Mapping) else dict.fromkeys(criteria, 1.0)
-    limits = {name: _limit(name, value, command_unit) for name, value in (table.constraints or {}).items()}
+    limits: dict[str, float] = {}
+    for name, value in (table.constraints or {}).items():
+        with keyed("constraints"):
+            limits |= limit_of({name: value}, command_unit, None)
     return TuningObjective(
         weights=weights,
         risk=table.risk,
@@ -117,20 +122,6 @@ def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
         relative_to=table.relative_to,
         combine=table.combine,
     )
-
-
-def _limit(name: str, value: float | str, command_unit: str) -> float:
-    if reason := criterion(name).unknown_in(command_unit):
-        raise InvalidSettingError("constraints", reason)
-    unit = criterion(name).unit
-    if isinstance(value, str):
-        number = number_in(value, in_command_unit(unit, command_unit))
-        if isinstance(number, str):
-            raise InvalidSettingError("constraints", f"{name} {number}")
-        value = number
-    if not (value > 0.0 and math.isfinite(value)):
-        raise InvalidSettingError("constraints", f"{name} is {value:g}; give a positive limit [{unit}]")
-    return value
 
 
 LARGEST = "largest_command"
@@ -148,10 +139,6 @@ SHAPING_SPANS: Mapping[str, Span] = {
 BUDGET_SCALE = "budget_scale"
 """Name of the factor of the budget of designed weights among the settings of a law."""
 _SHARES = 10
-# Ratio of the ends of a range beyond which its logarithm is no longer a number.
-_WIDEST = 1e100
-
-
 _OF_COMMAND = (LARGEST, *SHAPING_SPANS)
 
 
@@ -273,8 +260,12 @@ class SettingSpace(Summarised):
         A weight or dead zone that is free and that the candidate does not have is taken for the least of its range, a
         slope for the largest.
         """
-        held = {name: value for name, value in candidate.of_law.items() if name not in self._names}
-        if held != {name: value for name, value in self.held.items() if name not in self._names}:
+        names = [setting.name for setting in self.free]
+        held, own = (
+            {name: value for name, value in settings.items() if name not in names}
+            for settings in (candidate.of_law, self.held)
+        )
+        if held != own:
             return None
         given, places = candidate.settings, []
         for setting in self.free:
@@ -289,15 +280,8 @@ class SettingSpace(Summarised):
 
     def every(self) -> list[LawCandidate]:
         """All candidates of a space without continuous settings."""
-        grid = [np.empty(0)]
-        for setting in self.free:
-            levels = (np.arange(setting.levels) + 0.5) / setting.levels
-            grid = [np.append(start, level) for start in grid for level in levels]
-        return [self.candidate(unit) for unit in grid]
-
-    @property
-    def _names(self) -> frozenset[str]:
-        return frozenset(setting.name for setting in self.free)
+        levels = [(np.arange(setting.levels) + 0.5) / setting.levels for setting in self.free]
+        return [self.candidate(np.array(unit)) for unit in product(*levels)]
 
 
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
@@ -350,9 +334,10 @@ def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[
     choices = [entry.name for entry in keys_of(kind)]
     held: dict[str, Any] = dict(table.settings or {})
     for name in held:
-        if name not in choices:
-            sentence = f"{law} has no setting {name!r}{suggestion(name, choices, otherwise='it has')}"
-            raise InvalidSettingError(("settings", name), sentence)
+        with keyed("settings", name):
+            check_known(
+                name, choices, f"{law} has no setting {name!r}", otherwise="it has", kind=SettingError
+            )
     if not kind.weight_names() & {*held, *(table.free or {})}:
         held |= kind.weighed_by_default
     return held
@@ -366,19 +351,13 @@ def _free_names(
     if table.free is not None:
         choices = [*spans, *([LARGEST] if commands else [])]
         for name in table.free:
-            if name not in choices:
-                near = suggestion(name, choices, otherwise="it has")
-                raise InvalidSettingError(
-                    ("free", name), f"{law} has no setting {name!r} that can be searched{near}"
-                )
-            if name in spans and spans[name].held:
-                raise InvalidSettingError(
-                    ("free", name), f"{name} of {law} is not searched: {spans[name].held}"
-                )
-            if name in (table.settings or {}):
-                raise InvalidSettingError(
-                    ("free", name), f"{name} is held among the settings and free; keep one"
-                )
+            with keyed("free", name):
+                sentence = f"{law} has no setting {name!r} that can be searched"
+                check_known(name, choices, sentence, otherwise="it has", kind=SettingError)
+                if name in spans and spans[name].held:
+                    raise SettingError(f"{name} of {law} is not searched: {spans[name].held}")
+                if name in (table.settings or {}):
+                    raise SettingError(f"{name} is held among the settings and free; keep one")
         return list(table.free)
     if is_semi_active(held):
         spans = {
@@ -403,9 +382,6 @@ def _free(name: str, ends: Sequence[float], span: Span | None, magnitudes: Magni
             sentence = f"the range of {name} takes its lower and its upper end{positive}, as [1e-14, 1e-9]"
             raise InvalidSettingError(("free", name), sentence)
         lower, upper = ends
-        if scale == "log" and upper > _WIDEST * lower:
-            sentence = f"the range of {name} is from {lower:g} to {upper:g}; its ends may differ by {_WIDEST:g} times"
-            raise InvalidSettingError(("free", name), sentence)
     elif span is None:
         lower, upper = magnitudes.command / _SHARES, magnitudes.command
     else:
