@@ -19,6 +19,7 @@ from mrwork.base.documents import read_table
 from mrwork.base.hints import Form, May, Node
 from mrwork.base.keys import Key, Table, keys_of, tables, toml_text
 from mrwork.base.places import KeyPath, Place
+from mrwork.closed_loop.evaluation import Scales
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
 from mrwork.errors import MistakesError, MrworkError, SettingError
@@ -198,7 +199,7 @@ def mistakes_of(document: Document, folder: Path) -> tuple[Sequence[MrworkError]
     try:
         study = read_study(path)
         for table in study.tunes:
-            objective_of(table, "A")
+            objective_of(table, "A", Scales.of(study.building))
     except SettingError as error:
         told = error.mistakes if isinstance(error, MistakesError) else (error,)
     assert all(each.document == str(path) and str(each).isprintable() for each in told), told

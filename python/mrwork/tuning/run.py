@@ -259,9 +259,9 @@ def _check_table(table: TuneTable, study: Study) -> TuningObjective:
             raise InvalidSettingError("laws", lacking)
     if table.gradient_steps and (lacking := without_gradient(study, table)):
         raise InvalidSettingError("gradient_steps", f"{lacking}, or leave gradient_steps out")
-    objective = objective_of(table, study.command_unit)
     scales = Scales.of(study.building)
-    for key in ("criteria", "objectives", "constraints"):
+    objective = objective_of(table, study.command_unit, scales)
+    for key in ("criteria", "objectives"):
         for name in getattr(table, key) or ():
             if lacking := scales.lacking(criterion(name).scale):
                 raise InvalidSettingError(key, f"{name} is known only with {lacking} in [building]; give it")

@@ -16,7 +16,7 @@ from mrwork.base.numbers import of_unit, round_to
 from mrwork.base.places import keyed
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
-from mrwork.closed_loop.evaluation import SCORE, criterion, ratio, searched
+from mrwork.closed_loop.evaluation import SCORE, Scales, criterion, ratio, searched
 from mrwork.closed_loop.responses import COMMAND_UNIT
 from mrwork.control.laws.control_law import control_law
 from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
@@ -106,14 +106,14 @@ def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:
     return np.asarray(parts.sum(axis=1) / weights.sum())
 
 
-def objective_of(table: TuneTable, command_unit: str) -> TuningObjective:
-    """The objective of a table."""
+def objective_of(table: TuneTable, command_unit: str, scales: Scales) -> TuningObjective:
+    """The objective of a table, of which `scales` are known."""
     criteria = table.criteria or SCORE
     weights = dict(criteria) if isinstance(criteria, Mapping) else dict.fromkeys(criteria, 1.0)
     limits: dict[str, float] = {}
     for name, value in (table.constraints or {}).items():
         with keyed("constraints"):
-            limits |= limit_of({name: value}, command_unit, None)
+            limits |= limit_of({name: value}, command_unit, scales)
     return TuningObjective(
         weights=weights,
         risk=table.risk,
