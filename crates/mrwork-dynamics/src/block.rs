@@ -97,10 +97,12 @@ pub(crate) fn run<M: DamperModel>(
             set.run_narrow(OnePack { block, output, command, model })
         }
         // Narrow packs side by side: what a short step needs stays in registers.
-        _ if !matches!(M::SHORT, Short::Never) && block.short => {
-            set.run_narrow(SideBySide { block, output, command: Constant, model })
+        _ if const { matches!(M::SHORT, Short::Always) }
+            || const { matches!(M::SHORT, Short::WhereTwo(_)) } && block.short =>
+        {
+            set.run_narrow(SideBySide { block, output, command: Constant::<true>, model })
         }
-        _ => set.run(block.candidates.len(), OnePack { block, output, command: Constant, model }),
+        _ => set.run(block.candidates.len(), OnePack { block, output, command: Constant::<false>, model }),
     }
 }
 
@@ -163,11 +165,11 @@ trait OverTime<M: DamperModel> {
     fn driver<R: Lanes>(&self, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R>;
 }
 
-/// Constant in time.
-struct Constant;
+/// Constant in time; every step is short with them, or not.
+struct Constant<const SHORT: bool>;
 
-impl<M: DamperModel> OverTime<M> for Constant {
-    type Driver<R: Lanes> = Steady<M::Parameters<R>>;
+impl<M: DamperModel, const SHORT: bool> OverTime<M> for Constant<SHORT> {
+    type Driver<R: Lanes> = Steady<M::Parameters<R>, SHORT>;
     #[inline(always)]
     fn driver<R: Lanes>(&self, block: &Block<'_>, candidates: &[usize]) -> Self::Driver<R> {
         let values = steady_values(block, columns::<R>(block, candidates));
@@ -324,7 +326,11 @@ impl<M: DamperModel, R: Real, D: Driver<M, R>, S: ForceSink<M, R, D>> Packs for 
             self.take(sample, &state, motions[0]);
         }
         let parameters = self.driver.step();
-        if M::SPEC.n_states > 0 { M::step::<R>(parameters, state, motions, step) } else { state }
+        match (M::SPEC.n_states, D::SHORT) {
+            (0, _) => state,
+            (_, true) => M::step::<R, true>(parameters, state, motions, step),
+            (_, false) => M::step::<R, false>(parameters, state, motions, step),
+        }
     }
 
     #[inline(always)]

@@ -108,8 +108,7 @@ impl InstructionSet {
     #[must_use]
     pub const fn side_by_side_width(self) -> usize {
         match self {
-            Self::Avx512 => 64,
-            Self::Avx2 => 32,
+            Self::Avx512 | Self::Avx2 => 128,
             Self::Plain => 8,
         }
     }

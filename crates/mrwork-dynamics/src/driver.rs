@@ -10,6 +10,8 @@ use crate::real::Real;
 
 /// Provides the parameters of each step.
 pub(crate) trait Driver<M: DamperModel, R: Real> {
+    /// Whether every step is a short chain of arithmetic with these parameters.
+    const SHORT: bool = false;
     /// Begins the interval of `sample`; its command is held until the next sample.
     fn begin(&mut self, sample: usize);
     /// Parameters at the current time.
@@ -19,11 +21,13 @@ pub(crate) trait Driver<M: DamperModel, R: Real> {
 }
 
 /// Constant parameters: no law depends on the command, or the command is constant.
-pub(crate) struct Steady<P> {
+pub(crate) struct Steady<P, const SHORT: bool = false> {
     pub(crate) parameters: P,
 }
 
-impl<M: DamperModel, R: Real> Driver<M, R> for Steady<M::Parameters<R>> {
+impl<M: DamperModel, R: Real, const SHORT: bool> Driver<M, R> for Steady<M::Parameters<R>, SHORT> {
+    const SHORT: bool = SHORT;
+
     #[inline(always)]
     fn begin(&mut self, _: usize) {}
     #[inline(always)]

@@ -138,10 +138,12 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
         self.chain(self.value.copysign(sign.value), own.copysign(own * sign.value))
     }
     #[inline(always)]
-    fn times_sign(self, other: Self) -> Self {
-        let sign = other.value;
-        let tangents = each_tangent!(k => self.tangents[k].times_sign(sign), from self.tangents);
-        Self { value: self.value.times_sign(sign), tangents }
+    fn by_sign(self, positive: Self, negative: Self) -> Self {
+        let sign = self.value;
+        let tangents = each_tangent!(
+            k => sign.by_sign(positive.tangents[k], negative.tangents[k]), from self.tangents
+        );
+        Self { value: sign.by_sign(positive.value, negative.value), tangents }
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {

@@ -84,7 +84,7 @@ fn exponential_of<R: Bits>(x: R) -> R {
     let high = R::splat(LOG2_E);
     let (t, aligned) = sixteenths(x, high);
     let f = x.mul_add(R::splat(LOG2_E_TAIL), x.mul_add(high, -t));
-    let power = power_of_two(BinaryExponent { t, aligned, f });
+    let power = power_of_two(BinaryExponent { aligned, f });
     R::select(x.less(R::splat(LARGEST_EXPONENT)), power, x + R::splat(f64::INFINITY))
 }
 
@@ -192,7 +192,7 @@ pub(crate) fn rounded_exponent<R: Bits>(high: R, r: R, n: R) -> (R, BinaryExpone
     let low = r * binary_logarithm(r);
     let logarithm = high + low;
     let (t, aligned) = sixteenths(logarithm, n);
-    (logarithm, BinaryExponent { t, aligned, f: n.mul_add(low, n.mul_add(high, -t)) })
+    (logarithm, BinaryExponent { aligned, f: n.mul_add(low, n.mul_add(high, -t)) })
 }
 
 /// x^n for n = 1, 2 or 3, as products.
@@ -245,10 +245,10 @@ fn binary_logarithm<R: Real>(r: R) -> R {
     r.mul_add(even, odd)
 }
 
-/// t + f with |f| <= 1/32, as [`sixteenths`] gives t.
+/// t + f with |f| <= 1/32, where t is in sixteenths.
 #[derive(Clone, Copy)]
 pub(crate) struct BinaryExponent<R> {
-    pub(crate) t: R,
+    /// t plus [`SIXTEENTH_ALIGNER`].
     pub(crate) aligned: R,
     pub(crate) f: R,
 }
@@ -263,14 +263,14 @@ fn sixteenths<R: Real>(x: R, factor: R) -> (R, R) {
 
 /// 2^(t + f); 0 where t is too small.
 #[inline(always)]
-pub(crate) fn power_of_two<R: Bits>(BinaryExponent { t, aligned, f }: BinaryExponent<R>) -> R {
+pub(crate) fn power_of_two<R: Bits>(BinaryExponent { aligned, f }: BinaryExponent<R>) -> R {
     let [c1, c2, c3, c4, c5, c6] = BINARY_EXPONENTIAL;
     let root = aligned.entry_of(&SIXTEENTH_ROOTS);
     let s = f * f;
     let odd = s.mul_add(line(s, c3, c5), R::splat(c1));
     let even = s.mul_add(line(s, c4, c6), R::splat(c2));
-    let power = (root * f).mul_add(f.mul_add(even, odd), root).times_two_to(t, aligned);
-    R::zero_where(t.less(R::splat(SMALLEST_BINARY_EXPONENT)), power)
+    let power = (root * f).mul_add(f.mul_add(even, odd), root).times_two_to(aligned);
+    R::zero_where(aligned.less(R::splat(SIXTEENTH_ALIGNER + SMALLEST_BINARY_EXPONENT)), power)
 }
 
 /// e^r - 1 - r + tail.

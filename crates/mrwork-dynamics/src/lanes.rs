@@ -127,8 +127,8 @@ impl<V: Bits, const GROUPS: usize> Real for Pack<V, GROUPS> {
         Self(each_group!(g => self.0[g].copysign(sign.0[g]), from self.0))
     }
     #[inline(always)]
-    fn times_sign(self, other: Self) -> Self {
-        Self(each_group!(g => self.0[g].times_sign(other.0[g]), from self.0))
+    fn by_sign(self, positive: Self, negative: Self) -> Self {
+        Self(each_group!(g => self.0[g].by_sign(positive.0[g], negative.0[g]), from self.0))
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -192,10 +192,8 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
     #[inline(always)]
     fn pair_of(self, pairs: &'static Pairs) -> (Self, Self) {
         let (mut first, mut second) = (self.0, self.0);
-        let mut g = 0;
-        while g < GROUPS {
+        for g in 0..GROUPS {
             (first[g], second[g]) = self.0[g].pair_of(pairs);
-            g += 1;
         }
         (Self(first), Self(second))
     }
@@ -204,8 +202,8 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
         Self(each_group!(g => V::half_of_two_to(k.0[g]), from k.0))
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self, aligned: Self) -> Self {
-        Self(each_group!(g => self.0[g].times_two_to(k.0[g], aligned.0[g]), from self.0))
+    fn times_two_to(self, aligned: Self) -> Self {
+        Self(each_group!(g => self.0[g].times_two_to(aligned.0[g]), from self.0))
     }
     #[inline(always)]
     fn zero_where(mask: Self::Mask, number: Self) -> Self {
@@ -215,24 +213,27 @@ impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
     /// Where the vectors outnumber the registers, in three parts, each for one vector after the other: what a part of one
     /// vector needs stays in registers, and the parts of the next vectors hide its latency.
     #[inline(always)]
-    fn general_power(self, n: Self) -> Self {
+    fn general_power(mut self, n: Self) -> Self {
         if const { GROUPS <= 2 || !V::FEW_REGISTERS } {
             return power_and_logarithm(self, n).0;
         }
         let zero = V::splat(0.0);
         let mut parts = [(zero, zero); GROUPS];
-        let mut exponents = [BinaryExponent { t: zero, aligned: zero, f: zero }; GROUPS];
+        let mut exponents = [BinaryExponent { aligned: zero, f: zero }; GROUPS];
         let mut g = 0;
         while g < GROUPS {
             parts[g] = beside_sixteenth(self.0[g]);
             g += 1;
         }
+        for g in 0..GROUPS {
+            (_, exponents[g]) = rounded_exponent(parts[g].0, parts[g].1, n.0[g]);
+        }
         let mut g = 0;
         while g < GROUPS {
-            (_, exponents[g]) = rounded_exponent(parts[g].0, parts[g].1, n.0[g]);
+            self.0[g] = power_of_two(exponents[g]);
             g += 1;
         }
-        Self(each_group!(g => power_of_two(exponents[g]), from self.0))
+        self
     }
 }
 

@@ -95,9 +95,9 @@ macro_rules! parameters {
             #[allow(non_snake_case)] // letters as in the equation
             #[allow(unused_variables)] // those on which no derived quantity depends
             fn follow(&mut self, values: &[R], follow: &[bool]) {
-                let mut given = values.iter().zip(follow);
-                $(let $name = match given.next() {
-                    Some((&value, true)) => {
+                let (mut values, mut follow) = (values.iter(), follow.iter());
+                $(let $name = match (values.next(), follow.next()) {
+                    (Some(&value), Some(true)) => {
                         self.$name = value;
                         true
                     }

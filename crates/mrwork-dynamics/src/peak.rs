@@ -72,7 +72,7 @@ pub(crate) fn flops_per_step<M: DamperModel>(theta: &[f64]) -> u64 {
     FLOPS.set(0);
     let mut state = M::State::<Counted>::from_fn(|_| Counted(0.5));
     if M::SPEC.n_states > 0 {
-        state = M::step::<Counted>([&p; 3], state, [motion; 3], 1e-3);
+        state = M::step::<Counted, false>([&p; 3], state, [motion; 3], 1e-3);
     }
     let residual = M::force(&p, state, motion.splat()) - Counted(1.0);
     let _squared = residual.mul_add(residual, Counted(0.0));
@@ -133,8 +133,8 @@ impl Real for Counted {
     fn copysign(self, sign: Self) -> Self {
         Self(self.0.copysign(sign.0))
     }
-    fn times_sign(self, other: Self) -> Self {
-        Self(self.0.times_sign(other.0))
+    fn by_sign(self, positive: Self, negative: Self) -> Self {
+        Self(self.0.by_sign(positive.0, negative.0))
     }
     fn min(self, other: Self) -> Self {
         Self(Real::min(self.0, other.0))
@@ -180,7 +180,7 @@ impl Bits for Counted {
     fn half_of_two_to(k: Self) -> Self {
         Self(f64::half_of_two_to(k.0))
     }
-    fn times_two_to(self, k: Self, aligned: Self) -> Self {
-        Self(self.0.times_two_to(k.0, aligned.0))
+    fn times_two_to(self, aligned: Self) -> Self {
+        Self(self.0.times_two_to(aligned.0))
     }
 }

@@ -39,8 +39,8 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// Magnitude of `self` with the sign bit of `sign`.
     fn copysign(self, sign: Self) -> Self;
-    /// `self`, negated where the sign bit of `other` is set.
-    fn times_sign(self, other: Self) -> Self;
+    /// Lanes of `positive` where the sign bit of `self` is clear, of `negative` where it is set.
+    fn by_sign(self, positive: Self, negative: Self) -> Self;
     /// The smaller of the two; `other` where either is NaN.
     fn min(self, other: Self) -> Self;
     /// The larger of the two; `other` where either is NaN.
@@ -90,7 +90,7 @@ pub trait Bits: Real {
     fn half_of_two_to(k: Self) -> Self;
     /// `self * 2^floor(k)` for k in sixteenths, infinite where that is too large; `self` must lie between 1/2 and 2, and
     /// the result must not be below 2^-1021. `aligned` is k plus [`SIXTEENTH_ALIGNER`].
-    fn times_two_to(self, k: Self, aligned: Self) -> Self;
+    fn times_two_to(self, aligned: Self) -> Self;
     /// `number`; zero where the mask holds.
     #[inline(always)]
     fn zero_where(mask: Self::Mask, number: Self) -> Self {
@@ -153,8 +153,8 @@ impl Real for f64 {
         f64::copysign(self, sign)
     }
     #[inline(always)]
-    fn times_sign(self, other: Self) -> Self {
-        f64::from_bits(self.to_bits() ^ (other.to_bits() & SIGN_BIT))
+    fn by_sign(self, positive: Self, negative: Self) -> Self {
+        if self.is_sign_negative() { negative } else { positive }
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -227,11 +227,11 @@ impl Bits for f64 {
         f64::from_bits((k + HALF_EXPONENT_BIAS).to_bits() << 52)
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self, aligned: Self) -> Self {
+    fn times_two_to(self, aligned: Self) -> Self {
         // By adding to the exponent bits, and the last doubling as a product, which knows infinity.
         let floor = aligned.to_bits() >> 4;
         let half = f64::from_bits(self.to_bits().wrapping_add(floor << 52));
-        if k < 1025.0 { half + half } else { f64::INFINITY }
+        if aligned < SIXTEENTH_ALIGNER + 1025.0 { half + half } else { f64::INFINITY }
     }
 }
 
@@ -260,8 +260,6 @@ pub(crate) const TWO_TO_52: u64 = 0x4330_0000_0000_0000;
 pub(crate) const EXPONENT_BIAS_AT_TWO_TO_52: f64 = 4_503_599_627_371_519.0;
 /// 2^52 + 1022: the low bits of a sum with it are the exponent field of 2^k / 2.
 pub(crate) const HALF_EXPONENT_BIAS: f64 = EXPONENT_BIAS_AT_TWO_TO_52 - 1.0;
-/// The sign bit of a double.
-const SIGN_BIT: u64 = 1 << 63;
 /// The fraction field of a double.
 pub(crate) const MANTISSA_BITS: u64 = 0x000F_FFFF_FFFF_FFFF;
 /// Bits of 1.0.

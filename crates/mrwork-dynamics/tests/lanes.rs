@@ -76,7 +76,7 @@ operations! {
     FusedMultiplyAdd: |a, b, c| a.mul_add(b, c);
     Magnitude: |a, b, c| a.abs();
     SignOfAnother: |a, b, c| a.copysign(b);
-    TimesSign: |a, b, c| a.times_sign(b);
+    BySign: |a, b, c| a.by_sign(b, c);
     Smaller: |a, b, c| Real::min(a, b);
     Larger: |a, b, c| Real::max(a, b);
     Rounding: |a, b, c| a.round_ties_even();
@@ -101,7 +101,7 @@ mod of_normal {
         Entry: |a, b, c| a.octave().2.entry_of(&SIXTEEN);
         FirstOfPair: |a, b, c| a.octave().2.pair_of(&PAIRS).0;
         SecondOfPair: |a, b, c| a.octave().2.pair_of(&PAIRS).1;
-        TimesTwoTo: |a, b, c| a.times_two_to(b, b + R::splat(SIXTEENTH_ALIGNER));
+        TimesTwoTo: |a, b, c| a.times_two_to(b + R::splat(SIXTEENTH_ALIGNER));
         ZeroWhere: |a, b, c| R::zero_where(b.less(c), a);
         HalfOfTwoTo: |a, b, c| R::half_of_two_to(Real::min(R::splat(900.0), Real::max(R::splat(-900.0), b)).round_ties_even());
         Exponential: |a, b, c| exp(b);

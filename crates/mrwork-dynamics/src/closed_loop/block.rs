@@ -169,24 +169,9 @@ impl<'a> Ground<'a> {
         Self { motions, stages, step, uniform }
     }
 
-    /// By the record.
+    /// A number of each lane; one, where all lanes have the same motion.
     #[inline(always)]
-    fn record<R: Lanes>(&self, time: f64) -> R {
-        if self.uniform {
-            return R::splat(self.motions[0].acceleration(time));
-        }
-        let last = self.motions.len() - 1;
-        R::from_fn(|lane| self.motions[lane.min(last)].acceleration(time))
-    }
-
-    /// At a stage of a step, in half steps after its start.
-    #[inline(always)]
-    fn stage<R: Lanes>(&self, number: usize, stage: usize) -> R {
-        let value = |lane: usize| match self.stages[lane] {
-            Some(stages) => stages[number][stage],
-            None if stage == 1 => self.motions[lane].acceleration(time(2 * number + 1, 0.5 * self.step)),
-            None => self.motions[lane].acceleration(time(number + stage / 2, self.step)),
-        };
+    fn lanes<R: Lanes>(&self, value: impl Fn(usize) -> f64) -> R {
         if self.uniform {
             return R::splat(value(0));
         }
@@ -194,20 +179,31 @@ impl<'a> Ground<'a> {
         R::from_fn(|lane| value(lane.min(last)))
     }
 
+    /// By the record.
+    #[inline(always)]
+    fn record<R: Lanes>(&self, time: f64) -> R {
+        self.lanes(|lane| self.motions[lane].acceleration(time))
+    }
+
+    /// At a stage of a step, in half steps after its start.
+    #[inline(always)]
+    fn stage<R: Lanes>(&self, number: usize, stage: usize) -> R {
+        self.lanes(|lane| match self.stages[lane] {
+            Some(stages) => stages[number][stage],
+            None if stage == 1 => self.motions[lane].acceleration(time(2 * number + 1, 0.5 * self.step)),
+            None => self.motions[lane].acceleration(time(number + stage / 2, self.step)),
+        })
+    }
+
     /// As the sensor takes it.
     #[inline(always)]
     fn reading<R: Lanes>(&self, time: f64, step: f64) -> R {
-        let last = self.motions.len() - 1;
-        R::from_fn(|lane| self.motions[lane.min(last)].reading(time, step))
+        self.lanes(|lane| self.motions[lane].reading(time, step))
     }
 
     #[inline(always)]
     fn velocity<R: Lanes>(&self, time: f64) -> R {
-        if self.uniform {
-            return R::splat(self.motions[0].velocity(time));
-        }
-        let last = self.motions.len() - 1;
-        R::from_fn(|lane| self.motions[lane.min(last)].velocity(time))
+        self.lanes(|lane| self.motions[lane].velocity(time))
     }
 }
 

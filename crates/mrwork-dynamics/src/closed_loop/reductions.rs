@@ -338,8 +338,8 @@ impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
             }
         }
         let mut shear = *self.ground_acceleration * R::splat(building.total_mass);
-        for (&mass, &acceleration) in building.pushed_mass.iter().zip(acceleration) {
-            shear = acceleration.weighted(R::splat(mass), shear);
+        for (coordinate, &mass) in building.pushed_mass.iter().enumerate() {
+            shear = acceleration[coordinate].weighted(R::splat(mass), shear);
         }
         into.base_shear.take(0, shear);
         let Shears { mass, pushed, elements, springs, heights, .. } = &building.shears;
@@ -390,7 +390,8 @@ impl<R: Lanes> OutOfLine for ReduceCommand<'_, R> {
     type Home = Self;
     #[inline(always)]
     fn run(self) {
-        for (device, (&command, &[smallest, largest])) in self.command.iter().zip(self.ranges).enumerate() {
+        for (device, &[smallest, largest]) in self.ranges.iter().enumerate() {
+            let command = self.command[device];
             if self.sample == 0 {
                 self.into.begin(device, command);
             } else {

@@ -384,13 +384,8 @@ impl<R: Lanes> Sample<'_, '_, R> {
             } else {
                 drift[row - n_accelerations - n_deformations]
             };
-            let mut expected = R::splat(0.0);
-            for (&c, &x) in observer.output[row * n_states..][..n_states].iter().zip(state.iter()) {
-                expected = x.mul_add(R::splat(c), expected);
-            }
-            for (&d, &f) in observer.direct[row * n_devices..][..n_devices].iter().zip(force.iter()) {
-                expected = f.mul_add(R::splat(d), expected);
-            }
+            let of_state = add_products(R::splat(0.0), &observer.output[row * n_states..], state);
+            let mut expected = add_products(of_state, &observer.direct[row * n_devices..], force);
             if let Some(&direct) = observer.direct_ground.get(row) {
                 expected = shaking.mul_add(R::splat(direct), expected);
             }
@@ -401,22 +396,27 @@ impl<R: Lanes> Sample<'_, '_, R> {
         }
         let n_measured = innovation.len();
         for (row, next) in next_state.iter_mut().enumerate() {
-            let mut sum = R::splat(0.0);
-            for (&a, &x) in observer.transition[row * n_states..][..n_states].iter().zip(state.iter()) {
-                sum = x.mul_add(R::splat(a), sum);
-            }
-            for (&b, &f) in observer.input[row * n_devices..][..n_devices].iter().zip(force.iter()) {
+            let mut sum = add_products(R::splat(0.0), &observer.transition[row * n_states..], state);
+            for (device, &f) in force.iter().enumerate() {
                 let finite = f.abs().less(R::splat(f64::INFINITY));
-                sum = R::select(finite, f, R::splat(0.0)).mul_add(R::splat(b), sum);
+                let b = R::splat(observer.input[row * n_devices + device]);
+                sum = R::select(finite, f, R::splat(0.0)).mul_add(b, sum);
             }
             if let Some(&moved) = observer.ground.get(row) {
                 sum = shaking.mul_add(R::splat(moved), sum);
             }
-            for (&l, &y) in observer.gain[row * n_measured..][..n_measured].iter().zip(innovation.iter()) {
-                sum = y.mul_add(R::splat(l), sum);
-            }
-            *next = sum;
+            *next = add_products(sum, &observer.gain[row * n_measured..], innovation);
         }
         core::mem::swap(state, next_state);
     }
+}
+
+/// `sum` and the products of the values with the first entries of a row.
+#[inline(always)]
+fn add_products<R: Lanes>(sum: R, row: &[f64], values: &[R]) -> R {
+    let (mut sum, row) = (sum, &row[..values.len()]);
+    for (column, &value) in values.iter().enumerate() {
+        sum = value.mul_add(R::splat(row[column]), sum);
+    }
+    sum
 }

@@ -200,11 +200,11 @@ impl<R: Real> Gains<'_, R> {
         let weights = &self.columns[start..start + self.sizes.n_states];
         let (of_displacement, of_velocity) = weights.split_at(measured.displacement.len());
         let mut sum = R::splat(0.0);
-        for (weight, value) in of_displacement.iter().zip(measured.displacement) {
-            sum = weight.mul_add(*value, sum);
+        for (coordinate, weight) in of_displacement.iter().enumerate() {
+            sum = weight.mul_add(measured.displacement[coordinate], sum);
         }
-        for (weight, value) in of_velocity.iter().zip(measured.velocity) {
-            sum = weight.mul_add(*value, sum);
+        for (coordinate, weight) in of_velocity.iter().enumerate() {
+            sum = weight.mul_add(measured.velocity[coordinate], sum);
         }
         sum
     }

@@ -359,8 +359,8 @@ impl<R: Lanes> Plant<'_, R> {
             }
             powers
         };
-        for (acceleration, &offset) in self.accelerations[stage].iter_mut().zip(&*offset) {
-            *acceleration = *acceleration + offset;
+        for (coordinate, &offset) in offset.iter().enumerate() {
+            acceleration[coordinate] = acceleration[coordinate] + offset;
         }
         if let Some(energies) = energies {
             energies.add(powers, Moves::after(stage, self.step).weight);

@@ -48,14 +48,14 @@ impl DamperModel for BoucWen {
     }
 
     #[inline(always)]
-    fn step<R: Real>(
+    fn step<R: Real, const SHORT: bool>(
         [start, middle, end]: [&Parameters<R>; 3],
         [z]: [R; 1],
         [x_start, x_middle, x_end]: [Motion<f64>; 3],
         step: f64,
     ) -> [R; 1] {
         let loops = [&start.hysteresis, &middle.hysteresis, &end.hysteresis];
-        [Hysteresis::step(loops, z, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
+        [Hysteresis::step::<SHORT>(loops, z, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
     }
 
     #[inline(always)]

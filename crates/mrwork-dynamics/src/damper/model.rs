@@ -139,9 +139,10 @@ pub trait DamperModel: Sync + Sized {
 
     /// The states after a step of classical Runge-Kutta [s]; parameters and motions are those at its start, middle and end.
     ///
-    /// A model may write it out, where what depends on the motion alone is worked out once for both stages in the middle.
+    /// A model may write it out, where what depends on the motion alone is worked out once for both stages in the middle, and
+    /// for parameters with which every step is `SHORT`.
     #[inline(always)]
-    fn step<R: Real>(
+    fn step<R: Real, const SHORT: bool>(
         [p_start, p_middle, p_end]: [&Self::Parameters<R>; 3],
         state: Self::State<R>,
         [start, middle, end]: [Motion<f64>; 3],

@@ -51,14 +51,14 @@ impl DamperModel for NormalisedBoucWen {
     }
 
     #[inline(always)]
-    fn step<R: Real>(
+    fn step<R: Real, const SHORT: bool>(
         [start, middle, end]: [&Parameters<R>; 3],
         [w]: [R; 1],
         [x_start, x_middle, x_end]: [Motion<f64>; 3],
         step: f64,
     ) -> [R; 1] {
         let loops = [&start.hysteresis, &middle.hysteresis, &end.hysteresis];
-        [Hysteresis::step(loops, w, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
+        [Hysteresis::step::<SHORT>(loops, w, [x_start.velocity, x_middle.velocity, x_end.velocity], step)]
     }
 
     #[inline(always)]
@@ -78,6 +78,8 @@ pub struct Hysteresis<R: Real> {
     slope: R,
     reversible: R,
     dissipative: R,
+    /// reversible + dissipative sgn(w v) while the loop loads, and while it unloads.
+    rounding: [R; 2],
     exponent: Exponent<R>,
 }
 
@@ -91,7 +93,8 @@ impl<R: Real> Hysteresis<R> {
     /// The loop [slope, reversible, dissipative, n].
     #[inline(always)]
     pub(crate) fn with([slope, reversible, dissipative, n]: [R; 4]) -> Self {
-        Self { slope, reversible, dissipative, exponent: Exponent::of(n) }
+        let rounding = [reversible + dissipative, reversible - dissipative];
+        Self { slope, reversible, dissipative, rounding, exponent: Exponent::of(n) }
     }
 
     /// w' at the velocity v: |v| |w|^(n-1) w is |v| sgn(w) |w|^n, so that one power serves both terms.
@@ -102,9 +105,10 @@ impl<R: Real> Hysteresis<R> {
         self.slope * (-power).mul_add(rounding, v)
     }
 
-    /// w after a step of classical Runge-Kutta; loops and velocities [m/s] are those at its start, middle and end.
+    /// w after a step of classical Runge-Kutta; loops and velocities [m/s] are those at its start, middle and end, and every
+    /// exponent is 2 where the step is `SHORT`.
     #[inline(always)]
-    pub(crate) fn step(
+    pub(crate) fn step<const SHORT: bool>(
         [start, middle, end]: [&Self; 3],
         w: R,
         [v_start, v_middle, v_end]: [f64; 3],
@@ -112,62 +116,50 @@ impl<R: Real> Hysteresis<R> {
     ) -> R {
         // Rates are worked out over half a step: the reach of the first two stages.
         let half = 0.5 * step;
-        let first = start.drive(R::splat(v_start * half));
-        let second = middle.drive(R::splat(v_middle * half));
-        let last = end.drive(R::splat(v_end * half));
-        let whole = second.reach + second.reach;
+        let first = start.slope * R::splat(v_start * half);
+        let second = middle.slope * R::splat(v_middle * half);
+        let last = end.slope * R::splat(v_end * half);
+        let whole = second + second;
         let [s_1, s_2, s_3, s_4] =
-            if start.exponent.is_two() && middle.exponent.is_two() && end.exponent.is_two() {
-                let s_1 = start.share(&first, w, w * w);
-                let at = w + first.reach * s_1;
-                let s_2 = middle.share(&second, at, at * at);
-                let at = second.reach.mul_add(s_2, w);
-                let s_3 = middle.share(&second, at, at * at);
+            if SHORT || (start.exponent.is_two() && middle.exponent.is_two() && end.exponent.is_two()) {
+                let s_1 = start.share(v_start, w, w * w);
+                let at = w + first * s_1;
+                let s_2 = middle.share(v_middle, at, at * at);
+                let at = second.mul_add(s_2, w);
+                let s_3 = middle.share(v_middle, at, at * at);
                 let at = whole.mul_add(s_3, w);
-                [s_1, s_2, s_3, end.share(&last, at, at * at)]
+                [s_1, s_2, s_3, end.share(v_end, at, at * at)]
             } else {
                 // A loop: a power is much code.
                 let mut shares = [w; 4];
                 let mut at = w;
                 for (stage, entry) in shares.iter_mut().enumerate() {
-                    let (own, drive) = match stage {
-                        0 => (start, &first),
-                        3 => (end, &last),
-                        _ => (middle, &second),
+                    let (own, v) = match stage {
+                        0 => (start, v_start),
+                        3 => (end, v_end),
+                        _ => (middle, v_middle),
                     };
-                    let share = own.share(drive, at, powf(at.abs(), &own.exponent));
+                    let share = own.share(v, at, powf(at.abs(), &own.exponent));
                     *entry = share;
                     at = match stage {
-                        0 => w + first.reach * share,
-                        1 => second.reach.mul_add(share, w),
+                        0 => w + first * share,
+                        1 => second.mul_add(share, w),
                         _ => whole.mul_add(share, w),
                     };
                 }
                 shares
             };
-        let sum = whole.mul_add(s_2 + s_3, first.reach * s_1);
-        R::splat(1.0 / 3.0).mul_add(last.reach.mul_add(s_4, sum), w)
-    }
-
-    #[inline(always)]
-    fn drive(&self, v: R) -> Drive<R> {
-        Drive { reach: self.slope * v, dissipative: self.dissipative.times_sign(v) }
+        let sum = whole.mul_add(s_2 + s_3, first * s_1);
+        R::splat(1.0 / 3.0).mul_add(last.mul_add(s_4, sum), w)
     }
 
     /// 1 - |w|^n (reversible + dissipative sgn(w v)), the share of the initial slope.
     #[inline(always)]
-    fn share(&self, drive: &Drive<R>, w: R, power: R) -> R {
-        let rounding = self.reversible + drive.dissipative.times_sign(w);
+    fn share(&self, v: f64, w: R, power: R) -> R {
+        let positive = usize::from(v.is_sign_negative());
+        let rounding = w.by_sign(self.rounding[positive], self.rounding[1 - positive]);
         (-power).mul_add(rounding, R::splat(1.0))
     }
-}
-
-/// What the velocity does to a loop, whatever its state.
-struct Drive<R> {
-    /// slope v.
-    reach: R,
-    /// dissipative sgn(v).
-    dissipative: R,
 }
 
 /// Largest |d w'/d w| along a trajectory [1/s].

@@ -15,7 +15,7 @@ use super::job::{GROUPS, LaneJob, MIDDLE_PAIRS};
 use crate::lanes::{Lanes, Pack};
 use crate::real::{
     Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, OutOfLine, Pairs, Real,
-    SQRT_HALF_BITS, TWO_TO_52,
+    SIXTEENTH_ALIGNER, SQRT_HALF_BITS, TWO_TO_52,
 };
 
 /// Entry into an instruction set, compiled in the module of `Self`: modules are compiled side by side, and a function that
@@ -245,15 +245,11 @@ impl Real for Avx512 {
         })
     }
     #[inline(always)]
-    fn times_sign(self, other: Self) -> Self {
-        // One ternary logic: the bits of `self`, flipped by those of `other` under the sign mask.
+    fn by_sign(self, positive: Self, negative: Self) -> Self {
         // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe {
-            _mm512_castsi512_pd(_mm512_ternarylogic_epi64::<0x78>(
-                _mm512_castpd_si512(self.0),
-                _mm512_castpd_si512(other.0),
-                _mm512_set1_epi64(SIGN_BIT),
-            ))
+            let mask = _mm512_movepi64_mask(_mm512_castpd_si512(self.0));
+            _mm512_mask_blend_pd(mask, positive.0, negative.0)
         })
     }
     #[inline(always)]
@@ -334,10 +330,12 @@ impl Bits for Avx512 {
     }
     #[inline(always)]
     fn half_of_two_to(k: Self) -> Self {
-        Self::splat(0.5).times_two_to(k, k)
+        // SAFETY: the processor has the features of `Avx512`.
+        Self(unsafe { _mm512_scalef_pd(_mm512_set1_pd(0.5), k.0) })
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self, _: Self) -> Self {
+    fn times_two_to(self, aligned: Self) -> Self {
+        let k = aligned - Self::splat(SIXTEENTH_ALIGNER);
         // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_scalef_pd(self.0, k.0) })
     }
@@ -380,9 +378,9 @@ impl Real for Avx2 {
         }
     }
     #[inline(always)]
-    fn times_sign(self, other: Self) -> Self {
+    fn by_sign(self, positive: Self, negative: Self) -> Self {
         // SAFETY: the processor has the features of `Avx2`.
-        Self(unsafe { _mm256_xor_pd(self.0, _mm256_and_pd(other.0, _mm256_set1_pd(-0.0))) })
+        Self(unsafe { _mm256_blendv_pd(positive.0, negative.0, self.0) })
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -496,13 +494,14 @@ impl Bits for Avx2 {
         Self(unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(_mm256_castpd_si256(field.0))) })
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self, aligned: Self) -> Self {
+    fn times_two_to(self, aligned: Self) -> Self {
         // SAFETY: the processor has the features of `Avx2`.
         let half = Self(unsafe {
             let floor = _mm256_srli_epi64::<4>(_mm256_castpd_si256(aligned.0));
             _mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(self.0), _mm256_slli_epi64::<52>(floor)))
         });
-        Self::select(k.less(Self::splat(1025.0)), half + half, Self::splat(f64::INFINITY))
+        let bounded = aligned.less(Self::splat(SIXTEENTH_ALIGNER + 1025.0));
+        Self::select(bounded, half + half, Self::splat(f64::INFINITY))
     }
     #[inline(always)]
     fn zero_where(mask: __m256d, number: Self) -> Self {
