@@ -112,6 +112,24 @@ def test_a_joint_fit_with_a_law_ends_in_one_minimum() -> None:
     assert_one_minimum(Objective.of(LAWS, joint_tests()), form, near(form, joint_theta()))
 
 
+def test_a_row_keeps_a_held_parameter_and_ends_where_a_fit_with_it_fixed_does() -> None:
+    spec = damper("static_hysteretic")
+    form = identifiable_form(spec, SHARP)
+    objective = Objective.of(spec, (record(spec, spec.nominal),))
+    start = near(form, spec.nominal)
+    index = form.box.free_names.index("alpha")
+    held = np.zeros((2, len(form.box.free)), dtype=np.bool_)
+    held[0, index] = True
+    rows = find_minima(objective, form.box, np.stack([start, start]), max_iterations=100, held=held)
+    value = float(start[form.box.free[index]])
+    fixed = find_minima(
+        objective, form.box.with_bounds({"alpha": (value, value)}), start[None], max_iterations=100
+    )
+    assert rows.theta[0, form.box.free[index]] == pytest.approx(value, rel=1e-12)
+    assert rows.misfit[0] == pytest.approx(fixed.misfit[0], rel=1e-6)
+    assert rows.misfit[1] < 0.9 * rows.misfit[0]
+
+
 def test_all_engines_say_that_a_parameter_is_at_its_bound() -> None:
     spec = damper("dahl")
     index = spec.names.index("rho")

@@ -360,9 +360,14 @@ class NormalEquations:
         on_every_test(len(objective.compared), objective.threads, fill)
         return cls(squared=squared, gradient=gradient, matrix=matrix)
 
-    def joint(self, shares: Floats) -> tuple[Floats, Floats]:
-        """Gradient and J'J of the squared misfit of each row with these weights of the tests, (n_rows, n_tests)."""
-        return (
-            np.einsum("rt,rtp->rp", shares, self.gradient),
-            np.einsum("rt,rtpq->rpq", shares, self.matrix),
-        )
+    def joint(self, shares: Floats, held: NDArray[np.bool_] | None = None) -> tuple[Floats, Floats]:
+        """Gradient and J'J of the squared misfit of each row with these weights of the tests, (n_rows, n_tests).
+
+        Where a row has `held` parameters, of (n_rows, n_free), both have zeros.
+        """
+        gradient = np.einsum("rt,rtp->rp", shares, self.gradient)
+        matrix = np.einsum("rt,rtpq->rpq", shares, self.matrix)
+        if held is not None:
+            gradient[held] = 0.0
+            matrix[held] = matrix.transpose(0, 2, 1)[held] = 0.0
+        return gradient, matrix

@@ -129,7 +129,7 @@ def without_nuisance(force: AnyArray, measured: AnyArray, names: Sequence[Nuisan
     return residuals
 
 
-def _linearised_without_nuisance(
+def linearised_without_nuisance(
     force: Floats, slope: Floats, measured: Floats, names: Sequence[NuisanceName]
 ) -> tuple[Floats, Floats]:
     """Residuals as in `without_nuisance`, and their derivatives, from the force's, shape (n_batch, n_params, n_time).
@@ -391,7 +391,7 @@ class ObservedTest:
         if observation != AS_IT_IS:
             force = observation.observe(force, dt)
             slope = replace(observation, offset=0.0).observe(slope, dt)
-        residuals, derivative = _linearised_without_nuisance(
+        residuals, derivative = linearised_without_nuisance(
             force[:, counted], slope[..., counted], self.measured, self.nuisances
         )
         if not self.is_plain:

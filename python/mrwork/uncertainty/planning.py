@@ -18,23 +18,21 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import TableColumn, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.simulation import Outcome, simulate_forces
+from mrwork.dampers.simulation import Outcome, simulate_sensitivities
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
-from mrwork.identification.covariance import effective_samples, residuals_by_test
+from mrwork.identification.covariance import Slopes, effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
-from mrwork.identification.residual import NuisanceName, without_nuisance
+from mrwork.identification.residual import NuisanceName, linearised_without_nuisance
 from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
-from mrwork.uncertainty.identifiability.curvature import Scaled, linearise, points_at
+from mrwork.uncertainty.identifiability.walks import Scaled
 
 # Rows of a plan that a summary has.
 _SHOWN = 15
-# Finite-difference step in scaled coordinates.
-_STEP = 1e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,11 +150,11 @@ class LinearisedPosterior:
         scales = scales_of(spec, box, objective.tests, theta)
         scaled = Scaled.of(spec, box, scales, theta)
         position = scaled.position(theta)
-        (here,) = points_at(linearise(objective, box.free), scaled, position[None])
-        residuals = objective.residuals(theta[None])[0]
+        slopes = Slopes.at(objective, problem.form, theta)
+        residuals, derivative = slopes.residuals, slopes.by_free.T * scaled.slope(position)
         n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
         dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-        weight = dof / here.squared
+        weight = dof / float(residuals @ residuals)
         ends = np.array([(scale.lower, scale.upper) for scale in scales]).T
         lower, upper = map(scaled.position, ends)
         prior = np.diag(12.0 / (upper - lower) ** 2)
@@ -164,7 +162,7 @@ class LinearisedPosterior:
             spec=spec,
             scaled=scaled,
             position=position,
-            precision=prior + weight * here.normal,
+            precision=prior + weight * derivative.T @ derivative,
             weight=weight / len(objective.tests),
             nuisances=fit.nuisances,
             threads=threads,
@@ -251,36 +249,31 @@ def plan(
 
 
 def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -> list[Response]:
-    """Responses of the candidates that can be simulated, by central differences in one batch each."""
+    """Responses of the candidates that can be simulated, with exact derivatives."""
     scaled, position = posterior.scaled, posterior.position
-    # One-sided for a parameter on its bound.
-    ahead = np.minimum(position + _STEP, scaled.upper)
-    behind = np.maximum(position - _STEP, scaled.lower)
-    steps = np.eye(position.size, dtype=np.bool_)
-    points = np.concatenate(
-        [position[None], np.where(steps, ahead, position), np.where(steps, behind, position)]
-    )
-    theta = scaled.parameters(points)
+    theta, slope = scaled.parameters(position)[None], scaled.slope(position)
     responses_by_candidate = []
     for candidate in candidates:
         loading, counted = harmonic_motion(candidate, posterior.spec)
-        run = simulate_forces(posterior.spec, theta, loading.history(), threads=posterior.threads)
+        run = simulate_sensitivities(
+            posterior.spec, theta, loading.history(), columns=scaled.free, threads=posterior.threads
+        )
         # A force that never changes tells nothing, and has no deviation to divide by.
-        if np.any(run.outcome != Outcome.FINISHED) or not np.ptp(run.force[0, counted]) > 0.0:
+        if run.outcome[0] != Outcome.FINISHED or not np.ptp(run.force[0, counted]) > 0.0:
             continue
-        force = run.force[:, counted]
-        corrected = without_nuisance(force, force[0], posterior.nuisances)
+        force, derivative = run.force[:, counted], run.jacobian[..., counted] * slope[:, None]
+        _, corrected = linearised_without_nuisance(force, derivative, force[0], posterior.nuisances)
         cycles = (counted.stop - counted.start) * loading.dt * candidate.frequency
         assert loading.velocity is not None
-        energy = force @ loading.velocity[counted] * loading.dt / cycles
+        per_cycle = loading.velocity[counted] * loading.dt / cycles
         responses_by_candidate.append(
             Response(
                 candidate=candidate,
                 force=force[0],
-                derivative=_quotient(force, ahead - behind),
-                corrected=_quotient(corrected, ahead - behind),
-                energy=float(energy[0]),
-                energy_derivative=_quotient(energy[:, None], ahead - behind)[0],
+                derivative=derivative[0].T,
+                corrected=corrected[0].T,
+                energy=float(force[0] @ per_cycle),
+                energy_derivative=derivative[0] @ per_cycle,
             )
         )
     return responses_by_candidate
@@ -318,9 +311,3 @@ def _column_of(posterior: LinearisedPosterior, band: str) -> int:
     raise UnknownNameError(
         f"there is no band {band!r}{suggestion(band, ['force', 'energy', *free], otherwise='take')}"
     )
-
-
-def _quotient(rows: Floats, width: Floats) -> Floats:
-    """Difference quotients, shape (n_time, n_free), of rows: the centre, those ahead, those behind."""
-    ahead, behind = np.split(rows[1:], 2)
-    return np.asarray(((ahead - behind) / width[:, None]).T)

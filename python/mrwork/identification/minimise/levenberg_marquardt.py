@@ -3,7 +3,7 @@
 Residuals and Jacobian come from one simulation, which takes a quarter longer than a simulation of the residuals alone.
 A few candidates take as long to simulate as about fifty, because the time steps of a record are sequential. The batch
 therefore simulates the Jacobians of all starts together, and likewise all trial steps, several of different damping
-for each start. Each start may weigh the tests in its own way, or leave out the tests of a fold.
+for each start. Each start may weigh the tests in its own way, leave out the tests of a fold, or hold parameters.
 
 Steps follow the limit of stiffness, above which a candidate is not simulated.
 """
@@ -109,6 +109,8 @@ def find_minima(
     max_iterations: Count,
     tolerance: float = TOLERANCE,
     shares: Floats | None = None,
+    held: NDArray[np.bool_] | None = None,
+    damping: float = _FIRST_DAMPING,
     hopeless: Hopeless | None = None,
     on_iteration: Callable[[LocalMinima], None] | None = None,
 ) -> LocalMinima:
@@ -119,10 +121,12 @@ def find_minima(
 
     `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `shares`: weights
     of the squared NRMSE of the tests for each start, shape (n_starts, n_tests), 0 for one that is left out; by default
-    the shares of the objective. `hopeless`: rule by which starts are given up. `on_iteration`: called after each
+    the shares of the objective. `held`: free parameters that each start keeps, shape (n_starts, n_free). `damping`: the
+    first one, small near a minimum. `hopeless`: rule by which starts are given up. `on_iteration`: called after each
     iteration with the present points.
     """
-    state = _initial(objective, box, starts, shares)
+    state = _initial(objective, box, starts, shares, damping)
+    held = np.zeros(state.latent.shape, dtype=np.bool_) if held is None else held
     iterations = 0
     courses = [state.misfit]
     while iterations < max_iterations and state.running.any():
@@ -130,9 +134,10 @@ def find_minima(
         state = objective.once(
             "iteration",
             _State,
-            partial(_iterate_once, objective, box, state, tolerance, shares),
+            partial(_iterate_once, objective, box, state, tolerance, shares, held),
             tolerance,
             shares,
+            held,
             box,
             state.latent,
             state.misfit,
@@ -166,7 +171,7 @@ class _State:
     running: NDArray[np.bool_]
 
 
-def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | None) -> _State:
+def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | None, damping: float) -> _State:
     latent = np.asarray(box.latent_from_theta(box.inside(starts)))
     theta = np.asarray(box.theta_from_latent(latent))
     misfit = objective(theta, shares)
@@ -174,7 +179,7 @@ def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | No
     return _State(
         latent=latent,
         misfit=misfit,
-        damping=np.full(n_starts, _FIRST_DAMPING),
+        damping=np.full(n_starts, damping),
         sensitivity=np.zeros((n_starts, n_free)),
         normal=np.zeros((n_starts, n_free, n_free)),
         gradient=np.zeros((n_starts, n_free)),
@@ -185,16 +190,24 @@ def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | No
 
 
 def _iterate_once(
-    objective: Objective, box: Box, state: _State, tolerance: float, shares: Floats | None
+    objective: Objective,
+    box: Box,
+    state: _State,
+    tolerance: float,
+    shares: Floats | None,
+    held: NDArray[np.bool_],
 ) -> _State:
-    """Linearise at the points that have moved, then try several dampings for every running start."""
+    """Linearise at the points that have moved, then try several dampings for every running start.
+
+    Equations of held parameters have zeros, so that their steps are zero.
+    """
     new = deepcopy(state)
     latent, misfit, damping, normal, gradient = new.latent, new.misfit, new.damping, new.normal, new.gradient
     sensitivity, moved, arrived, running = new.sensitivity, new.moved, new.arrived, new.running
     weights = np.tile(objective.shares, (len(latent), 1)) if shares is None else shares
     fresh = np.flatnonzero(running & moved)
     equations = NormalEquations.at(objective, box, latent[fresh], weights[fresh] > 0.0)
-    gradient[fresh], normal[fresh] = equations.joint(weights[fresh])
+    gradient[fresh], normal[fresh] = equations.joint(weights[fresh], held[fresh])
     running[fresh] = np.isfinite(normal[fresh]).all(axis=(1, 2)) & np.isfinite(gradient[fresh]).all(axis=1)
     if not running.any():
         return replace(state, running=running)
@@ -209,7 +222,9 @@ def _iterate_once(
         weight[:, None, :, None] * np.eye(latent.shape[1])
     )
     step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
-    step = within_stiffness(objective.compared, box, latent[active], step, damped, gradient[active])
+    step = within_stiffness(
+        objective.compared, box, latent[active], step, damped, gradient[active], held[active]
+    )
     tried = latent[active, None] + step
     before = misfit[active]
     theta = np.asarray(box.theta_from_latent(tried.reshape(-1, latent.shape[1])))

@@ -30,12 +30,18 @@ _NOT_FAR_ABOVE = 0.7
 
 
 def within_stiffness(
-    tests: Sequence[ObservedTest], box: Box, latent: Floats, step: Floats, damped: Floats, gradient: Floats
+    tests: Sequence[ObservedTest],
+    box: Box,
+    latent: Floats,
+    step: Floats,
+    damped: Floats,
+    gradient: Floats,
+    held: NDArray[np.bool_],
 ) -> Floats:
     """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
 
     `step`, shape (n_rows, n_dampings, n_free), from `latent`, (n_rows, n_free), minimises the quadratic functions of
-    `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free).
+    `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free); `held` parameters have no step.
     """
     ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
     stiffness = log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
@@ -47,6 +53,7 @@ def within_stiffness(
         value, slope = stiffness_and_slope(tests, box, latent[row])
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             continue
+        slope[:, held[row]] = 0.0
         room = np.maximum(-_MARGIN - value, 0.0)
         for factor in np.flatnonzero(beyond[row]):
             step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)

@@ -26,24 +26,21 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import SettingError
-from mrwork.identification.covariance import effective_samples, residuals_by_test
+from mrwork.identification.covariance import Slopes, covariance, effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.problem import Problem
 from mrwork.identification.verdicts import Scale, judge_interval, scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.identifiability.curvature import (
+from mrwork.uncertainty.identifiability.walks import (
     DIRECTIONS,
     End,
     Point,
     Scaled,
     Side,
     Sides,
-    linearise,
-    points_at,
     run_together,
     signed_root,
 )
@@ -346,17 +343,13 @@ def profile(
     profiled = _profiled_indices(box, parameters)
     scales = scales_of(spec, box, objective.tests, theta)
     scaled = Scaled.of(spec, box, scales, theta)
-    derivatives = linearise(objective, box.free)
-
-    def simulate_position(position: Floats) -> list[Point]:
-        return points_at(derivatives, scaled, position)
-
-    (start,) = simulate_position(scaled.position(theta)[None])
-    (residuals,), (slopes,) = linearise_residuals(
-        objective, scaled.parameters(start.position)[None], box.free
-    )
+    slopes = Slopes.at(objective, problem.form, theta)
+    residuals, position = slopes.residuals, scaled.position(theta)
+    start = Point(position=position, squared=float(residuals @ residuals))
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
+    independent = covariance(slopes.by_free.T * scaled.slope(position), float(np.sqrt(start.squared)))
+    errors = np.sqrt(np.diag(independent) * residuals.size / n_effective)
     threshold = likelihood_threshold(level)
 
     def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
@@ -368,7 +361,7 @@ def profile(
                 scaled,
                 index,
                 scales[box.free[index]],
-                float(np.linalg.norm(slopes[index])),
+                float(np.linalg.norm(slopes.by_free[index])),
                 sides[index, -1],
                 sides[index, 1],
                 least=least,
@@ -411,15 +404,24 @@ def profile(
     with call.keeping("profiling"):
         for _ in range(_MOST_ROUNDS):
             sides = {key: Side(points=[origin]) for key in sides}
-            run_together(scaled, sides, simulate_position, report, limit=float(np.sqrt(threshold)), dof=dof)
+            run_together(
+                objective,
+                box,
+                scaled,
+                sides,
+                report,
+                errors=errors,
+                limit=float(np.sqrt(threshold)),
+                dof=dof,
+            )
             best = min(
                 (point for side in sides.values() for point in side.points), key=lambda point: point.squared
             )
             if signed_root(origin.squared, best.squared, dof) ** 2 < _BETTER:
                 break
             better = scaled.parameters(best.position[None])
-            minimum = find_minima(objective, box, better, max_iterations=_MOST_STEPS)
-            (origin,) = simulate_position(scaled.position(minimum.theta))
+            minimum = find_minima(objective, box, better, max_iterations=_MOST_STEPS).best
+            origin = Point(position=scaled.position(minimum.theta), squared=minimum.misfit**2)
     return result(sides, "finished")
 
 
