@@ -42,26 +42,47 @@ def rig(observation: Observation) -> list[DamperTest]:
 
 
 def advice(fit: mr.Fit) -> list[str]:
-    return [each for each in fit.warnings if "against the model" in each]
+    return [each for each in fit.warnings if "the model by" in each]
 
 
-def test_a_lag_that_all_tests_have_is_told_with_the_option_that_gives_the_damping_back() -> None:
+def test_a_lag_that_all_tests_have_is_told_with_the_option_that_fits_it_and_gives_the_damping_back() -> None:
     late = rig(Observation(lag_seconds=LAG))
     fit = mr.identify(SPEC, late, threads=1)
     (sentence,) = advice(fit)
-    value, _, error = sentence.partition("lag of ")[2].partition(" ms")[0].partition(" +- ")
+    assert sentence.startswith("the force lags the model by ")
+    value, _, error = sentence.partition(" by ")[2].partition(" ms")[0].partition(" +- ")
     assert abs(float(value) - 1e3 * LAG) < 3.0 * float(error) < 0.5 * 1e3 * LAG
-    option = sentence.partition("--observe ")[2].split()[0]
-    taken = mr.identify(SPEC, late, observe=[option], threads=1)
+    assert "--late-force lag" in sentence
+    taken = mr.identify(SPEC, late, late_force="lag", threads=1)
+    lag = taken.late_force
+    assert lag is not None
+    assert lag.standard_error is not None
+    assert abs(lag.value - LAG) < 3.0 * lag.standard_error < 0.2 * LAG
+    assert (taken.fitted[-1], "force_lag" in repr(taken)) == (lag, True)
     true = SPEC.nominal[DAMPING]
     assert abs(taken.theta[DAMPING] - true) < 0.25 * abs(fit.theta[DAMPING] - true)
     assert not advice(taken)
 
 
+def test_a_fitted_delay_is_the_fit_with_that_delay_given_and_is_predicted_with() -> None:
+    late = rig(Observation(delay_seconds=0.007))
+    taken = mr.identify(SPEC, late, late_force="delay", threads=1)
+    delay = taken.late_force
+    assert delay is not None
+    assert delay.value == pytest.approx(0.007, abs=3.0 * (delay.standard_error or 0.0))
+    given = mr.identify(SPEC, late, observe=[f"delay={delay.value}"], threads=1)
+    errors = [estimate.standard_error or np.inf for estimate in given.estimates]
+    assert np.all(np.abs(np.subtract(taken.theta, given.theta)) < 0.25 * np.array(errors))
+    assert taken.observed(late[0]).observation.delay_seconds == delay.value
+    # An error that counts the delay as known is smaller.
+    known, fitted = (fit.parameters["k"].standard_error or 0.0 for fit in (given, taken))
+    assert 0.0 < known < fitted
+
+
 @pytest.mark.parametrize("frequencies", [1, 3])
 def test_a_channel_that_is_on_time_is_not_doubted(frequencies: int) -> None:
     fit = mr.identify(SPEC, rig(Observation())[:frequencies], threads=1)
-    assert not [each for each in fit.warnings if "against the model" in each or "delay" in each]
+    assert not [each for each in fit.warnings if "the model by" in each or "delay" in each]
 
 
 def test_damping_at_one_frequency_says_what_an_unknown_delay_would_do() -> None:

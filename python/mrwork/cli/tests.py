@@ -70,13 +70,15 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
 
 
 def add_observation(parser: CommandParser, *, as_fitted: bool = False) -> None:
-    """--observe and --nuisance of an identification, or of a verb that does by default as the identification did."""
+    """Options on the measurement, of an identification or of a verb that does by default as the identification did."""
     measured = partial(
         add_option_of, parser, FitSettings, MEASUREMENT, default=() if as_fitted else UNCHANGED
     )
     usual = "default: as in the identification" if as_fitted else ""
     measured("observe", metavar="WHAT=VALUE", more=usual)
     measured("nuisances", choices=[_NONE], more=usual)
+    if not as_fitted:
+        add_option_of(parser, FitSettings, MEASUREMENT, "late_force")
 
 
 def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None = None) -> Reading:

@@ -18,7 +18,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import Remark
-from mrwork.identification.objective import Objective, linearise_residuals
+from mrwork.identification.objective import NormalEquations, Objective, linearise_residuals
 from mrwork.records import DamperTest
 
 # A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to
@@ -50,6 +50,17 @@ class Slopes:
     def interior(self) -> list[int]:
         """Parameters of the form that are free and not on a bound."""
         return [i for i in self.form.box.free if remark_of(self.form.box, i, float(self.theta[i])) == ""]
+
+    @property
+    def normal(self) -> NormalEquations:
+        """Normal equations of one row in the parameters that are free; the shares of the tests are in them."""
+        tests = self.objective.tests
+        pairs = zip(
+            residuals_by_test(self.residuals, tests), residuals_by_test(self.by_free, tests), strict=True
+        )
+        rows = [(residuals @ residuals, slope @ residuals, slope @ slope.T) for residuals, slope in pairs]
+        squared, gradient, matrix = (np.array(entries)[None] for entries in zip(*rows, strict=True))
+        return NormalEquations(squared=squared, gradient=gradient, matrix=matrix)
 
     def by_interior(self) -> Floats:
         """Derivatives by the parameters that are not on a bound, shape (n_interior, n_residuals)."""

@@ -313,6 +313,7 @@ class Fit(Plotted, WithAxes, Summarised):
     where there are no standard errors. `directions` are those in which the data determine the parameters weakly or not
     at all. `intervals` come from `profile` or `sample`; where there are any, tables show them and not the standard
     errors.
+    `late_force` is the lag or delay of the force channel that was fitted with the parameters, `None` where it was not.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts steps of the final fit, one simulation with its derivatives each. `tests` were fitted, and
     `forces` are the forces of free runs on them, [N], shape (n_time,); `warnings` are sentences on what could
@@ -353,6 +354,7 @@ class Fit(Plotted, WithAxes, Summarised):
     tested: OperatingRange
     half_step_percent: NotNegative | None = None
     single_commands: tuple[SingleCommand, ...] = ()
+    late_force: FittedParameter | None = None
     tests: tuple[DamperTest, ...] = field(default=(), compare=False)
     forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
@@ -465,6 +467,11 @@ class Fit(Plotted, WithAxes, Summarised):
         ('N s/m', True)
         """
         return _ByName({estimate.name: estimate for estimate in self.estimates})
+
+    @property
+    def fitted(self) -> tuple[FittedParameter, ...]:
+        """The parameters, and the lag or delay of the force channel that was fitted with them."""
+        return self.estimates if self.late_force is None else (*self.estimates, self.late_force)
 
     @property
     def theta(self) -> tuple[float, ...]:
@@ -589,9 +596,7 @@ class Fit(Plotted, WithAxes, Summarised):
         spread = self.spread
         return {
             "model": self.model,
-            "parameters": {
-                estimate.name: document_of(self._columns, estimate) for estimate in self.estimates
-            },
+            "parameters": {estimate.name: document_of(self._columns, estimate) for estimate in self.fitted},
             "uncertainty": self.uncertainty_heading,
             "current_laws": None if self.current is None else asdict(self.current),
             "directions": [asdict(direction) for direction in self.directions],
@@ -613,7 +618,7 @@ class Fit(Plotted, WithAxes, Summarised):
 
     def _summary(self) -> Summary:
         on_tests = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
-        tables = [text_table(self._columns, self.estimates)]
+        tables = [text_table(self._columns, self.fitted)]
         tables += [text_table(_QUALITY, self.quality)] if len(self.quality) > 1 else []
         return Summary(
             title=f"Fit of {self.model}{on_tests}: {self.fit_percent:.2f} %, {self.status_in_words}",

@@ -1,49 +1,50 @@
-"""A lag or delay of the force channel that all tests of a fit have in common: how long it is, and whether it pays.
+"""A late force: a lag or delay of the force channel that all tests of a fit have in common, and whether it pays.
 
 To first order, a late force is F(t - tau) = F - tau F'. At one frequency that is a change of stiffness and damping,
 which a fit absorbs in its parameters; at several frequencies the changes differ, so that they determine tau. It pays
 where fits to the other frequencies predict the tests of each frequency better with it. These fits are single
 Gauss-Newton steps from the fit to all tests, which predicted synthetic and measured rigs as well as minimisations did
-(DECISIONS.md, "A common lag of the force channel is judged by frequencies that are predicted").
+(DECISIONS.md, "A common lag of the force channel is judged by frequencies that are predicted"). A record alone shows a
+late force by its corners at reversals, see `force_delay`; both are told by `late_force`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.base.hints import SMALLEST
-from mrwork.base.numbers import estimate_in_words, significant
+from mrwork.base.numbers import significant
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.identification.covariance import Slopes, covariance, effective_samples, residuals_by_test
-from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.objective import Objective, observe_tests_by
+from mrwork.dampers.conversions import Conversion
+from mrwork.dampers.coordinates import Box
+from mrwork.identification.covariance import Covariance, Slopes, remark_of
+from mrwork.identification.equivalent import Form
+from mrwork.identification.fit import FittedParameter
+from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
+from mrwork.identification.minimise.polish import Polished
+from mrwork.identification.objective import NormalEquations, Objective, observe_tests_by
 from mrwork.identification.problem import Problem
-from mrwork.identification.residual import scale_columns, without_nuisance
+from mrwork.identification.residual import LateForce
+from mrwork.records.cycles import late_force
+from mrwork.records.finding import Measured
 from mrwork.records.motion import spectrum
-from mrwork.records.repairs import DETECT, NONE
 
-Kind = Literal["lag", "delay"]
 # The tests are fitted again where the squared misfit would fall by more than this share. The lag is advised where the
 # misfit of predictions falls below this share of that without it, and it exceeds this number of its standard errors.
 _WORTH_A_FIT = 0.04
 _PAYS = 0.95
 _SIGNIFICANT = 4.0
-# Most alternations between the lag and the other parameters, the step of the lag, in samples, at which they end, and
-# iterations of the other parameters in each.
-_ROUNDS = 12
-_CONVERGED = 0.03
-_ITERATIONS = 8
+# Longest lag or delay, in periods of the fastest test; iterations of a fit with it, and their end where it is tried.
+_LONGEST = 0.25
+_ITERATIONS = 50
 _TOLERANCE = 1e-4
 # Share by which the misfits of a delay and of a lag may differ where the sentence names both.
 _ALIKE = 0.02
-# Least eigenvalue of the normal equations, per largest, that counts.
-_INSENSITIVE = 1e-12
-# Step of the difference quotient, in samples.
-_STEP = 0.1
 # Tests whose frequencies, of the largest Fourier component, differ by less than this factor are at one frequency.
 _SAME_FREQUENCY = 1.3
 # Delay that may be unknown, in samples and at most in periods; it is told where it changes damping by more than this
@@ -52,6 +53,41 @@ _SAMPLES = 3.0
 _PERIODS = 0.02
 _LARGE = 0.1
 _FAR = 5.0
+# Field of the observation model.
+_FIELD: Final[dict[LateForce, str]] = {"lag": "lag_seconds", "delay": "delay_seconds"}
+
+
+def fit_late_force(
+    problem: Problem, polished: Polished, kind: LateForce
+) -> tuple[Problem, Polished, FittedParameter]:
+    """Fit one lag or delay of the force channel with all other parameters, from a fit without it.
+
+    Returns the problem in which the tests have it, the fit there with the covariance of all, and its estimate.
+    """
+    late = _LateFit.near(problem.objective, problem.form, kind, polished.theta, tolerance=TOLERANCE)
+    covariance, box, index = Covariance.of(late.slopes), late.slopes.form.box, len(polished.theta)
+    objective = observe_tests_by(
+        problem.objective,
+        [replace(test.observation, **{_FIELD[kind]: late.seconds}) for test in problem.objective.tests],
+    )
+    words = [word for word in problem.settings.observe if word.partition("=")[0] not in ("none", kind)]
+    settings = replace(problem.settings, observe=(*words, f"{kind}={late.seconds!r}"))
+    problem = replace(problem, settings=settings, objective=replace(objective, settings=settings))
+    theta = late.slopes.theta[:-1]
+    own = replace(
+        covariance, slopes=Slopes.at(objective, problem.form, theta), matrix=covariance.matrix[:-1, :-1]
+    )
+    error = float(covariance.standard_errors[-1])
+    estimate = FittedParameter(
+        name=box.names[index],
+        value=late.seconds,
+        unit="s",
+        standard_error=error if np.isfinite(error) and error > 0.0 else None,
+        lower=box.lower[index],
+        upper=box.upper[index],
+        remark=remark_of(box, index, late.seconds),
+    )
+    return problem, replace(polished, theta=theta, covariance=own), estimate
 
 
 def force_lag_warnings(
@@ -68,8 +104,8 @@ def force_lag_warnings(
         return ()
     if not slopes.interior:
         return ()
-    on_time = _LateFit.at(slopes, "delay", 0.0)
-    frequency = [spectrum(test.displacement, test.dt).dominant for test in tests]
+    on_time = _LateFit.at(slopes.objective, slopes.form, "delay", np.array([*slopes.theta, 0.0]))
+    frequency = _frequencies(slopes.objective)
     groups: list[list[int]] = []
     for index in np.argsort(frequency, kind="stable").tolist():
         if not groups or frequency[index] > _SAME_FREQUENCY * frequency[groups[-1][-1]]:
@@ -78,44 +114,70 @@ def force_lag_warnings(
     unknown = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / max(frequency))
     if len(groups) > 1:
         if on_time.gain > _WORTH_A_FIT:
-            before = Slopes.at(excerpts, slopes.form, slopes.theta)
-            lag, delay = _fit_late(before, "lag"), _fit_late(before, "delay")
+            lag, delay = (_LateFit.near(excerpts, slopes.form, kind, slopes.theta) for kind in _FIELD)
             best, other = (lag, delay) if lag.misfit <= delay.misfit else (delay, lag)
-            seconds, late = _predict_groups(best.slopes, best.columns, groups)
-            _, earlier = _predict_groups(before, before.by_interior(), groups)
+            seconds, late = _predict_groups(best.slopes, groups)
+            _, earlier = _predict_groups(Slopes.at(excerpts, slopes.form, slopes.theta), groups)
             error = best.error(seconds)
             if late < _PAYS * earlier and abs(best.seconds) > _SIGNIFICANT * error:
                 return (_advice(problem, slopes.theta, best, other, error, (earlier, late)),)
-        seconds, _ = _predict_groups(slopes, on_time.columns, groups)
+        seconds, _ = _predict_groups(on_time.slopes, groups)
         unknown = min(unknown, on_time.error(seconds))
-    return _unknown_delay(problem, on_time, errors, unknown)
+    return _unknown_delay(problem, on_time.slopes, errors, unknown)
+
+
+def _frequencies(objective: Objective) -> list[float]:
+    return [spectrum(test.displacement, test.dt).dominant for test in objective.tests]
 
 
 @array_dataclass()
 class _LateFit:
-    """Fit with a lag or delay: slopes, and derivatives by parameters and seconds, (n_interior + 1, n_residuals)."""
+    """Fit with a late force, whose lag or delay is the last parameter of the slopes."""
 
     slopes: Slopes
-    kind: Kind
-    seconds: float
-    columns: Floats
+    kind: LateForce
 
     @classmethod
-    def at(cls, slopes: Slopes, kind: Kind, seconds: float) -> _LateFit:
-        """Simulate the tests once more, with a little more of it."""
-        objective = slopes.objective
-        step = _STEP * min(test.dt for test in objective.tests)
-        later = _make_late(objective, kind, seconds + step)
-        parts = []
-        for test, moved in zip(objective.compared, later.compared, strict=True):
-            force, _ = moved.forces(slopes.theta[None], threads=objective.threads)
-            # At the samples that are compared without the step, because a delay lowers their number.
-            (part,) = without_nuisance(force[:, test.counted], test.measured, test.nuisances)
-            parts.append(part * test.weight(len(later.compared)))
-        derivative = (np.concatenate(parts) - slopes.residuals) / step
-        return cls(
-            slopes=slopes, kind=kind, seconds=seconds, columns=np.vstack([slopes.by_interior(), derivative])
+    def at(cls, objective: Objective, form: Form, kind: LateForce, theta: Floats) -> _LateFit:
+        """The fit at `theta`, (n_params + 1,)."""
+        longest = _LONGEST / max(_frequencies(objective))
+        box = Box(
+            names=(*form.box.names, f"force_{kind}"),
+            lower=(*form.box.lower, 0.0 if kind == "lag" else -longest),
+            upper=(*form.box.upper, longest),
+            log=(*form.box.log, False),
         )
+        form = replace(form, box=box, to_model=_beside(form.to_model), from_model=_beside(form.from_model))
+        late = replace(objective, compared=tuple(replace(test, late=kind) for test in objective.compared))
+        return cls(slopes=Slopes.at(late, form, theta), kind=kind)
+
+    @classmethod
+    def near(
+        cls,
+        objective: Objective,
+        form: Form,
+        kind: LateForce,
+        theta: Floats,
+        *,
+        tolerance: float = _TOLERANCE,
+    ) -> _LateFit:
+        """The fit to the tests, from parameters `theta`, (n_params,), and what the observation model of a test has."""
+        test = objective.tests[0]
+        seconds = float(getattr(test.observation, _FIELD[kind]))
+        # At zero, its bound, a lag has no slope.
+        start = cls.at(
+            objective, form, kind, np.array([*theta, seconds or (test.dt if kind == "lag" else 0.0)])
+        )
+        late, box = start.slopes.objective, start.slopes.form.box
+        minimum = find_minima(
+            late, box, start.slopes.theta[None], max_iterations=_ITERATIONS, tolerance=tolerance
+        )
+        return cls(slopes=Slopes.at(late, start.slopes.form, minimum.theta[0]), kind=kind)
+
+    @property
+    def seconds(self) -> float:
+        """The lag or delay."""
+        return float(self.slopes.theta[-1])
 
     @property
     def misfit(self) -> float:
@@ -124,66 +186,47 @@ class _LateFit:
 
     @property
     def gain(self) -> float:
-        """Share of the squared misfit that a Gauss-Newton step of the parameters and the seconds would save."""
-        residuals = self.slopes.residuals
-        left = residuals + _step(self.columns, residuals) @ self.columns
-        return 1.0 - float(left @ left) / max(float(residuals @ residuals), SMALLEST)
+        """Share of the squared misfit that a Gauss-Newton step of all parameters would save."""
+        normal, shares = self.slopes.normal, np.ones((1, len(self.slopes.objective.tests)))
+        left = normal.after(normal.steps(shares, _held(self.slopes))[:, None])
+        return 1.0 - float(left.sum()) / max(float(normal.squared.sum()), SMALLEST)
 
     def error(self, seconds: Floats) -> float:
         """Standard error of the lag [s], by the jackknife, (n_groups,), or by least squares if that is larger."""
         jackknife = (1.0 - 1.0 / seconds.size) * float(np.sum((seconds - seconds.mean()) ** 2))
-        residuals = self.slopes.residuals
-        n_effective = effective_samples(residuals_by_test(residuals, self.slopes.objective.tests))
-        variance = covariance(self.columns.T, self.misfit)[-1, -1] * residuals.size / n_effective
-        return float(np.sqrt(max(jackknife, variance))) if np.isfinite(variance) else np.inf
+        error = Covariance.of(self.slopes).standard_errors[-1]
+        return max(float(np.sqrt(jackknife)), float(error)) if np.isfinite(error) and error > 0.0 else np.inf
 
 
-def _make_late(objective: Objective, kind: Kind, seconds: float) -> Objective:
-    name = f"{kind}_seconds"
-    observations = [replace(test.observation, **{name: seconds}) for test in objective.tests]
-    return observe_tests_by(objective, observations)
+def _beside(conversion: Conversion) -> Conversion:
+    """The conversion of all parameters but the last, which stays."""
+
+    def convert(theta: Floats) -> Floats:
+        return np.concatenate([conversion(theta[..., :-1]), theta[..., -1:]], axis=-1)
+
+    def jacobian(theta: Floats) -> Floats:
+        whole = np.pad(conversion.jacobian(theta[:-1]), (0, 1))
+        whole[-1, -1] = 1.0
+        return whole
+
+    return Conversion(convert=convert, jacobian=jacobian)
 
 
-def _fit_late(on_time: Slopes, kind: Kind) -> _LateFit:
-    """Fit with a lag or delay, by turns in the seconds and in the parameters."""
-    objective, form = on_time.objective, on_time.form
-    fit = _LateFit.at(on_time, kind, 0.0)
-    step = min(test.dt for test in objective.tests)
-    for _ in range(_ROUNDS):
-        seconds = fit.seconds + float(_step(fit.columns, fit.slopes.residuals)[-1])
-        seconds = max(seconds, 0.0) if kind == "lag" else seconds
-        if abs(seconds - fit.seconds) < _CONVERGED * step:
-            break
-        late = _make_late(objective, kind, seconds)
-        minimum = find_minima(
-            late, form.box, fit.slopes.theta[None], max_iterations=_ITERATIONS, tolerance=_TOLERANCE
-        )
-        fit = _LateFit.at(Slopes.at(late, form, minimum.theta[0]), kind, seconds)
-    return fit
+def _held(slopes: Slopes) -> NDArray[np.bool_]:
+    """Free parameters that are on a bound, one row."""
+    return ~np.isin(slopes.form.box.free, slopes.interior)[None]
 
 
-def _predict_groups(slopes: Slopes, columns: Floats, groups: Sequence[Sequence[int]]) -> tuple[Floats, float]:
-    """Steps of the last column without each group of tests, (n_groups,), and misfit of the groups after these steps."""
-    unit, length = scale_columns(columns)
-    matrix, gradient = unit @ unit.T, unit @ slopes.residuals
-    of_tests = [residuals_by_test(array, slopes.objective.tests) for array in (unit, slopes.residuals)]
-    steps, squares = [], 0.0
-    for group in groups:
-        part, residuals = (np.concatenate([of_test[test] for test in group], axis=-1) for of_test in of_tests)
-        step = _solve(matrix - part @ part.T, gradient - part @ residuals)
-        steps.append(step[-1])
-        squares += float(np.sum((residuals + step @ part) ** 2))
-    return np.array(steps) / length[-1], float(np.sqrt(squares))
-
-
-def _step(columns: Floats, residuals: Floats) -> Floats:
-    """Gauss-Newton step, (n_columns,)."""
-    unit, length = scale_columns(columns)
-    return np.asarray(_solve(unit @ unit.T, unit @ residuals) / length)
-
-
-def _solve(matrix: Floats, gradient: Floats) -> Floats:
-    return np.asarray(-np.linalg.pinv(matrix, rcond=_INSENSITIVE, hermitian=True) @ gradient)
+def _predict_groups(slopes: Slopes, groups: Sequence[Sequence[int]]) -> tuple[Floats, float]:
+    """Steps of the last parameter without each group of tests, (n_groups,), and misfit of the groups after them."""
+    left_out = np.array([np.isin(np.arange(len(slopes.objective.tests)), group) for group in groups])
+    every = np.zeros(len(groups), dtype=np.intp)
+    one = slopes.normal
+    normal = NormalEquations(
+        squared=one.squared[every], gradient=one.gradient[every], matrix=one.matrix[every]
+    )
+    steps = normal.steps(1.0 - left_out, _held(slopes)[every])
+    return steps[:, -1], float(np.sqrt(normal.after(steps[:, None])[left_out].sum()))
 
 
 def _advice(
@@ -195,10 +238,7 @@ def _advice(
     held_out: tuple[float, float],
 ) -> str:
     """The sentence on a lag with its error [s]; `held_out` are misfits of predictions without and with it."""
-    averaged = any(test.observation.average_seconds for test in problem.objective.tests)
-    words = [word for word in problem.settings.observe if word != NONE and (word != DETECT or averaged)]
-    options = " ".join(f"--observe {word}" for word in (*words, f"{best.kind}={best.seconds:.3g}"))
-    before, after = (np.asarray(problem.form.to_model(point)) for point in (theta, best.slopes.theta))
+    before, after = (np.asarray(problem.form.to_model(point)) for point in (theta, best.slopes.theta[:-1]))
     changed = ""
     if moved := _damping(problem):
         worst = max(moved, key=lambda index: abs(after[index] - before[index]))
@@ -207,17 +247,20 @@ def _advice(
     also = ""
     if other.misfit < (1.0 + _ALIKE) * best.misfit:
         also = f" (or a {other.kind} of {1e3 * other.seconds:.2g} ms, which describes them about as well)"
-    sense, channel, remedy = ("late", "force", "try a model whose force relaxes")
+    channel, remedy = "force", "try a model whose force relaxes"
     if best.seconds < 0.0:
-        sense, channel = "early", "motion"
-        remedy = "subtract a moving mass by --repair mass, or try a model with more friction"
-    return (
-        f"the force is {sense} against the model: with a {best.kind} of "
-        f"{estimate_in_words(1e3 * best.seconds, 1e3 * error)} ms that all tests have in common{also}, fits "
-        f"to the other frequencies predict the tests of each to {100.0 * (1.0 - held_out[1]):.2f} % instead of "
-        f"{100.0 * (1.0 - held_out[0]):.2f} %{changed}; take it by {options} if the channel of the {channel} is "
-        f"late, else {remedy}"
-    )
+        channel, remedy = (
+            "motion",
+            "subtract a moving mass by --repair mass, or try a model with more friction",
+        )
+    return late_force(
+        Measured(best.seconds, "s", standard_error=error),
+        min(test.dt for test in problem.objective.tests),
+        behind="model",
+        evidence=f"a {best.kind} that all tests have in common{also}: fits to the other frequencies predict the tests "
+        f"of each to {100.0 * (1.0 - held_out[1]):.2f} % instead of {100.0 * (1.0 - held_out[0]):.2f} %{changed}",
+        cure=f"fit it by --late-force {best.kind} if the channel of the {channel} is late, else {remedy}",
+    ).message
 
 
 def _damping(problem: Problem) -> list[int]:
@@ -225,13 +268,19 @@ def _damping(problem: Problem) -> list[int]:
     return [index for index, parameter in enumerate(problem.spec.parameters) if parameter.unit == "N s/m"]
 
 
-def _unknown_delay(problem: Problem, on_time: _LateFit, errors: Floats, seconds: float) -> tuple[str, ...]:
+def _unknown_delay(problem: Problem, on_time: Slopes, errors: Floats, seconds: float) -> tuple[str, ...]:
     """Warning of damping that a delay of so many seconds would change by far more than its standard error."""
-    slopes = on_time.slopes
-    change = np.zeros(slopes.theta.size)
-    change[slopes.interior] = seconds * _step(on_time.columns[:-1], on_time.columns[-1])
-    value = np.asarray(slopes.form.to_model(slopes.theta))
-    shift = slopes.form.to_model.jacobian(slopes.theta) @ change
+    normal, held = on_time.normal, _held(on_time)
+    held[:, -1] = True
+    # The step with which the other parameters follow the delay.
+    follow = replace(normal, gradient=normal.matrix[..., -1]).steps(
+        np.ones((1, len(on_time.objective.tests))), held
+    )
+    theta, form = on_time.theta[:-1], problem.form
+    change = np.zeros(theta.size)
+    change[list(form.box.free)] = seconds * follow[0, :-1]
+    value = np.asarray(form.to_model(theta))
+    shift = form.to_model.jacobian(theta) @ change
     far = [
         index
         for index in _damping(problem)

@@ -19,7 +19,8 @@ from mrwork.identification.commands import PER_CYCLE, has_levels, levels_of
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.excerpts import middle_excerpt
-from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
+from mrwork.identification.fit import Fit, FittedParameter, SearchTrace, SingleCommand
+from mrwork.identification.force_lag import fit_late_force
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.minimise.plain_search import points_from_multistart, points_from_optimiser
@@ -234,8 +235,13 @@ class _Identification:
             lambda: polish_with_wanted_lag(problem, points, on_start=on_start, on_step=on_step)
         )
         # Without the driver's lag where the tests do not want it.
-        problem = self.problem = ended.problem
-        polished = ended.polished
+        problem, polished = ended.problem, ended.polished
+        estimate: FittedParameter | None = None
+        if (kind := problem.settings.late_force) is not None:
+            problem, polished, estimate = interruptible(
+                lambda: fit_late_force(ended.problem, ended.polished, kind)
+            )
+        self.problem = problem
         keep(polished.theta)
         reason = "" if polished.converged else f"the final fit ended at its most steps, {polished.steps}"
         if points.is_suspected:
@@ -249,6 +255,7 @@ class _Identification:
             status="not_converged" if reason else "converged",
             seconds=call.seconds,
         )
+        fit = replace(fit, late_force=estimate)
         if not self.examines:
             return replace(fit, status_reason=reason, seconds=call.seconds)
         doubts = interruptible(lambda: doubts_on_fit(problem, points, polished, fit))

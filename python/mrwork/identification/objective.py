@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.arguments import AnyNumbers, Shape, Threads, checked
+from mrwork.base.hints import SMALLEST
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
@@ -156,10 +157,13 @@ class Objective(Summarised):
     def is_direct(self) -> bool:
         """Whether the simulated force is compared directly, from a sample on.
 
-        There are no observation models, nuisance parameters, weights, losses or spans that are not compared.
+        There are no observation models, late forces, nuisance parameters, weights, losses or uncompared spans.
         """
         return not self.settings.nuisances and all(
-            test.is_plain and test.test.observation == AS_IT_IS and not test.test.uncompared
+            test.is_plain
+            and test.late is None
+            and test.test.observation == AS_IT_IS
+            and not test.test.uncompared
             for test in self.compared
         )
 
@@ -295,6 +299,8 @@ def up_to(objective: Objective, stiffest: float) -> Objective:
 
 # Largest Jacobian of which sums are taken at once, in numbers: 64 MiB.
 _BLOCK_SIZE = 1 << 23
+# Least eigenvalue of the normal equations, per largest, that counts.
+_INSENSITIVE = 1e-12
 
 
 def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[int]) -> tuple[Floats, Floats]:
@@ -371,3 +377,20 @@ class NormalEquations:
             gradient[held] = 0.0
             matrix[held] = matrix.transpose(0, 2, 1)[held] = 0.0
         return gradient, matrix
+
+    def steps(self, shares: Floats, held: NDArray[np.bool_]) -> Floats:
+        """Gauss-Newton steps of each row, (n_rows, n_free), with these weights of the tests and `held` parameters."""
+        gradient, matrix = self.joint(shares, held)
+        size = np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
+        size[size < SMALLEST] = np.inf
+        scaled = matrix / size[:, :, None] / size[:, None]
+        inverse = np.linalg.pinv(scaled, rcond=_INSENSITIVE, hermitian=True)
+        return np.asarray(-np.einsum("rpq,rq->rp", inverse, gradient / size) / size)
+
+    def after(self, steps: Floats) -> Floats:
+        """Squared NRMSE of the tests after steps, (n_rows, n_tests, n_free), where residuals are linear."""
+        return np.asarray(
+            self.squared
+            + 2.0 * np.einsum("rtp,rtp->rt", self.gradient, steps)
+            + np.einsum("rtp,rtpq,rtq->rt", steps, self.matrix, steps)
+        )

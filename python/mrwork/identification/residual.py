@@ -36,6 +36,8 @@ from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.damper_test import AS_IT_IS, delay_signal, loading_of
 
 NuisanceName = Literal["offset", "level", "delay"]
+LateForce = Literal["lag", "delay"]
+"""What the force channel has in all tests: a lag of first order or a delay."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -280,6 +282,10 @@ def loss_of(loss: LossName | LossFunction, scale: float | None) -> Loss | None:
     return Loss(rho=loss, scale=scale)
 
 
+# Step of the difference quotient by the lag or delay of a late force, in samples.
+_LATE_STEP = 0.1
+
+
 @array_dataclass()
 class ObservedTest:
     """One test that a model is compared with; the splines of its `history` are computed once for all candidates.
@@ -288,7 +294,8 @@ class ObservedTest:
     [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
     candidate. They are multiplied by the `weights`, shape (n_counted,), and then transformed by the `loss`, if any.
     Candidates have their tied parameters by the `ties`, whatever they had for them. Those that want more sub-steps a
-    second than `stiffest` [1/s] are no candidates. `counted` are these samples, `measured` the force there [N], shape
+    second than `stiffest` [1/s] are no candidates. With a `late` force the last column of candidates is its lag or
+    delay [s], and not the one of the observation. `counted` are these samples, `measured` the force there [N], shape
     (n_counted,), and `variance` its variance [N^2]: found once, because every simulation needs them.
     """
 
@@ -301,6 +308,7 @@ class ObservedTest:
     loss: Loss | None = None
     ties: Ties | None = None
     stiffest: float = np.inf
+    late: LateForce | None = None
     counted: slice | NDArray[np.intp] = field(init=False)
     measured: Floats = field(init=False)
     variance: float = field(init=False)
@@ -361,7 +369,7 @@ class ObservedTest:
         run = simulate_forces(self.spec, self.tie(theta), self.history, threads=threads)
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
-        return self.test.observation.observe(run.force, self.test.dt), failed
+        return self._observe(run.force, theta), failed
 
     def residuals(self, theta: Floats, *, threads: int = 0) -> tuple[Floats, NDArray[np.bool_]]:
         """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""
@@ -377,20 +385,24 @@ class ObservedTest:
         Derivatives with respect to columns of `theta`, shape (n_batch, n_columns, n_counted), zero where a row failed.
         """
         tied = () if self.ties is None else self.ties.indices
-        every = [*columns, *(tie for tie in tied if tie not in columns)]
+        own = [column for column in columns if self.late is None or column < theta.shape[1] - 1]
+        every = [*own, *(tie for tie in tied if tie not in own)]
         run = simulate_sensitivities(self.spec, self.tie(theta), self.history, columns=every, threads=threads)
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         run.jacobian[failed] = 0.0
-        observation, dt, counted = self.test.observation, self.test.dt, self.counted
-        force, slope = run.force, run.jacobian
+        counted, force, slope = self.counted, run.force, run.jacobian
         if self.ties is not None:
-            chain = self.ties.jacobian(theta)[:, every][:, :, list(columns)]
+            chain = self.ties.jacobian(self._of_model(theta))[:, every][:, :, own]
             chain[failed] = 0.0
             slope = np.einsum("bet,bep->bpt", slope, chain)
-        if observation != AS_IT_IS:
-            force = observation.observe(force, dt)
-            slope = replace(observation, offset=0.0).observe(slope, dt)
+        if self.test.observation != AS_IT_IS or self.late is not None:
+            force = self._observe(run.force, theta)
+            slope = self._observe(slope, theta, offset=0.0)
+        if len(own) < len(columns):
+            step = _LATE_STEP * self.test.dt
+            moved = self._observe(run.force, theta, later=step) - force
+            slope = np.concatenate([slope, moved[:, None] / step], axis=1)
         residuals, derivative = linearised_without_nuisance(
             force[:, counted], slope[..., counted], self.measured, self.nuisances
         )
@@ -401,7 +413,20 @@ class ObservedTest:
 
     def tie(self, theta: Floats) -> Floats:
         """Candidates as they are simulated, with their tied parameters."""
-        return theta if self.ties is None else self.ties.feasible(theta)
+        own = self._of_model(theta)
+        return own if self.ties is None else self.ties.feasible(own)
+
+    def _of_model(self, theta: Floats) -> Floats:
+        return theta if self.late is None else theta[:, :-1]
+
+    def _observe(self, signal: Floats, theta: Floats, *, later: float = 0.0, **changed: float) -> Floats:
+        """Signals of each candidate, shape (n_batch, ..., n_time), by the observation model, with changes of it."""
+        observation = replace(self.test.observation, **changed)
+        if self.late is None:
+            return observation.observe(signal, self.test.dt)
+        late = [{f"{self.late}_seconds": seconds + later} for seconds in theta[:, -1].tolist()]
+        rows = zip(signal, late, strict=True)
+        return np.stack([replace(observation, **seconds).observe(row, self.test.dt) for row, seconds in rows])
 
     def _emphasise(self, residuals: Floats) -> tuple[Floats, Floats]:
         """Residuals with weights and loss, and their derivatives by those without, both (n_batch, n_counted)."""

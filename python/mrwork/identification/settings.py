@@ -11,7 +11,7 @@ from mrwork.base.arguments import Count, Level, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.residual import NuisanceName
+from mrwork.identification.residual import LateForce, NuisanceName
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.search import Optimiser
 from mrwork.search.rules import LARGEST_POPULATION
@@ -171,6 +171,9 @@ class FitSettings:
         applies a moving average that was found in the record also to the model's force, and has no effect where none
         was found; "none" compares the model's force as it is; "average=0.1T" (T is the dominant period), "lowpass=50",
         "lag=0.012" (of first order), "delay=0.002", "gain=1.02" and "offset=-20" give values [s, Hz, N].
+    late_force
+        Fit one lag of first order, or one delay, of the force channel, which all tests have in common, with the other
+        parameters of a converged fit; it stands among them with its error, and predictions have it.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
 
@@ -190,6 +193,7 @@ class FitSettings:
     engine: Engine = "lanes"
     nuisances: Sequence[NuisanceName] = ()
     observe: str | Sequence[str] = DETECT
+    late_force: LateForce | None = None
     rng: Seed = 0
 
     def __post_init__(self) -> None:

@@ -202,12 +202,25 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(delay * period, "s", standard_error=error * period)
 
 
-_FORCE_DELAY: Final = FindingKind(
+_LATE_FORCE: Final = FindingKind(
     "force_delay",
-    "the force {0} the displacement by {delay} ms ({samples:.1f} samples), measured at motion reversals",
-    "correct it by --repair delay",
+    "the force {0} the {1} by {late} ms ({samples:.1f} samples), {evidence}",
+    "{cure}",
     cured_by="delay",
 )
+
+
+def late_force(delay: Measured, dt: float, *, behind: str, evidence: str, cure: str) -> Finding:
+    """The finding of a force that is late `behind` the displacement or a model, from a record or from fits."""
+    return _LATE_FORCE.found(
+        "lags" if delay.value > 0.0 else "leads",
+        behind,
+        measured=delay,
+        late=delay.in_words(math.copysign(1e3, delay.value)),
+        samples=abs(delay.value) / dt,
+        evidence=evidence,
+        cure=cure,
+    )
 
 
 def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -217,9 +230,10 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
         return
     if abs(delay.value) < max(_SIGNIFICANT_DELAY * delay.standard_error, 0.5 * test.dt):
         return
-    lags = "lags" if delay.value > 0.0 else "leads"
-    milliseconds = delay.in_words(math.copysign(1e3, delay.value))
-    yield _FORCE_DELAY.found(lags, measured=delay, delay=milliseconds, samples=abs(delay.value) / test.dt)
+    evidence = "measured at motion reversals"
+    yield late_force(
+        delay, test.dt, behind="displacement", evidence=evidence, cure="correct it by --repair delay"
+    )
 
 
 def _fold_periods(

@@ -56,7 +56,7 @@ def parameters_section(run: StoredRun) -> Section:
 
 def _parameter_table(fit: Fit) -> Table:
     """A row per estimate, in the order of the model's spec: value, uncertainty, bounds and verdict."""
-    estimates = fit.estimates
+    estimates = fit.fitted
     if fit.intervals is None:
         pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]
     else:

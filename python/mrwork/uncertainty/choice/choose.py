@@ -422,8 +422,10 @@ def choose_model(
     >>> print(choice.ranking.sentence)  # doctest: +SKIP
     """
     settings = settings or FitSettings()
-    if settings.starts:
-        raise SettingError("`starts` are of one model; leave them out where models are compared")
+    if settings.starts or settings.late_force:
+        raise SettingError(
+            "`starts` and a `late_force` are of one model; leave them out where models are compared"
+        )
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
     compared, remarks = families(
         models, tests, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds

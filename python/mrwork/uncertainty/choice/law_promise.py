@@ -98,12 +98,7 @@ class LinearisedTests:
             latent = latent - np.linalg.solve(scaled, (down / scale)[..., None])[..., 0] / scale
             curves = curves_at(latent)
         away = (curves - self.here)[:, self.levels]
-        squared = (
-            self.normal.squared
-            + 2.0 * np.einsum("rtp,rtp->rt", self.normal.gradient, away)
-            + np.einsum("rtp,rtpq,rtq->rt", away, self.normal.matrix, away)
-        )
-        nrmse = np.sqrt(np.clip(np.nan_to_num(squared, nan=1.0), 0.0, 1.0))
+        nrmse = np.sqrt(np.clip(np.nan_to_num(self.normal.after(away), nan=1.0), 0.0, 1.0))
         left_out = [nrmse[row, members] for row, members in enumerate(self.splits.members, start=1)]
         return float(np.mean(self.splits.errors(left_out)))
 

@@ -161,8 +161,8 @@ class LawSearch:
 
     @property
     def excerpt_settings(self) -> FitSettings:
-        """Settings for the excerpts, which have the observation models of their whole records."""
-        return replace(self.settings, observe=(NONE,))
+        """Settings for the excerpts, which have the observation models of their whole records, on time."""
+        return replace(self.settings, observe=(NONE,), late_force=None)
 
     @property
     def first_laws(self) -> Laws:
