@@ -77,7 +77,7 @@ def test_a_value_is_that_of_python_and_its_slope_that_of_differences() -> None:
     f_c, v_s, c0, _ = theta
     assert ties.apply(theta)[3] == pytest.approx(2 * (c0 - 3.5) / f_c**2 + -v_s * 1e3 - +4)
     slope = approx_fprime(theta, lambda each: ties.apply(each)[3], 1e-6 * theta + 1e-9)
-    assert ties.jacobian(theta)[3] == pytest.approx(slope, rel=1e-4, abs=1e-9)
+    assert ties.conversion.jacobian(theta)[3] == pytest.approx(slope, rel=1e-4, abs=1e-9)
     chains = np.broadcast_to(theta, (2, 3, 4))
     assert ties.apply(chains).shape == (2, 3, 4)
 

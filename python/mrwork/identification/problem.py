@@ -17,7 +17,6 @@ from mrwork.base.arguments import checked
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_level
-from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.laws import CommandLaw
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
@@ -139,7 +138,7 @@ def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:
     return replace(
         form,
         box=form.box.with_bounds(held),
-        to_model=Conversion(convert=ties.apply, jacobian=ties.jacobian),
+        to_model=ties.conversion,
         mirrored=() if set(form.mirrored) & set(ties.indices) else form.mirrored,
     )
 

@@ -393,7 +393,7 @@ class ObservedTest:
         run.jacobian[failed] = 0.0
         counted, force, slope = self.counted, run.force, run.jacobian
         if self.ties is not None:
-            chain = self.ties.jacobian(self._of_model(theta))[:, every][:, :, own]
+            chain = self.ties.conversion.jacobian(self._of_model(theta))[:, every][:, :, own]
             chain[failed] = 0.0
             slope = np.einsum("bet,bep->bpt", slope, chain)
         if self.test.observation != AS_IT_IS or self.late is not None:

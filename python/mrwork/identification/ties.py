@@ -1,4 +1,4 @@
-"""Parameters that are tied to others by an expression, such as k = 2*c: its grammar, its values and its derivatives.
+"""Parameters that are tied to others by an expression, such as k = 2*c: its grammar and its values.
 
 An expression has numbers, names of parameters, parentheses and `+ - * / **`, an exponent being a number. It is read as
 syntax and walked; nothing is run.
@@ -7,6 +7,7 @@ syntax and walked; nothing is run.
 from __future__ import annotations
 
 import ast
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -19,7 +20,7 @@ import numpy as np
 from mrwork.base.arguments import AnyArray
 from mrwork.base.keys import check_known
 from mrwork.base.summary import list_names
-from mrwork.base.values import Floats
+from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
@@ -28,29 +29,9 @@ from mrwork.errors import SettingError
 _LONGEST = 200
 _GRAMMAR = "give numbers, parameters, parentheses and + - * / **, as in 2*c"
 
-Value = tuple[Any, Any]
-"""Values of candidates, shape (...), and their derivatives by every parameter, (..., n_params), of NumPy or JAX."""
-
-# Of values alone.
-_NO_SLOPE = np.zeros(1)
-
-
-def _multiply(one: Value, other: Value) -> Value:
-    (a, da), (b, db) = one, other
-    return a * b, da * b[..., None] + a[..., None] * db
-
-
-def _divide(one: Value, other: Value) -> Value:
-    (a, da), (b, db) = one, other
-    return a / b, (da - (a / b)[..., None] * db) / b[..., None]
-
-
-_BINARY: dict[type[ast.operator], Callable[[Value, Value], Value]] = {
-    ast.Add: lambda one, other: (one[0] + other[0], one[1] + other[1]),
-    ast.Sub: lambda one, other: (one[0] - other[0], one[1] - other[1]),
-    ast.Mult: _multiply,
-    ast.Div: _divide,
-}
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,10 +78,16 @@ class Ties:
         )
 
     def apply(self, theta: AnyArray) -> AnyArray:
-        """Parameters with those that are tied, shape (..., n_params), of NumPy or JAX."""
-        columns = [theta[..., index] for index in range(len(self.names))]
-        values = self._values([(column, _NO_SLOPE) for column in columns])
-        return theta.__array_namespace__().stack([value for value, _ in values], axis=-1)
+        """Parameters with those that are tied, shape (..., n_params), of NumPy or JAX.
+
+        What a candidate has for a tied one has no effect.
+        """
+        named = {name: theta[..., index] for index, name in enumerate(self.names)}
+        for index, text in zip(self.indices, self.expressions, strict=True):
+            name = self.names[index]
+            with np.errstate(all="ignore"):
+                named[name] = _evaluate(_read_tie(name, text), named)
+        return theta.__array_namespace__().stack([*named.values()], axis=-1)
 
     def feasible(self, theta: AnyArray) -> AnyArray:
         """As `apply`; not a number where a tied parameter leaves its bounds."""
@@ -109,39 +96,27 @@ class Ties:
         inside = (values >= xp.asarray(self.lower)) & (values <= xp.asarray(self.upper))
         return xp.where(xp.all(inside, axis=-1)[..., None], tied, xp.nan)
 
-    def jacobian(self, theta: Floats) -> Floats:
-        """Derivatives of `apply` by the parameters that are not tied, shape (..., n_params, n_params)."""
-        slopes = np.eye(len(self.names))
-        pairs = self._values([(theta[..., index], slope) for index, slope in enumerate(slopes)])
-        return np.stack([np.broadcast_to(slope, theta.shape) for _, slope in pairs], axis=-2)
-
-    def _values(self, columns: list[Value]) -> list[Value]:
-        """Each parameter with its derivatives; what a candidate has for a tied one has no effect."""
-        named = dict(zip(self.names, columns, strict=True))
-        for index, text in zip(self.indices, self.expressions, strict=True):
-            name = self.names[index]
-            with np.errstate(all="ignore"):
-                named[name] = _evaluate(_read_tie(name, text), named)
-        return list(named.values())
+    @property
+    def conversion(self) -> Conversion:
+        """`apply` with its derivatives by the parameters that are not tied."""
+        return Conversion.of(self.apply)
 
 
 class _StrangeSyntaxError(Exception):
     """A part of an expression that the grammar does not permit."""
 
 
-def _evaluate(node: ast.expr, named: Mapping[str, Value]) -> Value:
+def _evaluate(node: ast.expr, named: Mapping[str, Any]) -> Any:
     match node:
         case ast.Constant() if (number := _number(node)) is not None:
-            return np.float64(number), _NO_SLOPE
+            return np.float64(number)
         case ast.Name(id=name):
             return named[name]
         case ast.UnaryOp(op=ast.UAdd() | ast.USub() as op, operand=inner):
-            value, slope = _evaluate(inner, named)
-            return (-value, -slope) if isinstance(op, ast.USub) else (value, slope)
-        case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            value, slope = _evaluate(left, named)
-            if (power := _number(right)) is not None:
-                return value**power, power * (value ** (power - 1.0))[..., None] * slope
+            value = _evaluate(inner, named)
+            return -value if isinstance(op, ast.USub) else value
+        case ast.BinOp(left=left, op=ast.Pow(), right=right) if (power := _number(right)) is not None:
+            return _evaluate(left, named) ** power
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             both = (_evaluate(operand, named) for operand in (left, right))
             return _BINARY[type(op)](*both)
@@ -162,7 +137,7 @@ def _read_tie(name: str, text: str) -> ast.expr:
     used = [node.id for node in ast.walk(tree) if isinstance(node, ast.Name)]
     try:
         # Of no candidate, which tells whether the expression can be evaluated.
-        _evaluate(tree, dict.fromkeys(used, (np.empty(0), _NO_SLOPE)))
+        _evaluate(tree, dict.fromkeys(used, np.empty(0)))
     except _StrangeSyntaxError as strange:
         raise SettingError(
             f"the tie of {name} is {text!r}, and {str(strange)!r} is not understood; {_GRAMMAR}"
