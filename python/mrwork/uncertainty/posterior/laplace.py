@@ -6,8 +6,8 @@ import numpy as np
 
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
+from mrwork.identification.covariance import Slopes
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.objective import linearise_residuals
 from mrwork.uncertainty.posterior.target import Target
 
 # Finite-difference step in a noise coordinate, as a share of the distance to the nearer bound.
@@ -21,30 +21,20 @@ _NEARER = 0.8
 _MOST_STEPS = 20
 
 
-def residual_slope(target: Target, position: Floats) -> tuple[Floats, Floats]:
-    """Residuals of all tests in deviations, (n_residuals,), and derivative by coordinate, (n_free, n_residuals)."""
+def fisher_information(target: Target, position: Floats) -> Floats:
+    """Fisher information of the tempered likelihood and of a uniform prior, shape (n_dim, n_dim)."""
     space, objective = target.space, target.objective
     values = np.asarray(space.values(position)[0])
     theta = np.ascontiguousarray(values[: space.n_params])
-    residuals, slopes = linearise_residuals(objective, theta[None], target.form.box.free)
+    normal = Slopes.at(objective, target.form, theta).normal
     # The objective weights tests equally, a likelihood by their samples.
-    n_tests = len(objective.tests)
-    factor = np.concatenate(
-        [
-            np.full(test.measured.size, 1.0 / (test.weight(n_tests) * deviation))
-            for test, deviation in zip(objective.compared, target.deviations, strict=True)
-        ]
-    )
-    return residuals[0] * factor, np.asarray(space.slope(values).T @ (slopes[0] * factor))
-
-
-def fisher_information(target: Target, position: Floats) -> Floats:
-    """Fisher information of the tempered likelihood and of a uniform prior, shape (n_dim, n_dim)."""
-    residual, slope = residual_slope(target, position)
-    n_dim, n_free = target.space.n_dim, len(slope)
+    counts = np.array([test.measured.size for test in objective.compared]) / objective.shares
+    matrix, squared = np.tensordot(counts, normal.matrix[0], 1), float(counts @ normal.squared[0])
+    slope = space.slope(values)
+    n_dim, n_free = space.n_dim, len(slope)
     information = _UNIFORM * np.eye(n_dim)
-    weight = target.temper / max(float(np.mean(residual**2)), 1e-24)
-    information[:n_free, :n_free] += weight * slope @ slope.T
+    weight = target.temper / max(squared / objective.n_time, 1e-24)
+    information[:n_free, :n_free] += weight * slope.T @ matrix @ slope
     for index in range(n_free, n_dim):
         information[index, index] += _noise_curvature(target, position, index)
     return information

@@ -340,10 +340,9 @@ class Target(Summarised):
         """Untempered log-likelihood of parameters and noise, shape (n_batch,); -inf where a simulation failed."""
         n_params = self.space.n_params
         theta, noise = np.ascontiguousarray(values[:, :n_params]), values[:, n_params:]
-        if isinstance(self.noise, Iid) and self.objective.is_direct:
-            squared = np.zeros(len(theta))
-            for run, deviation in zip(self.objective.misfits(theta), self.deviations, strict=True):
-                squared += run.squared_error / deviation**2
+        if isinstance(self.noise, Iid):
+            counts = np.array([test.measured.size for test in self.objective.compared])
+            squared = self.objective.squared_nrmse(theta) @ counts
             return self.noise.log_likelihood_of_sum(squared, self.objective.n_time, noise)
         return in_chunks(self._of_histories, theta, noise)
 
