@@ -116,9 +116,9 @@ def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
     least = min(each.misfit[0] for each in found)
     for each in found:
         assert each.misfit[0] == pytest.approx(least, rel=Multistart().closeness)
-        assert each.stop_reason == "found_again"
-        assert list(each.evaluations) == sorted(each.evaluations)
-        assert list(each.best) == sorted(each.best, reverse=True)
+        assert each.trace.stop_reason == "found_again"
+        assert list(each.trace.evaluations) == sorted(each.trace.evaluations)
+        assert list(each.trace.best) == sorted(each.trace.best, reverse=True)
     again = search_starts(objective(threads=2), FORM.box, SEARCHED, Multistart(), rng=0)
     np.testing.assert_array_equal(again.theta, found[0].theta)
     assert not np.array_equal(found[1].theta, found[0].theta)
@@ -128,7 +128,7 @@ def test_rounds_continue_until_the_best_minimum_is_found_again() -> None:
     once = replace(Multistart(), starts=4, most_rounds=4, found=2)
     found = search_starts(objective(), FORM.box, SEARCHED, once, rng=3)
     assert 8 <= len(found.misfit) <= 16
-    if found.stop_reason == "found_again":
+    if found.trace.stop_reason == "found_again":
         assert found.misfit[1] == pytest.approx(found.misfit[0], rel=once.closeness)
 
 
@@ -136,7 +136,7 @@ def test_what_is_found_so_far_has_its_misfit() -> None:
     told: list[Found] = []
     search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=0, on_search=told.append)
     for found in (told[1], told[3], told[-1]):
-        assert objective()(found.best()[None])[0] == found.misfit == found.trace.best[-1]
+        assert objective()(found.best()[None])[0] == found.trace.best[-1]
 
 
 def test_minima_that_are_close_count_once() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from warnings import warn
 
 import numpy as np
@@ -22,7 +23,8 @@ from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.fit import Fit, FittedParameter, SearchTrace, SingleCommand
 from mrwork.identification.force_lag import fit_late_force
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
+from mrwork.identification.minimise.multistart import report_minima
 from mrwork.identification.minimise.plain_search import points_from_multistart, points_from_optimiser
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import up_to
@@ -222,17 +224,14 @@ class _Identification:
         def keep(theta: Floats) -> None:
             call.so_far = lambda: (theta, points.trace)
 
-        def on_start(minima: LocalMinima) -> None:
-            best = minima.best
-            keep(best.theta)
-            call.tell("screening", best.steps, "steps", best.misfit, 0.0)
-
         def on_step(steps: int, misfit: float) -> None:
             call.tell("refinement", steps, "steps", misfit, 0.0)
 
         keep(points.theta[0])
         ended = interruptible(
-            lambda: polish_with_wanted_lag(problem, points, on_start=on_start, on_step=on_step)
+            lambda: polish_with_wanted_lag(
+                problem, points, on_start=partial(report_minima, call, "", points.trace), on_step=on_step
+            )
         )
         # Without the driver's lag where the tests do not want it.
         problem, polished = ended.problem, ended.polished

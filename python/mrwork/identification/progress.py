@@ -168,16 +168,10 @@ class Pace:
 
 @array_dataclass()
 class Found:
-    """What a search has found: its `best` point, (n_params,), its trace, and the numbers of the latest iteration.
-
-    `median` is the misfit of the present population, `share` the used part of the allowed iterations.
-    """
+    """What a search has found: its `best` point, (n_params,), its trace, and the share of iterations that are done."""
 
     best: Callable[[], Floats]
     trace: SearchTrace
-    iteration: int
-    misfit: float
-    median: float
     share: float
 
 
@@ -200,10 +194,10 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
             "search",
             self.tally.simulations,
             "simulations",
-            found.misfit,
+            found.trace.best[-1],
             found.share,
-            generation=found.iteration,
-            median=found.median,
+            generation=len(found.trace.best),
+            median=found.trace.median[-1],
             fitted=fitted,
         )
 

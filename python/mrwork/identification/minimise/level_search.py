@@ -44,7 +44,6 @@ from mrwork.identification.minimise.multistart import (
     MultistartResult,
     distinct_minima,
     search_starts,
-    trace_of,
 )
 from mrwork.identification.minimise.nested import doubts_about, nested_fit
 from mrwork.identification.minimise.plain_search import optimise
@@ -175,7 +174,7 @@ class _LevelSearch:
         if not len(theta) or not np.isfinite(misfit[0]):
             if self.on_searched is not self.on_tests:
                 return None
-            raise no_simulation(self.form.spec, result.evaluations[-1])
+            raise no_simulation(self.form.spec, result.trace.evaluations[-1])
         worse, levels = self._worse(theta[0])
         is_limited = bool(leaves_range(self.joint.spec, theta[0], self.commands))
         suspected = False
@@ -196,7 +195,7 @@ class _LevelSearch:
             objective=self.problem.objective.on(self.form.spec, self.on_tests.tests),
             form=self.form,
             theta=self._in_own_laws(distinct_minima(self.joint.box, theta, misfit)),
-            trace=trace_of(result),
+            trace=result.trace,
             minima=True,
             warnings=doubts_about(result, None, self.settings),
             is_suspected=suspected,
@@ -417,14 +416,15 @@ def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ..
 def _merge_searches(first: MultistartResult, second: MultistartResult) -> MultistartResult:
     theta, misfit = np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
     order = np.argsort(misfit, kind="stable")
-    return MultistartResult(
-        theta=theta[order],
-        misfit=misfit[order],
-        stop_reason=second.stop_reason,
-        evaluations=(*first.evaluations, *second.evaluations),
-        best=(*first.best, *(min(first.best[-1], best) for best in second.best)),
-        median=(*first.median, *second.median),
+    before, after = first.trace, second.trace
+    trace = replace(
+        after,
+        evaluations=(*before.evaluations, *after.evaluations),
+        best=(*before.best, *(min(before.best[-1], best) for best in after.best)),
+        median=(*before.median, *after.median),
+        ends=tuple(misfit[order].tolist()),
     )
+    return MultistartResult(theta=theta[order], misfit=misfit[order], trace=trace)
 
 
 def _move_inside(box: Box, theta: Floats) -> Floats:

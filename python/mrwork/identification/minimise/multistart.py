@@ -23,7 +23,7 @@ from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
-from mrwork.identification.progress import Found
+from mrwork.identification.progress import Found, Identifying
 from mrwork.identification.settings import Multistart
 from mrwork.search.unit_cube import Streams, latin_hypercube
 
@@ -44,17 +44,11 @@ _REPLACED = 0.3
 
 @array_dataclass(repr=False)
 class MultistartResult(Summarised):
-    """Local minima, best first, shape (n_minima, n_params), with misfits (n_minima,), and why the search ended.
-
-    The trace has one entry per iteration: `evaluations` and `best` misfit so far, `median` misfit of the present round.
-    """
+    """Local minima, best first, shape (n_minima, n_params), with misfits (n_minima,), and the trace of the search."""
 
     theta: Floats
     misfit: Floats
-    stop_reason: str
-    evaluations: tuple[int, ...]
-    best: tuple[float, ...]
-    median: tuple[float, ...]
+    trace: SearchTrace
 
 
 def search_starts(
@@ -255,6 +249,13 @@ def minima_from(
     return distinct_minima(box, theta[order], misfit[order])
 
 
+def report_minima(call: Identifying, fitted: str, trace: SearchTrace, minima: LocalMinima) -> None:
+    """Report local minimisations of what is `fitted`, from starts that a search with this trace has found."""
+    best = minima.best
+    call.so_far = lambda: (best.theta, trace)
+    call.tell("screening", best.steps, "steps", best.misfit, 0.0, fitted=fitted)
+
+
 class _Rounds:
     """State of the search: the minima of the completed rounds and of the present one; before them, the best sample."""
 
@@ -284,25 +285,20 @@ class _Rounds:
     def found(self, share: float) -> Found:
         """What is found so far, with the share of the allowed iterations that is used up."""
         minima = self.make_result("")
-        return Found(
-            best=lambda: minima.theta[0],
-            trace=trace_of(minima),
-            # The first entry is of the samples.
-            iteration=len(minima.best) - 1,
-            misfit=minima.best[-1],
-            median=minima.median[-1],
-            share=share,
-        )
+        return Found(best=lambda: minima.theta[0], trace=minima.trace, share=share)
 
     def make_result(self, stop_reason: str) -> MultistartResult:
         order = np.argsort(self.misfit, kind="stable")
         return MultistartResult(
             theta=self.theta[order],
             misfit=self.misfit[order],
-            stop_reason=stop_reason,
-            evaluations=tuple(self.evaluations),
-            best=tuple(self.best),
-            median=tuple(self.median),
+            trace=SearchTrace(
+                evaluations=tuple(self.evaluations),
+                best=tuple(self.best),
+                median=tuple(self.median),
+                stop_reason=stop_reason,
+                ends=tuple(self.misfit[order].tolist()),
+            ),
         )
 
 
@@ -316,14 +312,3 @@ EXCERPTS = "excerpts"
 def on_bound(unit: Floats) -> NDArray[np.bool_]:
     """Whether unit coordinates are on a bound."""
     return np.asarray((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND))
-
-
-def trace_of(minima: MultistartResult) -> SearchTrace:
-    """Trace of a multistart search."""
-    return SearchTrace(
-        evaluations=minima.evaluations,
-        best=minima.best,
-        median=minima.median,
-        stop_reason=minima.stop_reason,
-        ends=tuple(minima.misfit.tolist()),
-    )

@@ -104,7 +104,7 @@ def doubts_about(minima: MultistartResult, nested: NestedFit | None, settings: M
             f"the fit of {nested.model}, which this model contains, is better in the search "
             f"({better} % against {percent} %): the minimum is false; try another seed",
         )
-    if minima.stop_reason == "max_rounds":
+    if minima.trace.stop_reason == "max_rounds":
         again = int(np.count_nonzero(minima.misfit <= (1.0 + settings.closeness) * least))
         if again >= max(settings.found, len(minima.misfit) / 2):
             # The search went on only because a simpler description is as good, which has a warning of its own.

@@ -14,7 +14,7 @@ from mrwork.identification.equivalent import search_box
 from mrwork.identification.excerpts import excerpt
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.minimise.friction import examine_limit, friction_warning
-from mrwork.identification.minimise.multistart import EXCERPTS, distinct_minima, search_starts, trace_of
+from mrwork.identification.minimise.multistart import EXCERPTS, distinct_minima, search_starts
 from mrwork.identification.minimise.nested import doubts_about, nested_fit, part_of
 from mrwork.identification.minimise.starting_points import StartingPoints, no_simulation
 from mrwork.identification.objective import Objective, friction_limit, up_to
@@ -71,13 +71,13 @@ def _search_points(
     if not len(minima.theta):
         return None
     theta = distinct_minima(form.box, minima.theta, minima.misfit)
-    call.so_far = lambda: (minima.theta[0], trace_of(minima))
+    call.so_far = lambda: (minima.theta[0], minima.trace)
     objective, theta = examine_limit(objective, form, theta)
     return StartingPoints(
         objective=objective,
         form=form,
         theta=theta,
-        trace=trace_of(minima),
+        trace=minima.trace,
         minima=True,
         warnings=(*doubts_about(minima, nested, search), *friction_warning(objective, form, theta, nested)),
     )
@@ -123,9 +123,6 @@ def optimise(
             Found(
                 best=lambda: theta_of(so_far.best_unit[None])[0],
                 trace=trace_of_generations(so_far),
-                iteration=so_far.generations,
-                misfit=so_far.best_misfit,
-                median=float(so_far.trace.median[-1]),
                 share=so_far.generations / search.stop.max_generations,
             )
         )

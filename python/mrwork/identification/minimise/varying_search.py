@@ -18,13 +18,12 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.commands import excerpts_of_laws, refuse_few_levels, tested_commands
 from mrwork.identification.equivalent import joint_box, plain_of, search_box
 from mrwork.identification.minimise.friction import examine_limit, friction_warning
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinima
-from mrwork.identification.minimise.multistart import EXCERPTS, minima_from
+from mrwork.identification.minimise.multistart import EXCERPTS, minima_from, report_minima
 from mrwork.identification.minimise.plain_search import optimise, trace_of_generations
 from mrwork.identification.minimise.starting_points import StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import Found, Identifying
+from mrwork.identification.progress import Identifying
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
@@ -135,19 +134,7 @@ def points_from_scaled_forces(
     box = joint_form.box
     starts = np.array([box.inside(start) for start in np.clip(starts, box.lower, box.upper)])
     trace = trace_of_generations(elite)
-
-    def on_iteration(minima: LocalMinima) -> None:
-        misfits = minima.misfit[np.isfinite(minima.misfit)]
-        state = Found(
-            best=lambda: minima.theta[int(np.argmin(minima.misfit))],
-            trace=trace,
-            iteration=len(elite.trace.best) + minima.iterations,
-            misfit=float(misfits.min()),
-            median=float(np.median(misfits)),
-            share=1.0,
-        )
-        call.on_search(EXCERPTS, state)
-
+    on_iteration = partial(report_minima, call, EXCERPTS, trace)
     theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
     # Long records: only a share of the misfit pays for stiffer loops, whatever it is in points.
     objective, theta = examine_limit(
