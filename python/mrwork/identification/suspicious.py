@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,23 @@ def linear_warning(
         f"the fit, {100.0 * (1.0 - nrmse):.2f} %, is no better than that of a linear spring and dashpot, "
         f"{100.0 * (1.0 - linear):.2f} %: the minimum is false, or this model cannot describe the tests; "
         "try another seed or another model",
+    )
+
+
+# Multiple of the noise of the force from which on a residual is structure.
+_STRUCTURE = 3.0
+
+
+def structure_warning(rmse: float, tests: Sequence[DamperTest]) -> tuple[str, ...]:
+    """Warning that a residual of this root mean square [N] is far above the noise of the forces; empty if not."""
+    # Third differences of white noise have twenty times its variance, and those of a force between its corners none.
+    rough = np.concatenate([np.diff(test.force, 3) for test in tests])
+    noise = float(np.median(np.abs(rough))) / NormalDist().inv_cdf(0.75) / np.sqrt(20.0)
+    if rmse <= _STRUCTURE * noise:
+        return ()
+    return (
+        f"the residual, {rmse:.3g} N rms, is far above the noise of the force, about {noise:.2g} N: this model leaves "
+        "structure that other models may describe (--model all)",
     )
 
 

@@ -28,6 +28,7 @@ from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings, Fold
+from mrwork.identification.suspicious import structure_warning
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
@@ -82,6 +83,9 @@ class _ChoosingLaws(Choosing):
             search, laws = self._fitted(ranking.chosen_standing)
             with self._failing_alone(search):
                 fit = self.run(f"{search.name}/fit", partial(self._final_fit, search, laws))
+                if search.varies and len(self.searches) == 1:
+                    left = structure_warning(fit.rmse_n, fit.tests)
+                    fit = replace(fit, warnings=(*fit.warnings, *left))
                 others = [self._fit_to_excerpts(*other) for other in self._choose_others(ranking)]
                 return Choice(ranking=ranking, fits=(fit,), others=tuple(others), seconds=self.seconds)
             search.fitted.clear()
