@@ -52,6 +52,16 @@ class Slopes:
         return [i for i in self.form.box.free if remark_of(self.form.box, i, float(self.theta[i])) == ""]
 
     @property
+    def n_effective(self) -> float:
+        """Effective number of samples of all tests."""
+        return effective_samples(residuals_by_test(self.residuals, self.objective.tests))
+
+    @property
+    def dof(self) -> float:
+        """Effective samples less the share that the free parameters take."""
+        return self.n_effective * max(1.0 - len(self.by_free) / self.residuals.size, 0.0)
+
+    @property
     def normal(self) -> NormalEquations:
         """Normal equations of one row in the parameters that are free; the shares of the tests are in them."""
         tests = self.objective.tests
@@ -94,7 +104,7 @@ class Covariance:
     def of(cls, slopes: Slopes) -> Covariance:
         """The covariance at a minimum."""
         residuals, interior, n_params = slopes.residuals, slopes.interior, len(slopes.theta)
-        n_effective = effective_samples(residuals_by_test(residuals, slopes.objective.tests))
+        n_effective = slopes.n_effective
         cov = np.zeros((n_params, n_params))
         if interior:
             independent = covariance(slopes.by_interior().T, float(np.linalg.norm(residuals)))

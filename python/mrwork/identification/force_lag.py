@@ -17,9 +17,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.hints import SMALLEST
 from mrwork.base.numbers import significant
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.covariance import Covariance, Slopes, remark_of
@@ -27,20 +26,21 @@ from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import FittedParameter
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
 from mrwork.identification.minimise.polish import Polished
-from mrwork.identification.objective import NormalEquations, Objective, observe_tests_by
+from mrwork.identification.objective import Objective, observe_tests_by
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import LateForce
 from mrwork.records.cycles import late_force
 from mrwork.records.finding import Measured
 from mrwork.records.motion import spectrum
+from mrwork.records.repairs import NONE
 
 # The tests are fitted again where the squared misfit would fall by more than this share. The lag is advised where the
 # misfit of predictions falls below this share of that without it, and it exceeds this number of its standard errors.
 _WORTH_A_FIT = 0.04
 _PAYS = 0.95
 _SIGNIFICANT = 4.0
-# Longest lag or delay, in periods of the fastest test; iterations of a fit with it, and their end where it is tried.
-_LONGEST = 0.25
+# Longest lag or delay [s]; iterations of a fit with it, and their end where it is tried.
+_LONGEST = 0.5
 _ITERATIONS = 50
 _TOLERANCE = 1e-4
 # Share by which the misfits of a delay and of a lag may differ where the sentence names both.
@@ -64,30 +64,32 @@ def fit_late_force(
 
     Returns the problem in which the tests have it, the fit there with the covariance of all, and its estimate.
     """
-    late = _LateFit.near(problem.objective, problem.form, kind, polished.theta, tolerance=TOLERANCE)
-    covariance, box, index = Covariance.of(late.slopes), late.slopes.form.box, len(polished.theta)
+    late = _fit_late(problem.objective, problem.form, kind, polished.theta, tolerance=TOLERANCE)
+    *theta, seconds = late.theta.tolist()
     objective = observe_tests_by(
         problem.objective,
-        [replace(test.observation, **{_FIELD[kind]: late.seconds}) for test in problem.objective.tests],
+        [replace(test.observation, **{_FIELD[kind]: seconds}) for test in problem.objective.tests],
     )
-    words = [word for word in problem.settings.observe if word.partition("=")[0] not in ("none", kind)]
-    settings = replace(problem.settings, observe=(*words, f"{kind}={late.seconds!r}"))
+    words = [word for word in problem.settings.observe if word.partition("=")[0] not in (NONE, kind)]
+    settings = replace(problem.settings, observe=(*words, f"{kind}={seconds!r}"))
     problem = replace(problem, settings=settings, objective=replace(objective, settings=settings))
-    theta = late.slopes.theta[:-1]
+    covariance, box = Covariance.of(late), late.form.box
     own = replace(
-        covariance, slopes=Slopes.at(objective, problem.form, theta), matrix=covariance.matrix[:-1, :-1]
+        covariance,
+        slopes=Slopes.at(objective, problem.form, np.array(theta)),
+        matrix=covariance.matrix[:-1, :-1],
     )
     error = float(covariance.standard_errors[-1])
     estimate = FittedParameter(
-        name=box.names[index],
-        value=late.seconds,
+        name=box.names[-1],
+        value=seconds,
         unit="s",
-        standard_error=error if np.isfinite(error) and error > 0.0 else None,
-        lower=box.lower[index],
-        upper=box.upper[index],
-        remark=remark_of(box, index, late.seconds),
+        standard_error=error if error > 0.0 else None,
+        lower=box.lower[-1],
+        upper=box.upper[-1],
+        remark=remark_of(box, len(theta), seconds),
     )
-    return problem, replace(polished, theta=theta, covariance=own), estimate
+    return problem, replace(polished, theta=np.array(theta), covariance=own), estimate
 
 
 def force_lag_warnings(
@@ -98,14 +100,14 @@ def force_lag_warnings(
     The `excerpts` are fitted again where that is worth it; `errors` are standard errors of the requested model,
     (n_params,). Nothing is examined where the lag is given or estimated, or a command varies: the coil is late too.
     """
-    tests = slopes.objective.tests
+    tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
     has_lag = any(test.observation.delay_seconds or test.observation.lag_seconds for test in tests)
     if has_lag or "delay" in problem.settings.nuisances or any(test.has_varying_command for test in tests):
         return ()
     if not slopes.interior:
         return ()
-    on_time = _LateFit.at(slopes.objective, slopes.form, "delay", np.array([*slopes.theta, 0.0]))
-    frequency = _frequencies(slopes.objective)
+    on_time = _with_late(slopes.objective, form, "delay", np.array([*theta, 0.0]))
+    frequency = [spectrum(test.displacement, test.dt).dominant for test in tests]
     groups: list[list[int]] = []
     for index in np.argsort(frequency, kind="stable").tolist():
         if not groups or frequency[index] > _SAME_FREQUENCY * frequency[groups[-1][-1]]:
@@ -113,89 +115,32 @@ def force_lag_warnings(
         groups[-1].append(index)
     unknown = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / max(frequency))
     if len(groups) > 1:
-        if on_time.gain > _WORTH_A_FIT:
-            lag, delay = (_LateFit.near(excerpts, slopes.form, kind, slopes.theta) for kind in _FIELD)
-            best, other = (lag, delay) if lag.misfit <= delay.misfit else (delay, lag)
-            seconds, late = _predict_groups(best.slopes, groups)
-            _, earlier = _predict_groups(Slopes.at(excerpts, slopes.form, slopes.theta), groups)
-            error = best.error(seconds)
-            if late < _PAYS * earlier and abs(best.seconds) > _SIGNIFICANT * error:
-                return (_advice(problem, slopes.theta, best, other, error, (earlier, late)),)
-        seconds, _ = _predict_groups(on_time.slopes, groups)
-        unknown = min(unknown, on_time.error(seconds))
-    return _unknown_delay(problem, on_time.slopes, errors, unknown)
+        normal = on_time.normal
+        step = normal.steps(np.ones((1, len(tests))), _held(on_time))
+        if normal.after(step[:, None]).sum() < (1.0 - _WORTH_A_FIT) * normal.squared.sum():
+            lag, delay = (_fit_late(excerpts, form, kind, theta) for kind in _FIELD)
+            best, other = (lag, delay) if _misfit(lag) <= _misfit(delay) else (delay, lag)
+            seconds, late = _predict_groups(best, groups)
+            _, earlier = _predict_groups(Slopes.at(excerpts, form, theta), groups)
+            error = _error(best, seconds)
+            if late < _PAYS * earlier and abs(best.theta[-1]) > _SIGNIFICANT * error:
+                return (_advice(problem, theta, best, other, error, (earlier, late)),)
+        seconds, _ = _predict_groups(on_time, groups)
+        unknown = min(unknown, _error(on_time, seconds))
+    return _unknown_delay(problem, on_time, errors, unknown)
 
 
-def _frequencies(objective: Objective) -> list[float]:
-    return [spectrum(test.displacement, test.dt).dominant for test in objective.tests]
-
-
-@array_dataclass()
-class _LateFit:
-    """Fit with a late force, whose lag or delay is the last parameter of the slopes."""
-
-    slopes: Slopes
-    kind: LateForce
-
-    @classmethod
-    def at(cls, objective: Objective, form: Form, kind: LateForce, theta: Floats) -> _LateFit:
-        """The fit at `theta`, (n_params + 1,)."""
-        longest = _LONGEST / max(_frequencies(objective))
-        box = Box(
-            names=(*form.box.names, f"force_{kind}"),
-            lower=(*form.box.lower, 0.0 if kind == "lag" else -longest),
-            upper=(*form.box.upper, longest),
-            log=(*form.box.log, False),
-        )
-        form = replace(form, box=box, to_model=_beside(form.to_model), from_model=_beside(form.from_model))
-        late = replace(objective, compared=tuple(replace(test, late=kind) for test in objective.compared))
-        return cls(slopes=Slopes.at(late, form, theta), kind=kind)
-
-    @classmethod
-    def near(
-        cls,
-        objective: Objective,
-        form: Form,
-        kind: LateForce,
-        theta: Floats,
-        *,
-        tolerance: float = _TOLERANCE,
-    ) -> _LateFit:
-        """The fit to the tests, from parameters `theta`, (n_params,), and what the observation model of a test has."""
-        test = objective.tests[0]
-        seconds = float(getattr(test.observation, _FIELD[kind]))
-        # At zero, its bound, a lag has no slope.
-        start = cls.at(
-            objective, form, kind, np.array([*theta, seconds or (test.dt if kind == "lag" else 0.0)])
-        )
-        late, box = start.slopes.objective, start.slopes.form.box
-        minimum = find_minima(
-            late, box, start.slopes.theta[None], max_iterations=_ITERATIONS, tolerance=tolerance
-        )
-        return cls(slopes=Slopes.at(late, start.slopes.form, minimum.theta[0]), kind=kind)
-
-    @property
-    def seconds(self) -> float:
-        """The lag or delay."""
-        return float(self.slopes.theta[-1])
-
-    @property
-    def misfit(self) -> float:
-        """Root mean square of the NRMSE."""
-        return float(np.linalg.norm(self.slopes.residuals))
-
-    @property
-    def gain(self) -> float:
-        """Share of the squared misfit that a Gauss-Newton step of all parameters would save."""
-        normal, shares = self.slopes.normal, np.ones((1, len(self.slopes.objective.tests)))
-        left = normal.after(normal.steps(shares, _held(self.slopes))[:, None])
-        return 1.0 - float(left.sum()) / max(float(normal.squared.sum()), SMALLEST)
-
-    def error(self, seconds: Floats) -> float:
-        """Standard error of the lag [s], by the jackknife, (n_groups,), or by least squares if that is larger."""
-        jackknife = (1.0 - 1.0 / seconds.size) * float(np.sum((seconds - seconds.mean()) ** 2))
-        error = Covariance.of(self.slopes).standard_errors[-1]
-        return max(float(np.sqrt(jackknife)), float(error)) if np.isfinite(error) and error > 0.0 else np.inf
+def _with_late(objective: Objective, form: Form, kind: LateForce, theta: Floats) -> Slopes:
+    """Slopes of a fit with a late force, whose lag or delay is the last parameter of `theta`, (n_params + 1,)."""
+    box = Box(
+        names=(*form.box.names, f"force_{kind}"),
+        lower=(*form.box.lower, 0.0 if kind == "lag" else -_LONGEST),
+        upper=(*form.box.upper, _LONGEST),
+        log=(*form.box.log, False),
+    )
+    form = replace(form, box=box, to_model=_beside(form.to_model), from_model=_beside(form.from_model))
+    late = replace(objective, compared=tuple(replace(test, late=kind) for test in objective.compared))
+    return Slopes.at(late, form, theta)
 
 
 def _beside(conversion: Conversion) -> Conversion:
@@ -212,54 +157,82 @@ def _beside(conversion: Conversion) -> Conversion:
     return Conversion(convert=convert, jacobian=jacobian)
 
 
+def _fit_late(
+    objective: Objective, form: Form, kind: LateForce, theta: Floats, *, tolerance: float = _TOLERANCE
+) -> Slopes:
+    """Fit with a late force, from parameters `theta`, (n_params,), and what the observation model of a test has."""
+    test = objective.tests[0]
+    # At zero, its bound, a lag has no slope.
+    seconds = getattr(test.observation, _FIELD[kind]) or (test.dt if kind == "lag" else 0.0)
+    start = _with_late(objective, form, kind, np.array([*theta, seconds]))
+    minimum = find_minima(
+        start.objective, start.form.box, start.theta[None], max_iterations=_ITERATIONS, tolerance=tolerance
+    )
+    return Slopes.at(start.objective, start.form, minimum.theta[0])
+
+
+def _misfit(slopes: Slopes) -> float:
+    """Root mean square of the NRMSE."""
+    return float(np.linalg.norm(slopes.residuals))
+
+
+def _predict_groups(slopes: Slopes, groups: Sequence[Sequence[int]]) -> tuple[Floats, float]:
+    """Steps of the last parameter without each group of tests, (n_groups,), and misfit of the groups after them."""
+    left_out, normal = (
+        np.array([np.isin(np.arange(len(slopes.objective.tests)), group) for group in groups]),
+        slopes.normal,
+    )
+    steps = normal.steps(1.0 - left_out, _held(slopes))
+    return steps[:, -1], float(np.sqrt(normal.after(steps[:, None])[left_out].sum()))
+
+
 def _held(slopes: Slopes) -> NDArray[np.bool_]:
     """Free parameters that are on a bound, one row."""
     return ~np.isin(slopes.form.box.free, slopes.interior)[None]
 
 
-def _predict_groups(slopes: Slopes, groups: Sequence[Sequence[int]]) -> tuple[Floats, float]:
-    """Steps of the last parameter without each group of tests, (n_groups,), and misfit of the groups after them."""
-    left_out = np.array([np.isin(np.arange(len(slopes.objective.tests)), group) for group in groups])
-    every = np.zeros(len(groups), dtype=np.intp)
-    one = slopes.normal
-    normal = NormalEquations(
-        squared=one.squared[every], gradient=one.gradient[every], matrix=one.matrix[every]
-    )
-    steps = normal.steps(1.0 - left_out, _held(slopes)[every])
-    return steps[:, -1], float(np.sqrt(normal.after(steps[:, None])[left_out].sum()))
+def _error(late: Slopes, seconds: Floats) -> float:
+    """Standard error of the lag [s], by the jackknife, (n_groups,), or by least squares if that is larger."""
+    jackknife = (1.0 - 1.0 / seconds.size) * float(np.sum((seconds - seconds.mean()) ** 2))
+    error = float(Covariance.of(late).standard_errors[-1])
+    return max(float(np.sqrt(jackknife)), error) if error > 0.0 else np.inf
 
 
 def _advice(
     problem: Problem,
     theta: Floats,
-    best: _LateFit,
-    other: _LateFit,
+    best: Slopes,
+    other: Slopes,
     error: float,
     held_out: tuple[float, float],
 ) -> str:
     """The sentence on a lag with its error [s]; `held_out` are misfits of predictions without and with it."""
-    before, after = (np.asarray(problem.form.to_model(point)) for point in (theta, best.slopes.theta[:-1]))
+    seconds, (kind, alternative) = (
+        float(best.theta[-1]),
+        (late.objective.compared[0].late for late in (best, other)),
+    )
+    before, after = (np.asarray(problem.form.to_model(point)) for point in (theta, best.theta[:-1]))
     changed = ""
     if moved := _damping(problem):
         worst = max(moved, key=lambda index: abs(after[index] - before[index]))
         values = f"{significant(after[worst], 3)} instead of {significant(before[worst], 3)} N s/m"
         changed = f", and {problem.spec.names[worst]} would be {values}"
     also = ""
-    if other.misfit < (1.0 + _ALIKE) * best.misfit:
-        also = f" (or a {other.kind} of {1e3 * other.seconds:.2g} ms, which describes them about as well)"
+    if _misfit(other) < (1.0 + _ALIKE) * _misfit(best):
+        also = f" (or a {alternative} of {1e3 * other.theta[-1]:.2g} ms, which describes them about as well)"
     channel, remedy = "force", "try a model whose force relaxes"
-    if best.seconds < 0.0:
+    if seconds < 0.0:
         channel, remedy = (
             "motion",
             "subtract a moving mass by --repair mass, or try a model with more friction",
         )
     return late_force(
-        Measured(best.seconds, "s", standard_error=error),
+        Measured(seconds, "s", standard_error=error),
         min(test.dt for test in problem.objective.tests),
         behind="model",
-        evidence=f"a {best.kind} that all tests have in common{also}: fits to the other frequencies predict the tests "
+        evidence=f"a {kind} that all tests have in common{also}: fits to the other frequencies predict the tests "
         f"of each to {100.0 * (1.0 - held_out[1]):.2f} % instead of {100.0 * (1.0 - held_out[0]):.2f} %{changed}",
-        cure=f"fit it by --late-force {best.kind} if the channel of the {channel} is late, else {remedy}",
+        cure=f"fit it by --late-force {kind} if the channel of the {channel} is late, else {remedy}",
     ).message
 
 

@@ -218,36 +218,22 @@ class Objective(Summarised):
         squared = np.full(included.shape, np.inf)
 
         def fill(index: int, threads: int) -> int:
-            rows = np.flatnonzero(included[:, index])
+            """Simulate a test; the time steps that it took, which are counted where they are known."""
+            test, rows = self.compared[index], np.flatnonzero(included[:, index])
             if not rows.size:
                 return 0
-            squared[rows, index], steps = self._squared_nrmse(index, theta[rows], threads=threads)
-            return steps
+            if self.is_direct:
+                run = self._simulate_test(index, theta[rows], threads=threads)
+                squared[rows, index] = run.squared_error * test.weight(1) ** 2 / test.share
+                return int(run.steps.sum())
+            for some in np.array_split(rows, range(_ROWS, rows.size, _ROWS)):
+                residuals, failed = test.residuals(theta[some], threads=threads)
+                sums = np.einsum("bt,bt->b", residuals, residuals) / (test.variance * test.measured.size)
+                squared[some, index] = np.where(failed, np.inf, sums)
+            return 0
 
         self.tally.steps += sum(self._on_every_test(fill))
         return squared
-
-    @checked
-    def squared_nrmse_of(self, index: int, theta: Floats, *, threads: int = 0) -> Floats:
-        """Squared NRMSE of one test, shape (n_batch,), as in `squared_nrmse`."""
-        return self._squared_nrmse(index, theta, threads=threads)[0]
-
-    def _squared_nrmse(self, index: int, theta: Floats, *, threads: int) -> tuple[Floats, int]:
-        """Squared NRMSE of one test, and the time steps that it took, which are counted where they are known."""
-        test = self.compared[index]
-        if self.is_direct:
-            run = self._simulate_test(index, theta, threads=threads)
-            return run.squared_error * test.weight(1) ** 2 / test.share, int(run.steps.sum())
-        squared = []
-        for some in np.array_split(theta, range(_ROWS, len(theta), _ROWS)):
-            residuals, failed = test.residuals(some, threads=threads)
-            squared.append(np.where(failed, np.inf, np.einsum("bt,bt->b", residuals, residuals)))
-        return np.concatenate(squared) / (test.variance * test.measured.size), 0
-
-    @checked
-    def nrmse_of_tests(self, theta: _Rows) -> Floats:
-        """NRMSE of each test, shape (n_tests, n_batch), whatever its share; infinite where a simulation failed."""
-        return np.asarray(np.sqrt(self.squared_nrmse(theta).T))
 
     @checked
     def misfits(self, theta: _Rows) -> tuple[Misfits, ...]:
@@ -373,10 +359,9 @@ class NormalEquations:
         """
         gradient = np.einsum("rt,rtp->rp", shares, self.gradient)
         matrix = np.einsum("rt,rtpq->rpq", shares, self.matrix)
-        if held is not None:
-            gradient[held] = 0.0
-            matrix[held] = matrix.transpose(0, 2, 1)[held] = 0.0
-        return gradient, matrix
+        if held is None:
+            return gradient, matrix
+        return np.where(held, 0.0, gradient), np.where(held[:, :, None] | held[:, None], 0.0, matrix)
 
     def steps(self, shares: Floats, held: NDArray[np.bool_]) -> Floats:
         """Gauss-Newton steps of each row, (n_rows, n_free), with these weights of the tests and `held` parameters."""

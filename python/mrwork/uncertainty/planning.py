@@ -21,7 +21,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.simulation import Outcome, simulate_sensitivities
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
-from mrwork.identification.covariance import Slopes, effective_samples, residuals_by_test
+from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import NuisanceName, linearised_without_nuisance
@@ -152,9 +152,7 @@ class LinearisedPosterior:
         position = scaled.position(theta)
         slopes = Slopes.at(objective, problem.form, theta)
         residuals, derivative = slopes.residuals, slopes.by_free.T * scaled.slope(position)
-        n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
-        dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-        weight = dof / float(residuals @ residuals)
+        weight = slopes.dof / float(residuals @ residuals)
         ends = np.array([(scale.lower, scale.upper) for scale in scales]).T
         lower, upper = map(scaled.position, ends)
         prior = np.diag(12.0 / (upper - lower) ** 2)

@@ -226,7 +226,7 @@ class _LevelSearch:
 
     def _worse(self, theta: Floats) -> tuple[NDArray[np.intp], list[LevelFit]]:
         """Tests that laws describe far worse than fits to them alone, and the minima of commands, those fits first."""
-        joint = self.on_tests.nrmse_of_tests(theta[None])[:, 0]
+        joint = np.sqrt(self.on_tests.squared_nrmse(theta[None])[0])
         doubtful = far_worse(joint, np.zeros(joint.size))
         alone = _fit_each(self.problem, [self.on_tests.tests[index] for index in doubtful], self.fits)
         worse = far_worse(joint[doubtful], np.array([fit.nrmse for fit in alone]))
@@ -385,7 +385,7 @@ def worse_together(
     A minimum may be `suspected` to be false.
     """
     spec, tests = problem.form.spec, objective.tests
-    joint, alone = objective.nrmse_of_tests(theta[None])[:, 0], np.full(len(tests), np.inf)
+    joint, alone = np.sqrt(objective.squared_nrmse(theta[None])[0]), np.full(len(tests), np.inf)
     levels = tests_by_level(spec, [test for test in tests if command_is_constant(test, spec)])
     fits = [LevelFit(command=level, minima=plain_parameters(spec, theta, level)[None]) for level in levels]
     doubtful = far_worse(joint, np.zeros(len(tests)))

@@ -35,7 +35,6 @@ from mrwork.identification.excerpts import middle_excerpt, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.objective import Objective
-from mrwork.identification.progress import on_every_test
 from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
@@ -430,23 +429,18 @@ class LawSearch:
         """
         sets = list(zip(specs, theta, strict=True))
         pairs = [(row, test) for row, members in enumerate(self.splits.members, start=1) for test in members]
-        nrmse = np.empty((len(specs), len(pairs)))
-        curves = [] if self.varies else [plain_curves(*law_set, self.whole_commands) for law_set in sets]
-
-        def predict(test: int, threads: int) -> None:
-            cols = [index for index, pair in enumerate(pairs) if pair[1] == test]
-            rows = [pairs[index][0] for index in cols]
-            if cols and self.varies:
-                for number, (spec, fitted) in enumerate(sets):
-                    whole = self.whole.with_laws(spec)
-                    nrmse[number, cols] = np.sqrt(whole.squared_nrmse_of(test, fitted[rows], threads=threads))
-            elif cols:
-                plain = np.concatenate([curve[rows, test] for curve in curves])
-                squared = self.whole.squared_nrmse_of(test, plain, threads=threads)
-                nrmse[:, cols] = np.sqrt(squared).reshape(len(specs), len(cols))
-
-        on_every_test(len(self.tests), self.whole.threads, predict)
-        return _Predictions(nrmse=nrmse)
+        rows, tests = np.array(pairs).T
+        included = np.arange(len(self.tests)) == tests[:, None]
+        if self.varies:
+            parts = [
+                self.whole.with_laws(spec).squared_nrmse(fitted[rows], included) for spec, fitted in sets
+            ]
+            squared = np.concatenate(parts)
+        else:
+            plain = [plain_curves(*law_set, self.whole_commands)[rows, tests] for law_set in sets]
+            squared = self.whole.squared_nrmse(np.concatenate(plain), np.tile(included, (len(sets), 1)))
+        own = squared.reshape(len(sets), len(pairs), -1)[:, included]
+        return _Predictions(nrmse=np.sqrt(own))
 
     @property
     def whole_commands(self) -> Floats:

@@ -26,7 +26,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import SettingError
-from mrwork.identification.covariance import Slopes, covariance, effective_samples, residuals_by_test
+from mrwork.identification.covariance import Slopes, covariance
 from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.problem import Problem
@@ -346,8 +346,7 @@ def profile(
     slopes = Slopes.at(objective, problem.form, theta)
     residuals, position = slopes.residuals, scaled.position(theta)
     start = Point(position=position, squared=float(residuals @ residuals))
-    n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
-    dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
+    n_effective, dof = slopes.n_effective, slopes.dof
     independent = covariance(slopes.by_free.T * scaled.slope(position), float(np.sqrt(start.squared)))
     errors = np.sqrt(np.diag(independent) * residuals.size / n_effective)
     threshold = likelihood_threshold(level)
