@@ -25,7 +25,7 @@ from mrwork.identification.covariance import Slopes, autocorrelation_time
 from mrwork.identification.excerpts import excerpt
 from mrwork.identification.fit import Fit
 from mrwork.identification.force_lag import force_lag_warnings
-from mrwork.identification.minimise.driver_lag import missing_lag
+from mrwork.identification.minimise.driver_lag import missing_lag_warning
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.polish import Polished
 from mrwork.identification.minimise.starting_points import StartingPoints
@@ -54,11 +54,10 @@ def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, 
 
         excerpts = objective.on(form.spec, excerpts_of_laws(problem))
         together = worse_together(problem, excerpts, polished.theta, suspected=points.is_suspected)
-    missing = missing_lag(form.spec, objective, polished.theta, form.box)
     return (
         *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.command_unit is not None),
         *together,
-        *((missing.in_words,) if missing is not None else ()),
+        *missing_lag_warning(form.spec, objective, polished.theta, form.box),
         *needless_average_warnings(objective, form.box, polished.theta),
         *law_shape_warnings(excerpts, form.box, polished.theta),
         *force_lag_warnings(problem, excerpts, slopes, errors),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -29,57 +29,38 @@ _ITERATIONS = 20
 _TOLERANCE = 1e-3
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MissingLag:
-    """Rate of the driver's lag [1/s] that lowers the misfit of a fit without one; `is_fitted` says how.
-
-    Other parameters are unchanged, or fitted anew.
-    """
-
-    rate: float
-    misfit_without: float
-    misfit_with: float
-    is_fitted: bool = False
-
-    @property
-    def in_words(self) -> str:
-        """A sentence that says what to do."""
-        others = "the other parameters fitted anew" if self.is_fitted else "no other change"
-        return (
-            f"a driver's lag of about {self.rate:.3g} 1/s would lower the misfit from "
-            f"{100.0 * self.misfit_without:.2f} to {100.0 * self.misfit_with:.2f} % with {others}: the command that "
-            "was recorded reaches the coil later; fit the lag with --driver-lag, in Python lagged=True"
-        )
-
-
-def missing_lag(
-    spec: DamperSpec, objective: Objective, theta: Floats, box: Box | None = None
-) -> MissingLag | None:
-    """The lag with which the fit `theta` without one describes the tests better; `None` where there is none.
+def missing_lag_warning(spec: DamperSpec, objective: Objective, theta: Floats, box: Box) -> tuple[str, ...]:
+    """Sentence on a lag with which the fit `theta` without one describes the tests better; empty where there is none.
 
     Other parameters may have taken its part. They are fitted anew, in their `box`, where none is better without that.
     """
-    if (
-        not spec.follows_command
-        or spec.lagged
-        or not any(test.has_varying_command for test in objective.tests)
-    ):
-        return None
+    varies = any(test.has_varying_command for test in objective.tests)
+    if not spec.follows_command or spec.lagged or not varies:
+        return ()
+    before, others = float(objective(theta[None])[0]), "no other change"
+    lagged, rate, misfit = _best_rate(spec, objective, theta)
+    if not misfit < _SHARE * before:
+        if not np.isfinite(misfit):
+            return ()
+        within = Box.of(lagged.spec).with_bounds(bounds_of(box, box.names))
+        start = np.array([[*theta, rate]])
+        fitted = find_minima(lagged, within, start, max_iterations=_ITERATIONS, tolerance=_TOLERANCE).best
+        rate, misfit, others = float(fitted.theta[-1]), fitted.misfit, "the other parameters fitted anew"
+        if not misfit < _SHARE_FITTED * before:
+            return ()
+    return (
+        f"a driver's lag of about {rate:.3g} 1/s would lower the misfit from {100.0 * before:.2f} to "
+        f"{100.0 * misfit:.2f} % with {others}: the command that was recorded reaches the coil later; fit the lag with "
+        "--driver-lag, in Python lagged=True",
+    )
+
+
+def _best_rate(spec: DamperSpec, objective: Objective, theta: Floats) -> tuple[Objective, float, float]:
+    """The objective with a lag, and the tried rate with which a fit `theta` without one has the least misfit."""
     lagged = objective.on(with_changed_laws(spec, lagged=True), objective.tests)
     tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
-    before = float(objective(theta[None])[0])
     best = int(np.argmin(tried))
-    if tried[best] < _SHARE * before:
-        return MissingLag(rate=_TRIED_RATES[best], misfit_without=before, misfit_with=float(tried[best]))
-    if box is None or not np.isfinite(tried[best]):
-        return None
-    within = Box.of(lagged.spec).with_bounds(bounds_of(box, box.names))
-    start = np.array([[*theta, _TRIED_RATES[best]]])
-    fitted = find_minima(lagged, within, start, max_iterations=_ITERATIONS, tolerance=_TOLERANCE).best
-    if not fitted.misfit < _SHARE_FITTED * before:
-        return None
-    rate = float(fitted.theta[-1])
-    return MissingLag(rate=rate, misfit_without=before, misfit_with=fitted.misfit, is_fitted=True)
+    return lagged, _TRIED_RATES[best], float(tried[best])
 
 
 T = TypeVar("T")
@@ -133,11 +114,10 @@ def polish_with_wanted_lag(
         return lagged
     polished = polish(plain, starts, on_step=on_step)
     without = FinalFit(problem=plain, polished=polished)
-    missing = missing_lag(plain.form.spec, plain.objective, polished.theta)
-    minimised = float(lagged.problem.objective(lagged.polished.theta[None])[0])
-    if missing is not None and missing.misfit_with < minimised:
+    _, rate, misfit = _best_rate(plain.form.spec, plain.objective, polished.theta)
+    if misfit < lagged.misfit:
         # The search with the lag has ended in a false minimum.
-        start = replace(points, theta=problem.inside([*polished.theta, missing.rate])[None], minima=True)
+        start = replace(points, theta=problem.inside([*polished.theta, rate])[None], minima=True)
         again = polish(problem, start, on_step=on_step)
         lagged = FinalFit(problem=problem, polished=again)
     return _choose_fit(lagged, without)
@@ -169,10 +149,9 @@ def _is_clear(lagged: FinalFit, points: StartingPoints, without: StartingPoints)
     """Whether the parts of the tests that starts are compared on leave no doubt that the lag is wanted."""
     with_it = float(points.objective(lagged.polished.theta[None])[0])
     without_it = float(without.objective(without.theta[:1])[0])
-    missing = missing_lag(without.form.spec, without.objective, without.theta[0])
     return (
         _gain(lagged, with_it, without_it) > _CLEAR
-        and (missing is None or missing.misfit_with >= with_it)
+        and _best_rate(without.form.spec, without.objective, without.theta[0])[2] >= with_it
         and not _is_within_a_sample(lagged)
     )
 
