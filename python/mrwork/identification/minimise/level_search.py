@@ -13,7 +13,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.arguments import Seed, Shape, checked
 from mrwork.base.numbers import of_unit
@@ -175,11 +174,15 @@ class _LevelSearch:
             if self.on_searched is not self.on_tests:
                 return None
             raise no_simulation(self.form.spec, result.trace.evaluations[-1])
-        worse, levels = self._worse(theta[0])
+        _, alone = _better_alone(self.problem, self.on_tests, theta[0], self.fits)
         is_limited = bool(leaves_range(self.joint.spec, theta[0], self.commands))
         suspected = False
-        if worse.size or is_limited:
+        if alone or is_limited:
             # More starts: each command that has such tests takes the parameters of their own fits.
+            levels = []
+            for fit in self.fits:
+                better = [own.theta for own in alone.values() if own.command == fit.command]
+                levels.append(replace(fit, minima=np.array([*better, *fit.minima])))
             more = self._starts(levels, rng + 1)
             if is_limited:
                 # No local minimisation returns from a law that is limited to its range.
@@ -188,7 +191,7 @@ class _LevelSearch:
                 )
             result = _merge_searches(result, self._search_joint(more, rng + 1))
             theta, misfit = self._on_all_tests(result)
-            if self._worse(theta[0])[0].size:
+            if _better_alone(self.problem, self.on_tests, theta[0], self.fits)[1]:
                 least = (1.0 + self.settings.closeness) * result.misfit[0]
                 suspected = int(np.count_nonzero(result.misfit <= least)) < self.settings.found
         return StartingPoints(
@@ -223,18 +226,6 @@ class _LevelSearch:
         )
         order = np.argsort(minima.misfit, kind="stable")
         return minima.theta[order], minima.misfit[order]
-
-    def _worse(self, theta: Floats) -> tuple[NDArray[np.intp], list[LevelFit]]:
-        """Tests that laws describe far worse than fits to them alone, and the minima of commands, those fits first."""
-        joint = np.sqrt(self.on_tests.squared_nrmse(theta[None])[0])
-        doubtful = far_worse(joint, np.zeros(joint.size))
-        alone = _fit_each(self.problem, [self.on_tests.tests[index] for index in doubtful], self.fits)
-        worse = far_worse(joint[doubtful], np.array([fit.nrmse for fit in alone]))
-        levels = []
-        for fit in self.fits:
-            better = [alone[index].theta for index in worse if alone[index].command == fit.command]
-            levels.append(LevelFit(command=fit.command, minima=np.array([*better, *fit.minima])))
-        return doubtful[worse], levels
 
     def _in_own_laws(self, theta: Floats) -> Floats:
         """Points of the joint form in the laws of the fit."""
@@ -346,35 +337,41 @@ class _OwnFit:
     nrmse: float
 
 
-def _fit_each(problem: Problem, tests: Sequence[DamperTest], fits: Sequence[LevelFit]) -> list[_OwnFit]:
-    """Fits of the plain model to each test alone, started at the minima of its command, all in one batch.
+def _better_alone(
+    problem: Problem, objective: Objective, theta: Floats, fits: Sequence[LevelFit]
+) -> tuple[Floats, dict[int, _OwnFit]]:
+    """NRMSE of each test by laws, (n_tests,), and fits to single tests that these describe far worse, by their index.
 
-    A test of a varying command has none, and is described as by the mean force.
+    The plain model is fitted from the minima at their commands, all in one batch, to tests of constant commands.
     """
     (plain, box), spec = plain_of(problem.form), problem.form.spec
-    own_fits = [_OwnFit(command=np.nan, theta=np.empty(0), nrmse=np.inf) for _ in tests]
-    constant = [index for index, test in enumerate(tests) if command_is_constant(test, spec)]
-    if not constant:
-        return own_fits
-    constant_tests = tuple(tests[index] for index in constant)
-    near = _widen_box(search_box(plain, box, constant_tests), box)
-    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in constant_tests]
+    joint = np.sqrt(objective.squared_nrmse(theta[None])[0])
+    constant = np.array([command_is_constant(test, spec) for test in objective.tests])
+    doubtful = far_worse(np.where(constant, joint, 0.0), np.zeros(joint.size)).tolist()
+    if not doubtful:
+        return joint, {}
+    tests = tuple(objective.tests[index] for index in doubtful)
+    near = _widen_box(search_box(plain, box, tests), box)
+    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
     nearest = [min(fits, key=lambda fit: abs(fit.command - command)) for command in commands]
     starts = [fit.minima[np.arange(_OWN_STARTS) % len(fit.minima)] for fit in nearest]
     minima = find_minima(
-        problem.objective.on(plain, constant_tests),
+        problem.objective.on(plain, tests),
         near,
         _move_inside(near, np.concatenate(starts)),
         max_iterations=_OWN_ITERATIONS,
         tolerance=_OWN_TOLERANCE,
-        shares=np.repeat(np.eye(len(constant_tests)), _OWN_STARTS, axis=0),
+        shares=np.repeat(np.eye(len(tests)), _OWN_STARTS, axis=0),
     )
     misfit = minima.misfit.reshape(-1, _OWN_STARTS)
-    for number, (index, fit) in enumerate(zip(constant, nearest, strict=True)):
-        least = int(np.argmin(misfit[number]))
-        theta = minima.theta[number * _OWN_STARTS + least]
-        own_fits[index] = _OwnFit(command=fit.command, theta=theta, nrmse=float(misfit[number, least]))
-    return own_fits
+    return joint, {
+        doubtful[number]: _OwnFit(
+            command=nearest[number].command,
+            theta=minima.theta[number * _OWN_STARTS + int(np.argmin(misfit[number]))],
+            nrmse=float(misfit[number].min()),
+        )
+        for number in far_worse(joint[doubtful], misfit.min(axis=1)).tolist()
+    }
 
 
 def worse_together(
@@ -385,14 +382,13 @@ def worse_together(
     A minimum may be `suspected` to be false.
     """
     spec, tests = problem.form.spec, objective.tests
-    joint, alone = np.sqrt(objective.squared_nrmse(theta[None])[0]), np.full(len(tests), np.inf)
     levels = tests_by_level(spec, [test for test in tests if command_is_constant(test, spec)])
     fits = [LevelFit(command=level, minima=plain_parameters(spec, theta, level)[None]) for level in levels]
-    doubtful = far_worse(joint, np.zeros(len(tests)))
-    alone[doubtful] = [fit.nrmse for fit in _fit_each(problem, [tests[index] for index in doubtful], fits)]
-    worse = far_worse(joint, alone)
+    joint, own = _better_alone(problem, objective, theta, fits)
+    alone, worse = np.full(len(tests), np.inf), np.array([*own], dtype=np.intp)
+    alone[worse] = [fit.nrmse for fit in own.values()]
     sentence = far_worse_sentence(tests, worse, joint, alone, found_again=not suspected)
-    return (sentence,) if worse.size else ()
+    return (sentence,) if own else ()
 
 
 def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ...]:

@@ -233,21 +233,14 @@ class ErrorTable:
 
 
 def _non_negative(normal: Floats, right: Floats) -> Floats:
-    """Minimum of x' N x / 2 - r' x over x >= 0, by trying every set of positive unknowns, of which there are few."""
+    """Minimum of x' N x / 2 - r' x over x >= 0."""
+    from scipy.optimize import nnls  # slow to load
+
     # The floor is in newtons, the others are ratios: unknowns of equal size for the solver.
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled, target = normal / np.outer(size, size), right / size
-    best, least = np.zeros(right.size), 0.0
-    for support in product((False, True), repeat=right.size):
-        free = np.flatnonzero(support)
-        if free.size == 0:
-            continue
-        solved = np.linalg.lstsq(scaled[np.ix_(free, free)], target[free], rcond=1e-12)[0]
-        value = -0.5 * float(target[free] @ solved)
-        if np.all(solved >= 0.0) and value < least:
-            best, least = np.zeros(right.size), value
-            best[free] = solved
-    return np.asarray(best / size)
+    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    root = np.sqrt(np.maximum(values, 1e-12 * values[-1]))
+    return np.asarray(nnls((vectors * root).T, vectors.T @ (right / size) / root)[0] / size)
 
 
 def even_samples(prediction: Prediction) -> slice:

@@ -240,13 +240,9 @@ def _profile_of(
 
 
 def _crossing(position: Floats, roots: Floats, limit: float) -> float | None:
-    """First crossing of the limit outwards, by linear interpolation of the root of the likelihood ratio."""
-    beyond = np.flatnonzero(roots > limit)
-    if beyond.size == 0:
-        return None
-    last = int(beyond[0])
-    share = (limit - roots[last - 1]) / (roots[last] - roots[last - 1])
-    return float(position[last - 1] + share * (position[last] - position[last - 1]))
+    """First crossing of the limit outwards, by linear interpolation of the largest root of the ratio so far."""
+    largest = np.maximum.accumulate(roots)
+    return float(np.interp(limit, largest, position)) if largest[-1] > limit else None
 
 
 def _name_open_ends(lower: float | None, upper: float | None, below: End, above: End) -> str:
