@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -55,14 +53,9 @@ class LinearisedTests:
         box = Box.of(model)
         here = np.asarray(box.latent_from_theta(box.inside(_curves_in(model, spec, theta, commands))))
         n_rows, n_levels, n_model = here.shape
-        squared = np.empty((n_rows, len(levels)))
-        gradient, matrix = np.empty((*squared.shape, n_model)), np.empty((*squared.shape, n_model, n_model))
-        for level in range(n_levels):
-            ids = np.flatnonzero(levels == level)
-            at_level = replace(objective, compared=tuple(objective.compared[index] for index in ids))
-            every = np.ones((n_rows, ids.size), dtype=np.bool_)
-            normal = NormalEquations.at(at_level, box, here[:, level], every)
-            squared[:, ids], gradient[:, ids], matrix[:, ids] = normal.squared, normal.gradient, normal.matrix
+        included = np.tile(levels == np.arange(n_levels)[:, None], (n_rows, 1))
+        every = NormalEquations.at(objective, box, here.reshape(-1, n_model), included)
+        own = n_levels * np.arange(n_rows)[:, None] + levels, np.arange(levels.size)
         return cls(
             model=model,
             commands=commands,
@@ -70,7 +63,9 @@ class LinearisedTests:
             shares=shares,
             splits=splits,
             here=here,
-            normal=NormalEquations(squared=squared, gradient=gradient, matrix=matrix),
+            normal=NormalEquations(
+                squared=every.squared[own], gradient=every.gradient[own], matrix=every.matrix[own]
+            ),
         )
 
     def error_of(self, spec: DamperSpec, box: Box, starts: Floats) -> float:
