@@ -46,14 +46,6 @@ class Box:
     upper: tuple[float, ...]
     log: tuple[bool, ...]
 
-    def __post_init__(self) -> None:
-        lengths = [len(entries) for entries in (self.names, self.lower, self.upper, self.log)]
-        if len(set(lengths)) != 1 or len(set(self.names)) != len(self.names):
-            raise SettingError(
-                f"a box has {lengths[0]} names, {lengths[1]} lower and {lengths[2]} upper bounds and {lengths[3]} "
-                "scales; give one of each for every parameter, and every name once"
-            )
-
     @classmethod
     @checked
     def of(cls, spec: DamperSpec) -> Box:

@@ -97,11 +97,7 @@ def _run(equations: OwnEquations) -> OwnFunctions:
     names = vars(run_text(equations.source, f"<equations of {equations.force}>"))
     # What is printed while they are traced does not belong to the output of a command.
     names["print"] = partial(print, file=sys.stderr)
-    named = (
-        None if name is None else names.get(name)
-        for name in (equations.force, equations.rate, equations.relaxation)
+    rate, relaxation = (
+        None if name is None else names[name] for name in (equations.rate, equations.relaxation)
     )
-    force, rate, relaxation = named
-    if force is None:
-        raise SettingError(f"the equations of this damper have no function {equations.force!r}")
-    return force, rate, relaxation
+    return names[equations.force], rate, relaxation

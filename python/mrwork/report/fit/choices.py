@@ -52,43 +52,38 @@ def _ranking_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
 def ranking_figure(ranking: Ranking) -> Figure:
     """Left-out fit of every family that has one, best on top, with the number of its parameters."""
     predicted = [standing for standing in ranking.standings if standing.left_out_percent is not None]
-    names = [f"{prediction.title}, {prediction.n_params}" for prediction in predicted]
+    percents = np.array([standing.left_out_percent for standing in predicted], dtype=np.float64)
+    errors = np.array([standing.left_out_error or 0.0 for standing in predicted])
+    names = [f"{standing.title}, {standing.n_params}" for standing in predicted]
     figure, (axes,) = grid_of_axes(1, 1, (_WIDTH + room_for(names), _AROUND + _ROW * len(predicted)))
-    best = predicted[0].left_out_percent or 0.0
-    least = min(max(prediction.left_out_percent or 0.0, best - _RANGE) for prediction in predicted)
-    margin = 0.06 * max(best - least, 1.0)
+    least = float(np.maximum(percents, percents[0] - _RANGE).min())
+    margin = 0.06 * max(float(percents[0]) - least, 1.0)
     edge = least - margin
     note = partial(axes.annotate, textcoords="offset points", fontsize=style.SMALL_TEXT_SIZE)
-    for row, prediction in enumerate(predicted):
-        percent, is_good = (
-            prediction.left_out_percent or 0.0,
-            prediction.is_chosen or prediction.verdict == "as good",
-        )
+    axes.set_yticks(np.arange(len(predicted)), names)
+    labels = axes.get_yticklabels()
+    for row, (standing, percent, label) in enumerate(zip(predicted, percents.tolist(), labels, strict=True)):
+        label.set_fontweight("bold" if standing.is_chosen else "normal")
+        is_good = standing.is_chosen or standing.verdict == "as good"
         colour = style.MODEL if is_good else style.DATA
         if percent < edge:
             axes.plot([edge], [row], marker="<", color=colour, markersize=6, linestyle="none")
             note(f"{numbers.format_fixed(percent, 0)} %", (edge, row), xytext=(8, 0), va="center")
             continue
         axes.errorbar(
-            [percent],
-            [row],
-            xerr=None if prediction.left_out_error is None else [prediction.left_out_error],
+            percent,
+            row,
+            xerr=standing.left_out_error,
             fmt="o",
             color=colour,
-            markerfacecolor=colour if prediction.verdict != "as good" else "white",
-            markersize=8.0 if prediction.is_chosen else 6.0,
+            markerfacecolor=colour if standing.verdict != "as good" else "white",
+            markersize=8.0 if standing.is_chosen else 6.0,
             elinewidth=1.2,
         )
         if is_good:
-            note(prediction.verdict, (percent, row), xytext=(0, 6), ha="center")
-    axes.set_yticks(np.arange(len(predicted)), names)
-    for label, prediction in zip(axes.get_yticklabels(), predicted, strict=True):
-        label.set_fontweight("bold" if prediction.is_chosen else "normal")
+            note(standing.verdict, (percent, row), xytext=(0, 6), ha="center")
     axes.set_ylim(len(predicted) - 0.4, -0.6)
-    farthest = max(
-        (prediction.left_out_percent or 0.0) + (prediction.left_out_error or 0.0) for prediction in predicted
-    )
-    axes.set_xlim(edge - margin, min(farthest + margin, 100.5))
+    axes.set_xlim(edge - margin, min(float((percents + errors).max()) + margin, 100.5))
     axes.grid(visible=True, axis="x")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10]))
     axes.set_xlabel("Left-out fit (%), standard error")
