@@ -128,9 +128,8 @@ class Command(NamedTuple):
         """Samples, (n_time,), while a driver rings below zero and as long after: current and force are unknown."""
         left_out = np.zeros(n_time, dtype=np.bool_)
         if self.rings_below_zero:
-            below = self.values < -command_noise(float(np.max(self.values)), self.unit)
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]])))
-            for first, last in zip(edges[::2], edges[1::2], strict=True):
+            below = np.asarray(self.values) < -command_noise(float(np.max(self.values)), self.unit)
+            for first, last in runs_of(below):
                 left_out[first : 2 * last - first] = True
         return left_out
 
@@ -236,3 +235,9 @@ def levels_of_command(command: CommandValues) -> tuple[float, ...]:
         # Samples beside a mode are its noise.
         left = left[np.abs(left - levels[-1]) > width]
     return tuple(sorted(levels))
+
+
+def runs_of(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
+    """First sample, and sample beyond the last, of each run of chosen samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
+    return tuple((int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats
-from mrwork.records.motion import upward_crossings
+from mrwork.records.motion import whole_cycles
 
 CYCLES_SHOWN = 3
 
@@ -29,20 +29,14 @@ def zoom_window(displacement: Floats) -> Window:
 
     At most half of the cycles are shown, so that the window enlarges the record.
     """
-    n_time = displacement.size
-    crossings = upward_crossings(displacement)
-    complete = crossings.size - 1
-    shown = min(CYCLES_SHOWN, (complete + 1) // 2)
+    cycles, third = whole_cycles(displacement), displacement.size // 3
+    shown = min(CYCLES_SHOWN, (len(cycles) + 1) // 2)
     if shown < 1:
-        third = n_time // 3
-        return Window(start=third, stop=max(n_time - third, third + 1))
-    first = (complete - shown) // 2
+        return Window(start=third, stop=max(displacement.size - third, third + 1))
+    first = (len(cycles) - shown) // 2
     last = first + shown
-    return Window(
-        start=int(crossings[first]),
-        stop=int(crossings[last]) + 1,
-        in_words=f"Cycles {first + 1} to {last}" if shown > 1 else f"Cycle {last}",
-    )
+    words = f"Cycles {first + 1} to {last}" if shown > 1 else f"Cycle {last}"
+    return Window(start=cycles[first].start, stop=cycles[last - 1].stop + 1, in_words=words)
 
 
 def even_samples(abscissa: Floats, ordinate: Floats, most: int, *, aspect: float) -> NDArray[np.intp]:

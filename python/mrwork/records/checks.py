@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
+from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import Channel, DamperTest, Smoothing
 from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
-from mrwork.records.motion import Differentiator, SmoothMotion, runs_of, spectrum
+from mrwork.records.motion import Differentiator, SmoothMotion, spectrum
 
 _SMALLEST_RANGE: Final = 1e-9
 _FEWEST_PER_CYCLE: Final = 20.0

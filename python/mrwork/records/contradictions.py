@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from mrwork.base.units import FACTORS
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
 from mrwork.records.checks import held_samples
 from mrwork.records.damper_test import DamperTest, VelocitySource
 from mrwork.records.finding import Finding, FindingKind, Measured
-from mrwork.records.motion import Differentiator, SmoothMotion, regular_cycles, runs_of
+from mrwork.records.motion import Differentiator, SmoothMotion, regular_cycles
 
 _MAD_TO_DEVIATION: Final = 1.4826
 # Beyond this share of the range to either side of its middle a channel is on that side.

@@ -229,9 +229,3 @@ def reversals(velocity: Floats) -> NDArray[np.intp]:
     moving = np.flatnonzero(np.abs(velocity) > _LEAST_SPEED * np.max(np.abs(velocity), initial=0.0))
     turns = np.flatnonzero(np.diff(np.sign(velocity[moving])))
     return np.asarray((moving[turns] + moving[turns + 1] + 1) // 2)
-
-
-def runs_of(chosen: NDArray[np.bool_]) -> tuple[tuple[int, int], ...]:
-    """First sample, and sample beyond the last, of each run of chosen samples."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]])))
-    return tuple((int(first), int(last)) for first, last in zip(edges[::2], edges[1::2], strict=True))

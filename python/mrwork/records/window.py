@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import Count, checked
 from mrwork.base.numbers import counted
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.command import Command
+from mrwork.dampers.command import Command, runs_of
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.rounded_times import rounded_grid
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import ONCE, Finding, FindingKind, Measured
-from mrwork.records.motion import runs_of
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
