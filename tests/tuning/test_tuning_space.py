@@ -17,7 +17,7 @@ from mrwork.control.laws.law_settings import SETTINGS, design_candidates
 from mrwork.study import TuneTable
 from mrwork.study.runs import Runs, numbered, study_criteria
 from mrwork.tuning.problem import Scores
-from mrwork.tuning.space import LARGEST, objective_of, risk_of, space_of
+from mrwork.tuning.space import LARGEST, TuningObjective, objective_of, space_of
 
 MAGNITUDES = Magnitudes(
     drift=5e-3,
@@ -132,6 +132,10 @@ def found(value: float) -> Runs:
     return runs.with_numbers(**{name: np.full(runs.shape, value) for name in runs.numbers})
 
 
+def risk_of(scores: Any, risk: Any, tail: float) -> Any:
+    return TuningObjective(weights={}, risk=risk, tail=tail).value(scores)
+
+
 def test_conditional_value_at_risk_lies_between_mean_and_largest() -> None:
     assert risk_of(SCORES, "cvar", 1.0)[0] == pytest.approx(risk_of(SCORES, "mean", 1.0)[0])
     assert risk_of(SCORES, "cvar", 0.1)[0] == risk_of(SCORES, "max", 0.1)[0] == 1.0
@@ -149,7 +153,7 @@ def test_risk_does_not_depend_on_the_order_of_the_scores() -> None:
 def test_a_run_that_did_not_finish_makes_every_risk_infinite(risk: str) -> None:
     scores = SCORES.copy()
     scores[0, 3] = np.inf
-    assert risk_of(scores, risk, 0.2)[0] == np.inf  # type: ignore[arg-type] # the parameters are its names
+    assert risk_of(scores, risk, 0.2)[0] == np.inf
 
 
 def test_dampers_at_zero_command_have_score_one() -> None:

@@ -108,14 +108,10 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
         f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
         f"folder = {toml_value(str(folder))} # of the files that the study names\n\n"
     )
-    return head + _without_folder(text).rstrip() + "\n\n# Chosen by mrwork tune.\n\n" + "\n".join(blocks)
-
-
-def _without_folder(text: str) -> str:
-    """Text of the study without its key `folder`, which stands before the first table."""
-    first = re.search(r"^\s*\[", text, flags=re.MULTILINE)
-    end = len(text) if first is None else first.start()
-    return re.sub(r"^[ \t]*folder[ \t]*=.*\n?", "", text[:end], flags=re.MULTILINE) + text[end:]
+    # The key `folder` stands before the first table.
+    keys, *rest = re.split(r"(?m)^(?=\s*\[)", text, maxsplit=1)
+    text = "".join([re.sub(r"(?m)^[ \t]*folder[ \t]*=.*\n?", "", keys), *rest])
+    return head + text.rstrip() + "\n\n# Chosen by mrwork tune.\n\n" + "\n".join(blocks)
 
 
 def _controller(law: TunedLaw) -> str:

@@ -110,20 +110,18 @@ class TunedStudy(StudyResults):
                     f"{law.label} keeps its limits on the training motions and exceeds them by "
                     f"{percent(test.violation, 0)} % of the limits in all on the test motions."
                 )
-            sentences += self._reference_ahead_of(law)
+            rows = {result.label: self.row_of_law(result) for result in (law, *self.tuned.references)}
+            scores = {label: self.score(row) for label, row in rows.items() if row is not None}
+            own = scores.get(law.label, math.nan)
+            lower = {label: score for label, score in scores.items() if score < own}
+            if lower:
+                best = min(lower, key=lambda label: lower[label])
+                on = "test" if self.held_out else "training"
+                both = " against ".join(apart(with_decimals, own, lower[best], 3))
+                sentences.append(
+                    f"{law.label} does not reach the score of {best} on the {on} motions ({both})."
+                )
         return sentences
-
-    def _reference_ahead_of(self, law: TunedLaw) -> list[str]:
-        rows = {result.label: self.row_of_law(result) for result in (law, *self.tuned.references)}
-        scores = {label: self.score(row) for label, row in rows.items() if row is not None}
-        own = scores.pop(law.label, math.nan)
-        lower = {label: score for label, score in scores.items() if score < own}
-        if not lower:
-            return []
-        best = min(lower, key=lambda label: lower[label])
-        on = "test" if self.held_out else "training"
-        both = " against ".join(apart(with_decimals, own, lower[best], 3))
-        return [f"{law.label} does not reach the score of {best} on the {on} motions ({both})."]
 
 
 def _value_of(

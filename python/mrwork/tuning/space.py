@@ -62,8 +62,22 @@ class TuningObjective(Summarised):
         return np.asarray(np.sum(parts, axis=0))
 
     def value(self, scores: Floats) -> Floats:
-        """The risk of the scores of runs, shape (n_candidates,)."""
-        return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
+        """The risk of the scores of runs, shape (n_candidates,).
+
+        The worst share is weighted exactly: of 10 scores, a tail of 0.25 is the mean of the two largest and half the
+        third.
+        """
+        scores = scores.reshape(len(scores), -1)
+        if self.risk == "max":
+            return np.asarray(scores.max(axis=1))
+        if self.risk == "mean":
+            return np.asarray(scores.mean(axis=1))
+        n = scores.shape[1]
+        weights = np.clip(self.tail * n - np.arange(n), 0.0, 1.0)
+        worst = -np.sort(-scores, axis=1)
+        # Infinity times a weight of zero is no number.
+        parts = np.where(weights > 0.0, worst, 0.0) * weights
+        return np.asarray(parts.sum(axis=1) / weights.sum())
 
     def violation(self, runs: Runs) -> Floats:
         """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
@@ -87,23 +101,6 @@ class TuningObjective(Summarised):
         taken = "mean" if self.combine == "mean" else "largest"
         under = "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
         return f"{risk} of the {taken} of {names}, each over its value {under}"
-
-
-def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:
-    """The risk of each row of scores, shape (n_candidates,).
-
-    The worst share is weighted exactly: of 10 scores, a tail of 0.25 is the mean of the two largest and half the third.
-    """
-    if risk == "max":
-        return np.asarray(scores.max(axis=1))
-    if risk == "mean":
-        return np.asarray(scores.mean(axis=1))
-    n = scores.shape[1]
-    weights = np.clip(tail * n - np.arange(n), 0.0, 1.0)
-    worst = -np.sort(-scores, axis=1)
-    # Infinity times a weight of zero is no number.
-    parts = np.where(weights > 0.0, worst, 0.0) * weights
-    return np.asarray(parts.sum(axis=1) / weights.sum())
 
 
 def objective_of(table: TuneTable, command_unit: str, scales: Scales) -> TuningObjective:
@@ -287,7 +284,15 @@ class SettingSpace(Summarised):
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
     """The free settings of a law with their ranges, from a table and from what the law declares."""
     kind = SETTINGS[law]
-    held = _held_settings(table, law, kind)
+    choices = [entry.name for entry in keys_of(kind)]
+    held: dict[str, Any] = dict(table.settings or {})
+    for name in held:
+        with keyed("settings", name):
+            check_known(
+                name, choices, f"{law} has no setting {name!r}", otherwise="it has", kind=SettingError
+            )
+    if not kind.weight_names() & {*held, *(table.free or {})}:
+        held |= kind.weighed_by_default
     spans: dict[str, Span] = {
         entry.name: span for entry in keys_of(kind) if (span := entry.says.span) is not None
     }
@@ -328,19 +333,6 @@ def is_semi_active(settings: Mapping[str, Any]) -> bool:
     """Whether settings have designed weights with a semi-active condition, whose budget decides the law."""
     designed = settings.get("designed")
     return isinstance(designed, Mapping) and designed.get("semi_active") is not None
-
-
-def _held_settings(table: TuneTable, law: str, kind: type[LawSettings]) -> dict[str, Any]:
-    choices = [entry.name for entry in keys_of(kind)]
-    held: dict[str, Any] = dict(table.settings or {})
-    for name in held:
-        with keyed("settings", name):
-            check_known(
-                name, choices, f"{law} has no setting {name!r}", otherwise="it has", kind=SettingError
-            )
-    if not kind.weight_names() & {*held, *(table.free or {})}:
-        held |= kind.weighed_by_default
-    return held
 
 
 def _free_names(
