@@ -11,7 +11,7 @@ from record_files import write_test
 from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
-from mrwork.base.table import document_of
+from mrwork.base.summary import named
 from mrwork.identification.fit_file import reopen
 
 DAMPER = {"k_x": 4000.0, "k_w": 600.0, "rho": 5000.0}
@@ -106,7 +106,8 @@ def test_python_returns_the_numbers_that_the_command_prints(model: str, tmp_path
     fit = mr.identify(model, mr.records.cut(mr.synthetic_test(name), every=4), rng=1, threads=1)
     command = ("identify", f"synthetic:{name}", "--every", "4", "--model", model, "--seed", "1", "--json")
     document = json.loads(printed(*command, "--threads", "1", "--out", tmp_path / "run"))
-    assert document["parameters"] == {each.name: document_of(fit._columns, each) for each in fit.estimates}
+    keys = [column.key for column in fit._columns if column.key]
+    assert document["parameters"] == {each.name: named(each, *keys) for each in fit.estimates}
     assert all(each.verdict for each in fit.estimates)
 
 

@@ -77,8 +77,8 @@ def meant(name: object, known: Sequence[str]) -> list[str]:
     plain = {without_style(other): other for other in reversed(known)}
     if same := plain.get(without_style(name)):
         return [same]
-    for alike in synonyms(name):
-        if near := [plain[word] for synonym in alike if (word := without_style(synonym)) in plain]:
+    for targets in synonyms(name):
+        if near := [plain[word] for target in targets if (word := without_style(target)) in plain]:
             return near
     if near := get_close_matches(name, known, n=1):
         return near

@@ -129,10 +129,6 @@ class WithAxes:
         return self._named_arrays().to_pandas()
 
 
-labels_of = NamedArray.of
-"""Labels along an axis: names, or numbers in a unit."""
-
-
 def columns_of(
     records: Sequence[object], axis: str, declared: Mapping[str, tuple[str, str]]
 ) -> dict[str, NamedArray]:

@@ -162,11 +162,6 @@ class Table:
     _repr_html_ = html
 
 
-def document_of(columns: Sequence[TableColumn], item: object) -> dict[str, Any]:
-    """The attributes of an item that have a key, for JSON."""
-    return {column.key: getattr(item, column.key) for column in columns if column.key}
-
-
 def declared(columns: Sequence[TableColumn]) -> dict[str, tuple[str, str]]:
     """Unit and words of the columns that are arrays, as `columns_of` takes them."""
     return {column.key: (column.unit, column.long_name) for column in columns if column.long_name}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.keys import suggestion
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
@@ -141,7 +141,7 @@ def _labels_of_axes(numbers: Mapping[str, Floats], devices: Sequence[Device]) ->
     }
     named = {"device": [device.name for device in devices]}
     return {
-        axis: labels_of(
+        axis: NamedArray.of(
             named[axis] if len(set(named.get(axis, ()))) == size and size else np.arange(1, size + 1)
         )
         for axis, size in sizes.items()
@@ -199,7 +199,7 @@ class History(Plotted, Labelled, WithAxes, Summarised):
             title="History of a closed loop",
             rows=("time",),
             labels={
-                "time": labels_of(self.time, unit="s", long_name="time"),
+                "time": NamedArray.of(self.time, unit="s", long_name="time"),
                 **_labels_of_axes(self.numbers, ()),
             },
             arrays={
@@ -271,7 +271,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
             labels={
                 "candidate": candidates,
                 # Names that two motions have would be ambiguous labels.
-                "motion": labels_of(self.motions) if len(set(self.motions)) == self.shape[1] else motions,
+                "motion": NamedArray.of(self.motions) if len(set(self.motions)) == self.shape[1] else motions,
                 "realisation": draws,
                 **_labels_of_axes(self.numbers, self.devices),
             },

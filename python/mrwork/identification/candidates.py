@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import AnyArrayLike, Positive, Samples, Shape, Threads, checked
 from mrwork.base.keys import check_known
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
@@ -129,8 +129,8 @@ class ForceSensitivities(WithAxes, Summarised):
             rows=(*batch, "time"),
             labels={
                 **candidates,
-                "time": labels_of(self.time, unit="s", long_name="time"),
-                "parameter": labels_of(self.names),
+                "time": NamedArray.of(self.time, unit="s", long_name="time"),
+                "parameter": NamedArray.of(self.names),
             },
             along={"unit": NamedArray.of([f"N/({unit})" for unit in self.units], "parameter")},
             arrays={

@@ -10,11 +10,11 @@ from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.keys import suggestion
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
 from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names, named
-from mrwork.base.table import TableColumn, declared, document_of, text_table
+from mrwork.base.table import TableColumn, declared, text_table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.laws import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
@@ -562,8 +562,8 @@ class Fit(Plotted, WithAxes, Summarised):
             title=f"Fit of {self.model}",
             rows=("parameter",),
             labels={
-                "parameter": labels_of([estimate.name for estimate in self.estimates]),
-                "test": labels_of([quality.test for quality in self.quality]),
+                "parameter": NamedArray.of([estimate.name for estimate in self.estimates]),
+                "test": NamedArray.of([quality.test for quality in self.quality]),
                 "generation": number_labels(len(self.trace.best)),
             },
             along=columns_of(self.estimates, "parameter", {"unit": ("", "unit of the parameter")}),
@@ -593,10 +593,10 @@ class Fit(Plotted, WithAxes, Summarised):
 
     def document(self) -> dict[str, Any]:
         """What `mrwork identify --json` prints; `files` name each test as `test` and, as `predict` does, as `file`."""
-        spread = self.spread
+        spread, keys = self.spread, [column.key for column in self._columns if column.key]
         return {
             "model": self.model,
-            "parameters": {estimate.name: document_of(self._columns, estimate) for estimate in self.fitted},
+            "parameters": {estimate.name: named(estimate, *keys) for estimate in self.fitted},
             "uncertainty": self.uncertainty_heading,
             "current_laws": None if self.current is None else asdict(self.current),
             "directions": [asdict(direction) for direction in self.directions],

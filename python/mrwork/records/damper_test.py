@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.hints import InUnit, Within
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
@@ -355,7 +355,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
         return NamedArrays(
             title=f"Damper test {self.name}",
             rows=("time",),
-            labels={"time": labels_of(self.time, unit="s", long_name="time")},
+            labels={"time": NamedArray.of(self.time, unit="s", long_name="time")},
             arrays={
                 name: NamedArray.of(values, "time", unit=unit, long_name=says)
                 for name, (values, unit, says) in columns.items()

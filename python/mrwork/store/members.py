@@ -143,8 +143,4 @@ def _cell(value: Any) -> str:
     if isinstance(value, datetime.timedelta):
         seconds, rest = divmod(round(value / datetime.timedelta(microseconds=1)), 10**6)
         return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}.{rest:06d}"
-    if isinstance(value, datetime.datetime):
-        return value.isoformat(" ")
-    if isinstance(value, datetime.date | datetime.time):
-        return value.isoformat()
-    return repr(float(value)) if isinstance(value, float) else str(value)
+    return str(value)

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import Level, Positive, Seed, checked
 from mrwork.base.hints import May, Within
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
@@ -222,9 +222,9 @@ class Fragilities(Plotted, WithAxes, Summarised):
             title=f"Fragility, {self.title}",
             rows=("row", "intensity"),
             labels={
-                "row": labels_of([*self.rows]),
-                "record": labels_of([crossing.record for crossing in first.crossings]),
-                "intensity": labels_of(first.levels, unit="m/s^2", long_name=first.measure),
+                "row": NamedArray.of([*self.rows]),
+                "record": NamedArray.of([crossing.record for crossing in first.crossings]),
+                "intensity": NamedArray.of(first.levels, unit="m/s^2", long_name=first.measure),
             },
             arrays={
                 "probability": share(fitted, f"probability that {self.limit_in_words}"),

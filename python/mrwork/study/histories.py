@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.base.labelled import NamedArray, NamedArrays, labels_of
+from mrwork.base.labelled import NamedArray, NamedArrays
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.responses import History, Labelled, Quantity, history_signals, in_command_unit
 from mrwork.store.netcdf import netcdf_of, read_netcdf
@@ -86,11 +86,11 @@ class Histories:
         """Store the history of a run, whole or not at all."""
         study = self._study
         labels = {
-            "time": labels_of(history.time, unit="s", long_name="time"),
-            "floor": labels_of(study.building.floor_names),
-            "storey": labels_of(study.building.drift_names),
-            "device": labels_of(study.device_names[: history.force.shape[1]]),
-            "energy_part": labels_of(_ENERGY),
+            "time": NamedArray.of(history.time, unit="s", long_name="time"),
+            "floor": NamedArray.of(study.building.floor_names),
+            "storey": NamedArray.of(study.building.drift_names),
+            "device": NamedArray.of(study.device_names[: history.force.shape[1]]),
+            "energy_part": NamedArray.of(_ENERGY),
         }
         energy = Quantity(name="energy", axis="run", unit="J", description="energy since the start")
         arrays = {

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, labels_of
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import SCORE, Scales, criteria, ratio, score, values
@@ -265,7 +265,7 @@ class Runs(Labelled, WithAxes, Summarised):
         return NamedArrays(
             title=f"Runs by {list_names(first)}",
             rows=first,
-            labels={axis: labels_of(list(labels)) for axis, labels in self.axes.items()},
+            labels={axis: NamedArray.of(list(labels)) for axis, labels in self.axes.items()},
             arrays={
                 quantity.name: quantity.array(self.numbers[quantity.name], *first)
                 for quantity in self.declared

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Whole
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, TableColumn, declared, text_table
@@ -350,7 +350,7 @@ class Ranking(WithAxes, Summarised):
         return document | {"model": self.chosen, "tried": tried, "failed": failed, "models": models}
 
     def _named_arrays(self) -> NamedArrays:
-        axis, labels = "model", labels_of([standing.model for standing in self.standings])
+        axis, labels = "model", NamedArray.of([standing.model for standing in self.standings])
         columns = {name: words for name, words in declared(_COLUMNS).items() if name not in ("model", "laws")}
         laws = dict[str, NamedArray]()
         if self.unit is not None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
 from mrwork.base.keys import check_known
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, labels_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import ProgressReport
@@ -146,7 +146,7 @@ class Profiles(Plotted, WithAxes, Summarised):
             title=f"Profiles of {self.model}",
             rows=("parameter", "point"),
             labels={
-                "parameter": labels_of([profiled.name for profiled in self.profiles]),
+                "parameter": NamedArray.of([profiled.name for profiled in self.profiles]),
                 "point": number_labels(n_points),
             },
             along=columns_of(self.profiles, "parameter", _ALONG),
