@@ -16,7 +16,7 @@ from tuning_samples import motion
 
 import mrwork as mr
 from mrwork.base.documents import read_table
-from mrwork.base.hints import Form, May, Node
+from mrwork.base.hints import May, Node
 from mrwork.base.keys import Key, Table, keys_of, tables, toml_text
 from mrwork.base.places import KeyPath, Place
 from mrwork.closed_loop.evaluation import Scales
@@ -130,18 +130,18 @@ TABLES_OF_A_STUDY = pytest.mark.parametrize(
     ],
 )
 
-LISTS = (Form.FIXED, Form.ITEMS)
+LISTS = ("fixed", "items")
 
 
 def members(node: Node) -> tuple[Node, ...]:
     """The kinds of which a value of a key may be."""
-    return node.parts if node.form is Form.EITHER else (node,)
+    return node.parts if node.form == "either" else (node,)
 
 
 def numeric(node: Node) -> type | None:
     """Kind of the number that a key takes, alone or in an array; none where it takes no number."""
     inner = [one for each in members(node) for one in (each, *members(each), *each.parts)]
-    kinds = [float if each.form is Form.ARRAY else each.kind for each in inner]
+    kinds = [float if each.form == "array" else each.kind for each in inner]
     return float if float in kinds else int if int in kinds and bool not in kinds else None
 
 
@@ -151,10 +151,10 @@ def wrong_values(entry: Key) -> Iterator[Any]:
     kinds = [each.kind for each in members(node)]
     notes = {note for each in (node, *node.parts) for note in each.notes}
     yield 3 if bool in kinds else True
-    yield [[True]] if any(each.form in (Form.RECORD, Form.BY_NAME) for each in members(node)) else {}
+    yield [[True]] if any(each.form in ("record", "by_name") for each in members(node)) else {}
     if any(each.form in LISTS and each.parts[0].form in LISTS for each in members(node)):
         yield [[math.nan]]
-    if (kind := numeric(node)) is not None and not any(each.form is Form.RECORD for each in members(node)):
+    if (kind := numeric(node)) is not None and not any(each.form == "record" for each in members(node)):
         wrong: list[Any] = [*numbers_out_of_range(entry, kind, notes)]
         if says.unit and str not in kinds and not says.matrix:
             wrong.append("2.5 kN" if says.unit != "N" else "2.5 mm")

@@ -16,7 +16,7 @@ from tuning_samples import study_file
 
 import mrwork as mr
 from mrwork.base.documents import given_values
-from mrwork.base.hints import Form, Node
+from mrwork.base.hints import Node
 from mrwork.base.keys import Key, Table, keys_of, tables, toml_text, toml_value
 from mrwork.base.places import KeyPath, Place
 from mrwork.base.units import number_in
@@ -117,10 +117,10 @@ def written(node: Node, text: str) -> Iterator[Any]:
     if float in kinds and str not in kinds:
         yield text
     for each in members(node):
-        if each.form in (Form.FIXED, Form.ITEMS, Form.ARRAY):
+        if each.form in ("fixed", "items", "array"):
             yield (
                 [[text, text]]
-                if any(part.form in (Form.FIXED, Form.ITEMS) for part in each.parts[:1])
+                if any(part.form in ("fixed", "items") for part in each.parts[:1])
                 else [text, text]
             )
 

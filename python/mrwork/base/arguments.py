@@ -30,7 +30,6 @@ from numpy.typing import ArrayLike
 from mrwork.base.docstrings import parameter_texts, with_parameters
 from mrwork.base.hints import (
     LARGEST,
-    Form,
     InUnit,
     Node,
     instead_of,
@@ -247,10 +246,62 @@ def accept(node: Node, value: Any, *key: Any) -> Any:
     The `key`, if any, leads to the value in what is around it.
     """
     try:
-        return _CHECKS.get(node.form, _instance)(node, value)
+        return _accepted(node, value)
     except Refusal as refusal:
         refusal.path = (*key, *refusal.path)
         raise
+
+
+def _accepted(node: Node, value: Any) -> Any:
+    kind, parts = node.kind, node.parts
+    match node.form:
+        case "scalar" if kind in (int, float):
+            return _number(node, value) if kind is float else _whole(node, value)
+        case "scalar" | "record" | "instance":
+            value = value.item() if isinstance(value, np.bool_) else value
+            is_protocol = getattr(kind, "_is_protocol", False)
+            if isinstance(value, kind) and not (is_protocol and isinstance(value, type)):
+                return value
+        case "array":
+            return _array(node, value)
+        case "enumerated":
+            return _choice(node, value)
+        case "items":
+            return _sequence(node, value)
+        case "fixed":
+            listed = _listed(node, value)
+            if len(listed) != len(parts):
+                raise Refusal(node, value, f"has {len(listed)} values")
+            pairs = enumerate(zip(parts, listed, strict=True))
+            return tuple(accept(part, item, index) for index, (part, item) in pairs)
+        case "by_name" if isinstance(value, Mapping):
+            names, values = parts
+            accepted = {accept(names, key, key): accept(values, item, key) for key, item in value.items()}
+            return value if all(accepted[key] is value[key] for key in accepted) else accepted
+        case "function" if callable(value):
+            # Some compiled functions have no signature.
+            with suppress(ValueError):
+                try:
+                    if kind[0] is not ...:
+                        inspect.signature(value).bind(*kind[0])
+                except TypeError:
+                    raise Refusal(node, value, "is a function of other arguments") from None
+            return value
+        case "either" if value is None and kind is NoneType:
+            return None
+        case "either":
+            refusals: list[Refusal] = []
+            for part in parts:
+                try:
+                    return accept(part, value)
+                except Refusal as refusal:
+                    # Of a member of the kind of the value, or of what is in the value.
+                    if refusal.path or not refusal.is_other_kind:
+                        refusals.append(refusal)
+            raise next(iter(refusals), Refusal(node, value))
+        case "anything":
+            return value
+    raise Refusal(node, value)
 
 
 def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str:
@@ -266,33 +317,33 @@ def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str
         return in_words(part, in_file=in_file, several=several)
 
     match node:
-        case Node(Form.SCALAR, kind) if kind in _NOUNS:
+        case Node("scalar", kind) if kind in _NOUNS:
             unit = _unit_of(node)
             return noun(_NOUNS[kind], f" [{unit}]" if unit and unit != "1" else "")
-        case Node(Form.SCALAR, kind):
+        case Node("scalar", kind):
             return "true or false" if kind is bool else "None"
-        case Node(Form.ENUMERATED, choices):
+        case Node("enumerated", choices):
             return " or ".join(map(repr, choices))
-        case Node(Form.ARRAY, kind):
+        case Node("array", kind):
             return noun("array", " of numbers" if kind in _NUMBERS else f" of {np.dtype(kind)}")
-        case Node(Form.ITEMS, _, (item,)):
+        case Node("items", _, (item,)):
             items = words(item, several=True)
-            alone = item.form is Form.ITEMS or (in_file and item.form is Form.RECORD)
+            alone = item.form == "items" or (in_file and item.form == "record")
             return items if alone else noun("row" if several else "list", f" of {items}")
-        case Node(Form.FIXED, _, parts):
+        case Node("fixed", _, parts):
             return f"{len(parts)} values: {', '.join(map(words, parts))}"
-        case Node(Form.BY_NAME, _, (_, value)):
+        case Node("by_name", _, (_, value)):
             values = words(value, several=True)
             return noun("table" if in_file else "dict", "" if values == "anything" else f" of {values}")
-        case Node(Form.EITHER, _, parts):
+        case Node("either", _, parts):
             return " or ".join(filter(None, map(words, parts)))
-        case Node(Form.RECORD, kind) if in_file and is_table(kind):
+        case Node("record", kind) if in_file and is_table(kind):
             return noun("table")
-        case Node(Form.RECORD | Form.INSTANCE | Form.FUNCTION) if in_file:
+        case Node("record" | "instance" | "function") if in_file:
             return ""
-        case Node(Form.FUNCTION, (takes, _)):
+        case Node("function", (takes, _)):
             return noun("function", "" if takes is ... else f" of {counted(len(takes), 'argument')}")
-        case Node(Form.RECORD | Form.INSTANCE, kind):
+        case Node("record" | "instance", kind):
             made = getattr(kind, "_made_by", "")
             return noun("path" if kind is os.PathLike else kind.__name__, made and f", made by {made}")
     return "anything"
@@ -338,14 +389,6 @@ def _whole(node: Node, value: Any) -> int:
     if wanted := instead_of(number, node.notes):
         raise Refusal(node, value, f"is {quote_value(number)}", f"; give {wanted}", SettingError)
     return number
-
-
-def _instance(node: Node, value: Any) -> Any:
-    value = value.item() if isinstance(value, np.bool_) else value
-    is_protocol = getattr(node.kind, "_is_protocol", False)
-    if not isinstance(value, node.kind) or (is_protocol and isinstance(value, type)):
-        raise Refusal(node, value)
-    return value
 
 
 def _choice(node: Node, value: Any) -> Any:
@@ -409,7 +452,7 @@ def _sequence(node: Node, value: Any) -> Any:
         value = tuple(value)
     (of,) = node.parts
     # The rows of a matrix are items of their own where items are lists or arrays.
-    rows = any(part.form in (Form.ITEMS, Form.FIXED, Form.ARRAY) for part in (of, *of.parts))
+    rows = any(part.form in ("items", "fixed", "array") for part in (of, *of.parts))
     listed = _listed(node, value, most_axes=2 if rows else 1)
     items = [accept(of, item, index) for index, item in enumerate(listed)]
     return items if isinstance(listed, list) and node.kind is not tuple else tuple(items)
@@ -421,62 +464,3 @@ def _listed(node: Node, value: Any, most_axes: int = 1) -> Any:
     if isinstance(value, str | bytes) or not isinstance(value, Sequence):
         raise Refusal(node, value)
     return value if isinstance(value, list | tuple) else tuple(value)
-
-
-def _fixed(node: Node, value: Any) -> Any:
-    listed = _listed(node, value)
-    if len(listed) != len(node.parts):
-        raise Refusal(node, value, f"has {len(listed)} values")
-    pairs = zip(node.parts, listed, strict=True)
-    return tuple(accept(part, item, index) for index, (part, item) in enumerate(pairs))
-
-
-def _mapping(node: Node, value: Any) -> Any:
-    if not isinstance(value, Mapping):
-        raise Refusal(node, value)
-    names, values = node.parts
-    accepted = {accept(names, name, name): accept(values, item, name) for name, item in value.items()}
-    return value if all(accepted[name] is value[name] for name in accepted) else accepted
-
-
-# Objects
-
-
-def _function(node: Node, value: Any) -> Any:
-    if not callable(value):
-        raise Refusal(node, value)
-    # Some compiled functions have no signature.
-    with suppress(ValueError):
-        try:
-            if node.kind[0] is not ...:
-                inspect.signature(value).bind(*node.kind[0])
-        except TypeError:
-            raise Refusal(node, value, "is a function of other arguments") from None
-    return value
-
-
-def _either(node: Node, value: Any) -> Any:
-    if value is None and node.kind is NoneType:
-        return None
-    refusals: list[Refusal] = []
-    for part in node.parts:
-        try:
-            return accept(part, value)
-        except Refusal as refusal:
-            # Of a member of the kind of the value, or of what is in the value.
-            if refusal.path or not refusal.is_other_kind:
-                refusals.append(refusal)
-    raise next(iter(refusals), Refusal(node, value))
-
-
-_CHECKS: dict[Form, Callable[[Node, Any], Any]] = {
-    Form.ANYTHING: lambda _, value: value,
-    Form.SCALAR: lambda node, value: {float: _number, int: _whole}.get(node.kind, _instance)(node, value),
-    Form.ENUMERATED: _choice,
-    Form.ARRAY: _array,
-    Form.ITEMS: _sequence,
-    Form.FIXED: _fixed,
-    Form.BY_NAME: _mapping,
-    Form.EITHER: _either,
-    Form.FUNCTION: _function,
-}

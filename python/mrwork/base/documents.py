@@ -16,7 +16,7 @@ from typing import Any, TypeVar, cast
 
 from mrwork.base.arguments import Refusal, accept, in_words
 from mrwork.base.docstrings import before_sections
-from mrwork.base.hints import Form, InUnit, Node, Within
+from mrwork.base.hints import InUnit, Node, Within
 from mrwork.base.keys import (
     Arguments,
     Key,
@@ -112,8 +112,8 @@ def _nodes_in_file(kind: Table) -> Mapping[str, Node]:
 
 def _without_arrays(node: Node) -> Node:
     """What a document has: lists of numbers in the place of arrays."""
-    if node.form is Form.ARRAY:
-        return Node(Form.ITEMS, tuple, (Node(Form.SCALAR, float, (), node.notes),), node.notes)
+    if node.form == "array":
+        return Node("items", tuple, (Node("scalar", float, (), node.notes),), node.notes)
     return replace(node, parts=tuple(map(_without_arrays, node.parts)))
 
 
@@ -125,15 +125,15 @@ def _node_in_file(node: Node, entry: Key, *, alone: bool = True) -> Node:
         notes += (InUnit((entry.says.unit or "1") if alone else ""),)
     alone = not any(part.kind is str for part in node.parts)
     parts = tuple(_node_in_file(part, entry, alone=alone) for part in node.parts)
-    kind = tuple if node.form is Form.ITEMS else node.kind
+    kind = tuple if node.form == "items" else node.kind
     return replace(node, kind=kind, notes=notes, parts=parts)
 
 
 def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
-    members = node.parts if node.form is Form.EITHER else (node,)
+    members = node.parts if node.form == "either" else (node,)
     table, several = inner_table(entry)
     if table is not None:
-        alone = any(member.form is Form.RECORD for member in members)
+        alone = any(member.form == "record" for member in members)
         return _read_inner(table, value, place, entry, alone=alone, several=several)
     most = entry.says.most_items
     if isinstance(value, list) and not value:
@@ -141,7 +141,7 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
         place.refuse(f"{_name(place)} is empty; give {entry.in_words}{leave}")
     if isinstance(value, list) and len(value) > most:
         place.refuse(f"{_name(place)} has {len(value)} entries; give at most {most}")
-    by_name = next((member for member in members if member.form is Form.BY_NAME), None)
+    by_name = next((member for member in members if member.form == "by_name"), None)
     if by_name is not None and isinstance(value, dict):
         inner = by_name.parts[1]
         read = read_each(lambda name: _accept(inner, value[name], place.within(name)), value)

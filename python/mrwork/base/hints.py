@@ -134,35 +134,24 @@ NoteT = TypeVar("NoteT")
 # Nodes
 
 
-class Form(Enum):
-    """What a node declares, and what its `kind` is then."""
-
-    # What cannot be checked, such as `Any`.
-    ANYTHING = auto()
-    # A number, a flag, a text or `None`, by its class.
-    SCALAR = auto()
-    ENUMERATED = auto()
-    # An array of this kind of numbers; where that is `None`, also what NumPy turns into an array.
-    ARRAY = auto()
-    FIXED = auto()
-    # A tuple, another sequence, or an iterable, of any number of items of the one part.
-    ITEMS = auto()
-    # Values by name; the parts are the nodes of the names and of the values.
-    BY_NAME = auto()
-    # A dataclass, whose fields `nodes_of` has.
-    RECORD = auto()
-    # One of the parts; also `None`, where that is the kind.
-    EITHER = auto()
-    # A function; its kind is the list of what it takes, or an ellipsis, and what it returns.
-    FUNCTION = auto()
-    INSTANCE = auto()
+Form = Literal[
+    "anything", "scalar", "enumerated", "array", "fixed", "items", "by_name", "record", "instance", "function", "either"
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """What an annotation declares, with the `parts` of a container."""
+    """What an annotation declares: its form, what the `kind` is then, and the `parts` of a container.
 
-    form: Form = Form.ANYTHING
+    "anything" cannot be checked, such as `Any`; a "scalar" is a number, flag, text or `None` of this class, and an
+    "enumerated" value is in its kind. An "array" has this kind of numbers, and is also what NumPy turns into one where
+    that is `None`. A "fixed" tuple has an item of each part, "items" are any number of one part, and values "by_name"
+    have nodes of names and of values. A "record" is a dataclass, with `nodes_of` its fields, an "instance" of another
+    class. A "function" has the list of what it takes, or an ellipsis, and what it returns. "either" is one of the
+    parts, also `None` where that is its kind.
+    """
+
+    form: Form = "anything"
     kind: Any = object
     parts: tuple[Node, ...] = ()
     notes: Notes = ()
@@ -205,18 +194,18 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
         others = [member for member in members if not (takes_arrays and member in _ARRAY_LIKE)]
         parts = [node_of(other, notes) for other in others if other is not NoneType]
         # NumPy makes an array of what other members are meant for.
-        parts.sort(key=lambda part: part.form is Form.ARRAY)
-        parts += [Node(Form.ARRAY, None, (), notes)] * takes_arrays
-        return Node(Form.EITHER, NoneType if NoneType in members else object, tuple(parts), notes)
+        parts.sort(key=lambda part: part.form == "array")
+        parts += [Node("array", None, (), notes)] * takes_arrays
+        return Node("either", NoneType if NoneType in members else object, tuple(parts), notes)
     if origin is Literal:
-        return Node(Form.ENUMERATED, inner, (), notes)
+        return Node("enumerated", inner, (), notes)
     if origin is np.ndarray:
         # NDArray[T] is ndarray[shape, dtype[T]].
-        return Node(Form.ARRAY, get_args(inner[1])[0], (), notes)
+        return Node("array", get_args(inner[1])[0], (), notes)
     if hint in _SCALARS:
-        return Node(Form.SCALAR, hint, (), notes)
+        return Node("scalar", hint, (), notes)
     if hint is Any and May.BE_TRACED in notes:
-        return Node(Form.ARRAY, None, (), notes)
+        return Node("array", None, (), notes)
     kind: Any = origin or hint
     if kind in (Any, object):
         return Node(notes=notes)
@@ -227,26 +216,26 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
             f"the annotation {hint!r} is of a form that `node_of` does not know; add the form, or use Any"
         )
     if is_dataclass(kind):
-        return Node(Form.RECORD, kind, (), notes)
+        return Node("record", kind, (), notes)
     if kind is Callable:
-        return Node(Form.FUNCTION, inner or (..., Any), (), notes)
+        return Node("function", inner or (..., Any), (), notes)
     if issubclass(kind, Mapping):
         name, value = inner or (Any, Any)
-        return Node(Form.BY_NAME, kind, (node_of(name), node_of(value, notes)), notes)
+        return Node("by_name", kind, (node_of(name), node_of(value, notes)), notes)
     if kind is tuple and inner and inner[1:] != (...,):
-        return Node(Form.FIXED, kind, tuple(node_of(entry, notes) for entry in inner), notes)
+        return Node("fixed", kind, tuple(node_of(entry, notes) for entry in inner), notes)
     if inner and (kind is Iterable or issubclass(kind, Sequence)):
         if get_origin(inner[0]) in (tuple, Sequence):
             # A range holds for numbers and arrays of numbers, but not for entries beside the diagonal of a matrix.
             notes = tuple(note for note in notes if not isinstance(note, Within))
-        return Node(Form.ITEMS, kind, (node_of(inner[0], notes),), notes)
-    return Node(Form.INSTANCE, kind, tuple(map(node_of, inner)), notes)
+        return Node("items", kind, (node_of(inner[0], notes),), notes)
+    return Node("instance", kind, tuple(map(node_of, inner)), notes)
 
 
 def note_of(node: Node, kind: type[NoteT], *, inside: bool = False) -> NoteT | None:
     """The first note of a kind that an annotation has, or a member of a union, or with `inside` any part of it."""
     notes = (note for note in node.notes if isinstance(note, kind))
-    parts = node.parts if inside or node.form is Form.EITHER else ()
+    parts = node.parts if inside or node.form == "either" else ()
     further = (note_of(part, kind, inside=inside) for part in parts)
     return next(notes, None) or next(filter(None, further), None)
 

@@ -18,7 +18,7 @@ from functools import cache, partial
 from typing import Any, NoReturn, cast
 
 from mrwork.base.docstrings import with_parameters
-from mrwork.base.hints import NOTES, Form, Node, Says, Within, nodes_of, note_of
+from mrwork.base.hints import NOTES, Node, Says, Within, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
 from mrwork.base.synonyms import synonyms, without_style
 from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
@@ -294,11 +294,11 @@ def is_table(kind: type) -> bool:
 
 
 def _table_in(node: Node) -> tuple[type | None, bool]:
-    if node.form is Form.RECORD:
+    if node.form == "record":
         return (node.kind if is_table(node.kind) else None), False
     inner = [_table_in(part) for part in node.parts]
     kind = next((table for table, _ in inner if table is not None), None)
-    return kind, node.form in (Form.FIXED, Form.ITEMS) or any(several for _, several in inner)
+    return kind, node.form in ("fixed", "items") or any(several for _, several in inner)
 
 
 def refuse_repeated(table: Any) -> None:

@@ -139,11 +139,6 @@ def columns_of(
     }
 
 
-def number_labels(count: int) -> NamedArray:
-    """Labels of what has no names, such as candidates: their numbers, from 0."""
-    return NamedArray.of(np.arange(count))
-
-
 def tree_of(title: str, groups: Mapping[str, Dataset]) -> DataTree:
     """Several data sets, each with axes of its own."""
     from xarray import DataTree

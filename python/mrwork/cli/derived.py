@@ -22,7 +22,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from mrwork.base.docstrings import parameter_texts, texts_in
-from mrwork.base.hints import Form, Node, node_of, nodes_of
+from mrwork.base.hints import Node, node_of, nodes_of
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, Range, finite_number
 from mrwork.errors import MrworkError
@@ -164,29 +164,29 @@ class _Form:
 def _form_of(node: Node, reads: Callable[[str], Any] | None) -> _Form | None:
     """The form of what an annotation declares; `None` where no text stands for it."""
     match node:
-        case Node(Form.BY_NAME, _, (_, value)):
+        case Node("by_name", _, (_, value)):
             read, shape = (reads, "VALUE") if reads is not None else _entry_of(value)
             return _Form(reads=partial(read_entry, read, shape), metavar=f"NAME={shape}", repeated=True)
-        case Node(Form.ITEMS, _, (Node(Form.SCALAR, kind) as item,)) if kind in (int, float):
+        case Node("items", _, (Node("scalar", kind) as item,)) if kind in (int, float):
             return _Form(reads=Listed(Range.of(item)), metavar="LIST")
-        case Node(Form.ITEMS, _, (item,)):
+        case Node("items", _, (item,)):
             inner = _form_of(item, reads)
             return None if inner is None else replace(inner, repeated=True)
-        case Node(Form.EITHER):
+        case Node("either"):
             forms = [form for part in node.parts if (form := _form_of(part, reads)) is not None]
             words = [word for form in forms for word in form.choices]
             numbers = [form.reads for form in forms if isinstance(form.reads, Range)]
             if words and numbers:
                 return _Form(reads=replace(numbers[0], word=words[0]))
             return next((form for form in forms if form.repeated), next(iter(forms), None))
-        case Node(Form.ENUMERATED, choices):
+        case Node("enumerated", choices):
             return _Form(choices=choices)
-        case Node(Form.SCALAR, kind) if kind is bool:
+        case Node("scalar", kind) if kind is bool:
             return _Form(reads=bool)
-        case Node(Form.SCALAR, kind) if kind in (int, float):
+        case Node("scalar", kind) if kind in (int, float):
             number = Range.of(node)
             return _Form(reads=number, metavar=number.metavar)
-        case Node(Form.SCALAR):
+        case Node("scalar"):
             return _Form(metavar="NAME")
     return None if reads is None else _Form(reads=reads, metavar="VALUE")
 
@@ -210,6 +210,6 @@ def ends_of(text: str) -> tuple[float, float]:
 
 def _entry_of(value: Node) -> tuple[Callable[[str], Any], str]:
     """How the value of NAME=VALUE is read, and its form."""
-    if value.form in (Form.FIXED, Form.ITEMS):
+    if value.form in ("fixed", "items"):
         return ends_of, "LOWER:UPPER"
     return (finite_number, "NUMBER") if value.kind is float else (str, "VALUE")

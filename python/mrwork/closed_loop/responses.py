@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.keys import suggestion
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import counted, format_rounded
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
@@ -260,7 +260,7 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
 
     def _named_arrays(self) -> NamedArrays:
         first = ("candidate", "motion", "realisation")
-        candidates, motions, draws = map(number_labels, self.shape)
+        candidates, motions, draws = (NamedArray.of(range(count)) for count in self.shape)
         ends: dict[str, tuple[NDArray[Any], str]] = {
             "outcome": (self.outcome, "how the run ended"),
             "steps": (self.steps, "integration steps per sample"),

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.base.arguments import AnyArrayLike, Positive, Samples, Shape, Threads, checked
 from mrwork.base.keys import check_known
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
@@ -123,7 +123,7 @@ class ForceSensitivities(WithAxes, Summarised):
 
     def _named_arrays(self) -> NamedArrays:
         batch = () if self.force.ndim == 1 else ("candidate",)
-        candidates = {axis: number_labels(len(self.force)) for axis in batch}
+        candidates = {axis: NamedArray.of(range(len(self.force))) for axis in batch}
         return NamedArrays(
             title=f"Force of {self.model} and its derivatives",
             rows=(*batch, "time"),

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Samples, Whole, checked
 from mrwork.base.keys import suggestion
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_rounded, in_plain, of_unit, value_and_error
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names, named
@@ -564,7 +564,7 @@ class Fit(Plotted, WithAxes, Summarised):
             labels={
                 "parameter": NamedArray.of([estimate.name for estimate in self.estimates]),
                 "test": NamedArray.of([quality.test for quality in self.quality]),
-                "generation": number_labels(len(self.trace.best)),
+                "generation": NamedArray.of(range(len(self.trace.best))),
             },
             along=columns_of(self.estimates, "parameter", {"unit": ("", "unit of the parameter")}),
             arrays={

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.base.hints import Form, Node, node_of, nodes_of
+from mrwork.base.hints import Node, node_of, nodes_of
 
 _HEX = "hex"
 _LITTLE_ENDIAN = "<f8"
@@ -71,24 +71,24 @@ def built(kind: Any, value: Any) -> Any:
     match node := kind if isinstance(kind, Node) else node_of(kind):
         case _ if value is None:
             return None
-        case Node(Form.RECORD, kind):
+        case Node("record", kind):
             fields = nodes_of(kind)
             return kind(
                 **{name: built(fields[name], entry) for name, entry in value.items() if name in fields}
             )
-        case Node(Form.EITHER):
+        case Node("either"):
             return built(next(part for part in node.parts if _takes(part, value)), value)
-        case Node(Form.ITEMS, _, (item,)):
+        case Node("items", _, (item,)):
             return tuple(built(item, entry) for entry in value)
-        case Node(Form.FIXED):
+        case Node("fixed"):
             return tuple(map(built, node.parts, value))
-        case Node(Form.BY_NAME, _, (name, inner)):
+        case Node("by_name", _, (name, inner)):
             return {built(name, key): built(inner, entry) for key, entry in value.items()}
-        case Node(Form.ARRAY, scalar) if scalar in (None, np.float64):
+        case Node("array", scalar) if scalar in (None, np.float64):
             return array_of(value)
-        case Node(Form.ARRAY, scalar):
+        case Node("array", scalar):
             return np.array(value, dtype=scalar)
-        case Node(Form.SCALAR, kind) if kind in (int, float):
+        case Node("scalar", kind) if kind in (int, float):
             return kind(value)
     return value
 
@@ -96,17 +96,17 @@ def built(kind: Any, value: Any) -> Any:
 def _takes(node: Node, value: Any) -> bool:
     """Whether a value, as it is in JSON, belongs to a member of a union."""
     match node:
-        case Node(Form.RECORD, kind):
+        case Node("record", kind):
             return isinstance(value, Mapping) and value.keys() <= nodes_of(kind).keys()
-        case Node(Form.BY_NAME):
+        case Node("by_name"):
             return isinstance(value, Mapping)
-        case Node(Form.ARRAY | Form.FIXED | Form.ITEMS):
+        case Node("array" | "fixed" | "items"):
             return isinstance(value, list | tuple) or (isinstance(value, Mapping) and _HEX in value)
-        case Node(Form.ENUMERATED, choices):
+        case Node("enumerated", choices):
             return value in choices
-        case Node(Form.SCALAR, kind) if kind is float:
+        case Node("scalar", kind) if kind is float:
             return isinstance(value, int | float) or value in _LACKING
-        case Node(Form.SCALAR, kind):
+        case Node("scalar", kind):
             return isinstance(value, kind)
     return True
 

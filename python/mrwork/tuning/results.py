@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.base.arguments import Count, NotNegative, Whole, checked
 from mrwork.base.keys import suggestion
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import counted, duration_in_words, format_rounded, percent, with_decimals
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
@@ -180,7 +180,10 @@ class Front(Plotted, WithAxes, Summarised):
         return NamedArrays(
             title=f"Front of {self.label}",
             rows=("point",),
-            labels={"point": number_labels(len(self.points)), "objective": NamedArray.of(self.objectives)},
+            labels={
+                "point": NamedArray.of(range(len(self.points))),
+                "objective": NamedArray.of(self.objectives),
+            },
             arrays=arrays,
             along=_setting_arrays([point.settings for point in self.points], "point"),
         )

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from mrwork.base.arguments import NotNegative, Whole
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, TableColumn, declared, text_table
@@ -354,7 +354,7 @@ class Ranking(WithAxes, Summarised):
         columns = {name: words for name, words in declared(_COLUMNS).items() if name not in ("model", "laws")}
         laws = dict[str, NamedArray]()
         if self.unit is not None:
-            axis, labels = "tried", number_labels(len(self.standings))
+            axis, labels = "tried", NamedArray.of(range(len(self.standings)))
             columns["model"] = ("", "model")
             laws = {
                 f"law_{name}": NamedArray.of(

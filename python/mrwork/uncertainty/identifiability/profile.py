@@ -16,7 +16,7 @@ import numpy as np
 
 from mrwork.base.arguments import Count, Level, NotNegative, Positive, Threads, Whole, checked
 from mrwork.base.keys import check_known
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.plotted import Plotted
 from mrwork.base.progress import ProgressReport
@@ -74,7 +74,7 @@ class Profile(Plotted, WithAxes, Summarised):
         return NamedArrays(
             title=f"Profile of {self.name}",
             rows=("point",),
-            labels={"point": number_labels(len(self.values))},
+            labels={"point": NamedArray.of(range(len(self.values)))},
             arrays={
                 "value": NamedArray.of(self.values, "point", unit=self.unit, long_name=self.name),
                 "misfit": NamedArray.of(self.misfit, "point", unit="1", long_name=_MISFIT),
@@ -147,7 +147,7 @@ class Profiles(Plotted, WithAxes, Summarised):
             rows=("parameter", "point"),
             labels={
                 "parameter": NamedArray.of([profiled.name for profiled in self.profiles]),
-                "point": number_labels(n_points),
+                "point": NamedArray.of(range(n_points)),
             },
             along=columns_of(self.profiles, "parameter", _ALONG),
             arrays={

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from mrwork.base.arguments import Shape, checked
-from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.numbers import format_rounded, with_decimals
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
@@ -324,7 +324,7 @@ class Draws(Plotted, WithAxes, Summarised):
         return NamedArrays(
             title=f"Draws of {self.model} with {self.noise_model} noise",
             rows=axes,
-            labels={"walker": number_labels(n_walkers), "draw": number_labels(n_kept)},
+            labels={"walker": NamedArray.of(range(n_walkers)), "draw": NamedArray.of(range(n_kept))},
             arrays=posterior | {"log_posterior": density},
         )
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mrwork.base.arguments import Count, Seed, Threads, checked
-from mrwork.base.labelled import NamedArray, NamedArrays, number_labels
+from mrwork.base.labelled import NamedArray, NamedArrays
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.identification.covariance import autocorrelation_time
@@ -149,7 +149,7 @@ def _log_likelihood(
     return NamedArrays(
         title=f"Log density of each {axis}, times {draws.temper:g}",
         rows=("chain", "draw"),
-        labels=_chain_labels(shape) | {axis: number_labels(len(tests))},
+        labels=_chain_labels(shape) | {axis: NamedArray.of(range(len(tests)))},
         arrays={
             "force": NamedArray.of(
                 density.reshape(*shape, -1),
@@ -229,7 +229,7 @@ def _predictive(
 
 
 def _chain_labels(shape: tuple[int, ...]) -> dict[str, NamedArray]:
-    return {"chain": number_labels(shape[0]), "draw": number_labels(shape[1])}
+    return {"chain": NamedArray.of(range(shape[0])), "draw": NamedArray.of(range(shape[1]))}
 
 
 def _time_axes(tests: Sequence[DamperTest]) -> list[str]:
