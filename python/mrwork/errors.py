@@ -17,8 +17,7 @@ ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 # Characters of a sentence: its place stands at the beginning, what to do at the end.
 _LONGEST = 2000
-# Mistakes of a document after which it is read no further, mistakes that are listed, and characters of each.
-MOST_MISTAKES = 100
+# Mistakes of a document that are listed, and characters of each.
 _MOST_LISTED = 20
 _LONGEST_LISTED = 500
 
@@ -141,8 +140,7 @@ class MistakesError(SettingError):
         listed = [entry.removeprefix(prefixes[0]).removeprefix(prefixes[1]) for entry in listed]
         if more := len(self.mistakes) - len(listed):
             listed.append(f"and {more} more")
-        beyond = " or more" if len(self.mistakes) >= MOST_MISTAKES else ""
-        head = f"{self.document} has {len(self.mistakes)} mistakes{beyond}:"
+        head = f"{self.document} has {len(self.mistakes)} mistakes:"
         return "\n  ".join(_in_one_line(entry, _LONGEST_LISTED) for entry in (head, *listed))
 
 

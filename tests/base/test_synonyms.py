@@ -10,7 +10,7 @@ import pytest
 
 import mrwork as mr
 from mrwork.base.keys import keys_of, meant, tables
-from mrwork.base.synonyms import _WORDS, without_style
+from mrwork.base.synonyms import SYNONYMS, without_style
 from mrwork.cli.door import whole_parser
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.laws.weights import WeightWishes
@@ -42,7 +42,7 @@ def known_names() -> set[str]:
 
 def test_every_word_leads_to_a_name_that_exists() -> None:
     known = known_names()
-    targets = {target for alike in _WORDS for each in alike.split() for target in each.split("|")}
+    targets = {target for alike in SYNONYMS for each in alike.split() for target in each.split("|")}
     assert {target for target in targets if without_style(target) not in known} == set()
 
 

@@ -135,12 +135,9 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
     if table is not None:
         alone = any(member.form == "record" for member in members)
         return _read_inner(table, value, place, entry, alone=alone, several=several)
-    most = entry.says.most_items
     if isinstance(value, list) and not value:
         leave = "" if entry.is_required else ", or leave it out"
         place.refuse(f"{_name(place)} is empty; give {entry.in_words}{leave}")
-    if isinstance(value, list) and len(value) > most:
-        place.refuse(f"{_name(place)} has {len(value)} entries; give at most {most}")
     by_name = next((member for member in members if member.form == "by_name"), None)
     if by_name is not None and isinstance(value, dict):
         inner = by_name.parts[1]
@@ -226,9 +223,8 @@ def keys_in_words(kind: Table) -> list[KeyInWords]:
     for entry in keys_of(kind):
         says = entry.says
         can_be = "" if says.span is None or says.span.free else "can be "
-        most = f"at most {says.most_items} of them" if math.isfinite(says.most_items) else ""
         file = " or the name of a text file" if says.matrix else ""
-        form = [f"{in_words(_without_arrays(entry.node), in_file=True)}{file}", entry.within.in_words, most]
+        form = [f"{in_words(_without_arrays(entry.node), in_file=True)}{file}", entry.within.in_words]
         meaning = says.words if says.span is None else f"{says.words}; {can_be}searched by mrwork tune"
         listed.append(
             KeyInWords(

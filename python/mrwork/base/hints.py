@@ -98,7 +98,6 @@ class Says:
     named: str = ""
     matrix: bool = False
     file: bool = False
-    most_items: float = math.inf
     functions: tuple[Callable[..., Any], ...] = ()
 
 

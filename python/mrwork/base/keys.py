@@ -20,7 +20,7 @@ from typing import Any, NoReturn, cast
 from mrwork.base.docstrings import with_parameters
 from mrwork.base.hints import NOTES, Node, Says, Within, nodes_of, note_of
 from mrwork.base.places import Place, all_mistakes
-from mrwork.base.synonyms import synonyms, without_style
+from mrwork.base.synonyms import SYNONYMS, without_style
 from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
 
 LARGEST_SEED = 2**53 - 1
@@ -77,9 +77,13 @@ def meant(name: object, known: Sequence[str]) -> list[str]:
     plain = {without_style(other): other for other in reversed(known)}
     if same := plain.get(without_style(name)):
         return [same]
-    for targets in synonyms(name):
-        if near := [plain[word] for target in targets if (word := without_style(target)) in plain]:
-            return near
+    word = without_style(name)
+    spelled = {word, word.removesuffix("s"), word.removesuffix("es")}
+    for targets, words in SYNONYMS.items():
+        alike = targets.split() if spelled & {without_style(part) for part in words.split()} else ()
+        for likely in alike:
+            if near := [plain[word] for part in likely.split("|") if (word := without_style(part)) in plain]:
+                return near
     if near := get_close_matches(name, known, n=1):
         return near
     # Short names, as of units, are like too many others then.
@@ -96,7 +100,6 @@ def key(
     above: float = -math.inf,
     most: float = math.inf,
     below: float = math.inf,
-    most_items: float = math.inf,
     matrix: bool = False,
     span: Any = None,
     from_one: bool = False,

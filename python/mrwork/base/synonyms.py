@@ -11,7 +11,7 @@ from typing import Final
 
 # Names here, of which the first that exists among the known ones is meant, and the words for them; "a|b" means both.
 # Words count in any case and style, also in the plural.
-_WORDS: Final[Mapping[str, str]] = {
+SYNONYMS: Final[Mapping[str, str]] = {
     "building": "structure frame mdof sdof",
     "damper": "mrd device semi_active_damper actuator",
     "clipped_optimal controller": "lqr lqg h2 hinf lqi optimal_control",
@@ -112,15 +112,3 @@ _WORDS: Final[Mapping[str, str]] = {
 def without_style(name: str) -> str:
     """`BoucWen`, `bouc-wen` and `bouc_wen` alike."""
     return "".join(character for character in name.lower() if character.isalnum())
-
-
-def synonyms(name: str) -> list[list[str]]:
-    """Names here that a word may mean, the likelier first; those in one list are meant alike."""
-    word = without_style(name)
-    return [
-        alike.split("|")
-        for targets, words in _WORDS.items()
-        if {word, word.removesuffix("s"), word.removesuffix("es")}
-        & {without_style(part) for part in words.split()}
-        for alike in targets.split()
-    ]

@@ -213,9 +213,6 @@ _RATE: Final = re.compile(
     r"(m|cm|mm|in|ft)(?:(?:/|p|_per_|_)s(?:(?:ec)?((?:\^|\*\*|_)?2|/s(?:ec)?|²))?|_?s(-2))", re.ASCII
 )
 
-# Characters of the longest spelling of a unit, with room.
-_LONGEST: Final = 60
-
 # A letter directly behind a number begins its unit, unless it is the exponent.
 _GLUED: Final = re.compile(
     r"([+-]?(?:\d[\d_]*+(?:\.[\d_]*+)?+|\.\d[\d_]*+)(?:e[+-]?\d++)?+)([a-z%].*)",
@@ -250,7 +247,7 @@ def number_in(text: str, unit: str) -> float | str:
         tons = "short (2000 lb), long (2240 lb) or metric (1000 kg)"
         return f"is {text!r}; a ton may be {tons}, so give another unit: {names}"
     wanted = [target.powers for part in unit.split(" or ") if (target := unit_of(part))]
-    read = [unit_of(symbol, pound) for pound in ("lbf", "lbm")] if len(symbol) <= _LONGEST else [None]
+    read = [unit_of(symbol, pound) for pound in ("lbf", "lbm")]
     if fitting := [entry for entry in read if entry is not None and entry.powers in wanted]:
         return value * fitting[0].factor
     if read[0] is None:
@@ -306,8 +303,6 @@ def _measured(unit: str) -> tuple[MeasuredQuantity | None, float]:
     """Quantity and factor of a unit as it is written, or else without its case and spelling."""
     text = unit.strip()
     symbol = _INCH.sub("in", text, count=1) if _INCH.match(text) else text.strip("'\"")
-    if len(symbol) > _LONGEST:
-        return None, 0.0
     text = symbol.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").casefold()
     text = "/".join(_WORDS.get(part, part) for part in text.split("/")).casefold()
     if match := _RATE.fullmatch(text):
@@ -317,7 +312,7 @@ def _measured(unit: str) -> tuple[MeasuredQuantity | None, float]:
 
 def command_unit_of(unit: str) -> CommandUnit | None:
     """The unit of a command that is neither a current nor a voltage, in any case and common spelling; else `None`."""
-    return _COMMAND_SPELLINGS.get(" ".join(unit.split()).casefold()) if len(unit) <= _LONGEST else None
+    return _COMMAND_SPELLINGS.get(" ".join(unit.split()).casefold())
 
 
 def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> float:

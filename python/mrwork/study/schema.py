@@ -225,9 +225,6 @@ Use = Literal["test", "training"]
 """Use of a motion: a controller is tuned on training motions and judged on test motions."""
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 
-# Motions that one record is scaled to: each is simulated with every arrangement.
-_MOST_SCALED = 1000
-
 # Angle of a damper that no drift stretches.
 _UPRIGHT = 1.57
 # Of words with which a law would be given to some of the dampers.
@@ -525,16 +522,13 @@ class MotionTable(Stated):
     soil: Arguments | None = optional(
         "soil of a synthetic motion, firm by default", functions=(KanaiTajimi, CloughPenzien)
     )
-    factor: float | tuple[float, ...] | None = optional(
-        "factor of the amplitude, also after scale_to", most_items=_MOST_SCALED
-    )
+    factor: float | tuple[float, ...] | None = optional("factor of the amplitude, also after scale_to")
     pga: float | tuple[float, ...] | None = optional(
-        "peak that the motion is scaled to", unit="m/s2", most_items=_MOST_SCALED, usual=_PEAKS
+        "peak that the motion is scaled to", unit="m/s2", usual=_PEAKS
     )
     sa: float | tuple[float, ...] | None = optional(
         "spectral acceleration that the motion is scaled to: pseudo-acceleration at sa_period and sa_damping",
         unit="m/s2",
-        most_items=_MOST_SCALED,
         usual=(0.1, 80.0),
     )
     sa_period: float | None = positive(
