@@ -39,7 +39,7 @@ from mrwork.base.hints import (
 from mrwork.base.hints import May as May
 from mrwork.base.hints import Shape as Shape
 from mrwork.base.hints import Within as Within
-from mrwork.base.keys import documented, is_table, quote_value, suggestion
+from mrwork.base.keys import Arguments, documented, keys_of, quote_value, suggestion
 from mrwork.base.numbers import counted
 from mrwork.base.units import number_in
 from mrwork.base.values import Floats
@@ -337,7 +337,7 @@ def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str
             return noun("table" if in_file else "dict", "" if values == "anything" else f" of {values}")
         case Node("either", _, parts):
             return " or ".join(filter(None, map(words, parts)))
-        case Node("record", kind) if in_file and is_table(kind):
+        case Node("record", kind) if in_file and (kind is Arguments or keys_of(kind)):
             return noun("table")
         case Node("record" | "instance" | "function") if in_file:
             return ""

@@ -291,14 +291,9 @@ def inner_table(entry: Key) -> tuple[Table | None, bool]:
     return (entry.says.functions if kind is Arguments else kind), several
 
 
-def is_table(kind: type) -> bool:
-    """Whether a table of a document is read into this dataclass."""
-    return kind is Arguments or bool(keys_of(kind))
-
-
 def _table_in(node: Node) -> tuple[type | None, bool]:
     if node.form == "record":
-        return (node.kind if is_table(node.kind) else None), False
+        return (node.kind if node.kind is Arguments or keys_of(node.kind) else None), False
     inner = [_table_in(part) for part in node.parts]
     kind = next((table for table, _ in inner if table is not None), None)
     return kind, node.form in ("fixed", "items") or any(several for _, several in inner)
