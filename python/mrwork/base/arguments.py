@@ -81,12 +81,9 @@ Result = TypeVar("Result")
 def checked(target: TargetT) -> TargetT:
     """Check the arguments of a function, or of the constructor of a dataclass, before it runs.
 
-    A class becomes a frozen, slotted, keyword-only dataclass, unless it is a dataclass already. The function raises an
-    `ArgumentError` for an argument of another kind than its annotation, of an unknown name, by position where a name is
-    wanted, or left out; and a `SettingError` for a number that is not finite or out of its range, or a name that is
-    none of those to choose from.
-
-    What the note `Says` of an argument means is among the Parameters of the docstring.
+    A class becomes a frozen, slotted, keyword-only dataclass, unless it is a dataclass already. An argument of another
+    kind than its annotation, unknown, missing or by position where a name is wanted is an `ArgumentError`; a value out
+    of its range, or not among those to choose from, a `SettingError`. The docstring has what the notes `Says` mean.
     """
     if isinstance(target, type):
         kind: Any = target

@@ -23,7 +23,6 @@ _DIGITS_OF_ERROR = 2
 _DIGITS_ALONE = 5
 _MOST_DIGITS = 8
 _MOST_APART = 17
-_LEAST_PROBABILITY = 0.001
 
 
 def format_fixed(value: float | None, decimals: int) -> str:
@@ -102,26 +101,6 @@ def decimals_of(values: Sequence[float], digits: int) -> int:
     """Decimals of a column of numbers: enough for `digits` significant digits of its smallest entry."""
     sizes = [leading_exponent(value, digits) for value in values if math.isfinite(value) and value != 0]
     return min(max(digits - 1 - min(sizes, default=0), 0), 6)
-
-
-def column(values: Sequence[float], digits: int) -> list[str]:
-    """A column with equal decimals, enough for `digits` significant digits of its smallest entry."""
-    decimals = decimals_of(values, digits)
-    return [format_fixed(value, decimals) for value in values]
-
-
-def probability(value: float) -> str:
-    """A probability as it is printed: two decimals, more where it is small, none below a thousandth."""
-    if value < _LEAST_PROBABILITY:
-        return f"< {_LEAST_PROBABILITY:g}"
-    return format_fixed(value, 3 if value < 0.1 else 2)
-
-
-def tests_of(count: int, total: int) -> str:
-    """Number of tests in words: "this test", "all 6 tests" or "2 of 6 tests"."""
-    if total == 1:
-        return "this test"
-    return f"all {total} tests" if count == total else f"{count} of {total} tests"
 
 
 def counted(count: int, noun: str) -> str:

@@ -4,10 +4,8 @@ A file that is replaced takes the place of a link; one that grows is refused whe
 within a run that is a link. The folder that the user names may be a link (`run_folder.real_path`).
 
 A lock is a file `.NAME.lock` beside the file, or `.lock` in a folder, with the process and machine that hold it, on
-which the kernel keeps an exclusive lock (`flock`). The kernel releases it when the process ends, however that happens;
-a lock file that is left behind is taken over. On NFS the server keeps locks for all machines, but on a mount with
-`nolock` two machines are not kept apart. A file system that refuses locks is used without one, after a warning.
-Windows has no `flock`, and nothing is locked there.
+which the kernel keeps an exclusive lock (`flock`) until the process ends, however that happens; a lock file that is
+left behind is taken over. A file system that refuses locks is used without one, after a warning, Windows without.
 """
 
 from __future__ import annotations

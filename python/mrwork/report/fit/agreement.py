@@ -82,13 +82,18 @@ def _agreement_table(fit: Fit, predictions: Sequence[Prediction]) -> Table:
     """A row per test and, of several, one for all together; equal decimals down each column."""
     every: list[FitQuality | Fit] = [*fit.quality, fit]
     norms = [entry.error_norms for entry in every]
+
+    def column(values: Sequence[float]) -> list[str]:
+        decimals = numbers.decimals_of(values, 3)
+        return [numbers.format_fixed(value, decimals) for value in values]
+
     columns = {
         "Test": [*(figures.name_of(prediction.test) for prediction in predictions), "All tests"],
         "Fit (%)": [numbers.format_fixed(entry.fit_percent, 2) for entry in every],
-        "RMSE (N)": numbers.column([entry.rmse_n for entry in every], 3),
-        _norm("t"): numbers.column([norm.time for norm in norms], 3),
-        _norm("x"): numbers.column([norm.displacement for norm in norms], 3),
-        _norm("v"): numbers.column([norm.velocity for norm in norms], 3),
+        "RMSE (N)": column([entry.rmse_n for entry in every]),
+        _norm("t"): column([norm.time for norm in norms]),
+        _norm("x"): column([norm.displacement for norm in norms]),
+        _norm("v"): column([norm.velocity for norm in norms]),
         "Samples": [numbers.format_fixed(entry.n_time, 0) for entry in every],
         "Sub-steps": [*(numbers.format_fixed(test_quality.substeps, 0) for test_quality in fit.quality), ""],
     }

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 
-from mrwork.base.numbers import format_fixed, percent, probability, shortest, tests_of
+from mrwork.base.numbers import format_fixed, percent, shortest
 from mrwork.base.table import Table, TableColumn, page_table
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, draw_points, finish, finish_signed, legend
@@ -42,7 +42,7 @@ def residual_section(predictions: Sequence[Prediction]) -> Section:
     places = _places(tests)
     findings = list(places)
     if correlated:
-        parts = [f"correlated on {tests_of(correlated, len(tests))}"]
+        parts = [f"correlated on {_in_words(correlated, len(tests))}"]
         if repeating:
             share = float(np.median(repeating))
             most = "more than 99" if 0.99 < share < 1.0 else percent(share, 0)
@@ -90,7 +90,7 @@ def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
     for where, excesses, meaning in kinds:
         if ratios := [excess.ratio for excess in excesses if excess.is_found]:
             times = f"{shortest(max(ratios), 2)} times as large as elsewhere"
-            several = f"up to {times} on {tests_of(len(ratios), len(tests))}"
+            several = f"up to {times} on {_in_words(len(ratios), len(tests))}"
             places[f"{where} are {several if len(tests) > 1 else times}"] = meaning
     return places
 
@@ -100,9 +100,19 @@ def _variance(tests: Sequence[ResidualTests]) -> str:
     if varying == 0:
         return "The tests show no dependence of their variance on speed or stroke."
     return (
-        f"On {tests_of(varying, len(tests))} their variance depends on speed and stroke: a band of constant width is "
+        f"On {_in_words(varying, len(tests))} their variance depends on speed and stroke: a band of constant width is "
         "too wide in one part of the cycle and too narrow in another."
     )
+
+
+def _in_words(count: int, total: int) -> str:
+    if total == 1:
+        return "this test"
+    return f"all {total} tests" if count == total else f"{count} of {total} tests"
+
+
+def _probability(p: float) -> str:
+    return "< 0.001" if p < 0.001 else format_fixed(p, 3 if p < 0.1 else 2)
 
 
 def _origin(repeating: Sequence[float]) -> str:
@@ -128,7 +138,7 @@ def _table(predictions: Sequence[Prediction], tests: Sequence[ResidualTests]) ->
         (
             TableColumn(heading="test", cell=lambda row: name_of(row[0].test)),
             column("lag-1 autocorr.", lambda test: format_fixed(test.lag_one, 3)),
-            column("Ljung-Box p", lambda test: probability(test.ljung_box_p)),
+            column("Ljung-Box p", lambda test: _probability(test.ljung_box_p)),
             column(
                 "effective samples",
                 lambda test: f"{format_fixed(test.n_effective, 0)} of {format_fixed(test.n_time, 0)}",
@@ -136,7 +146,7 @@ def _table(predictions: Sequence[Prediction], tests: Sequence[ResidualTests]) ->
             column("repeats each cycle", lambda test: percent(test.repeating), unit="%"),
             column("RMS after steps / elsewhere", lambda test: _ratio(test.after_steps)),
             column("RMS at reversals / elsewhere", lambda test: _ratio(test.at_reversals)),
-            column("Breusch-Pagan p", lambda test: probability(test.breusch_pagan_p)),
+            column("Breusch-Pagan p", lambda test: _probability(test.breusch_pagan_p)),
             column("RMS fast / slow", lambda test: format_fixed(test.fast_to_slow, 2)),
             column("excess kurtosis", lambda test: format_fixed(test.excess, 1)),
         ),
@@ -155,7 +165,7 @@ def _table(predictions: Sequence[Prediction], tests: Sequence[ResidualTests]) ->
 def _ratio(excess: Excess) -> str:
     if np.isnan(excess.p):
         return format_fixed(None, 2)
-    p = probability(excess.p)
+    p = _probability(excess.p)
     return f"{format_fixed(excess.ratio, 2)} (p {p if p.startswith('<') else f'= {p}'})"
 
 
