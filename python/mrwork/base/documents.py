@@ -86,10 +86,6 @@ def given_values(
     return values
 
 
-# Room of a number whose unit is stated.
-_STATED = 10.0
-
-
 def _ask(read: Any, value: Any, place: Place, entry: Key) -> None:
     """Keep a question on an unusual number of a key, or on the largest one of an array."""
     if not (usual := entry.says.usual):
@@ -97,7 +93,8 @@ def _ask(read: Any, value: Any, place: Place, entry: Key) -> None:
     numbers = [entry for entry in (read if isinstance(read, tuple) else (read,)) if isinstance(entry, float)]
     largest = max(map(abs, numbers), default=0.0)
     stated = any(isinstance(item, str) for item in (value if isinstance(value, list) else (value,)))
-    room, unit = _STATED if stated else 1.0, entry.says.unit or "1"
+    # A number whose unit is stated has room.
+    room, unit = 10.0 if stated else 1.0, entry.says.unit or "1"
     if 0.0 < largest < math.inf and (
         question := question_on(str(place.path[-1]), largest, usual, unit, room=room)
     ):

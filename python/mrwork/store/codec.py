@@ -121,8 +121,6 @@ def finite(value: object) -> Any:
     return plain(value, packs=False, lacking=lambda _: None)
 
 
-# Half of a SHA-256: two different inputs have the same digest with a probability of 1e-38.
-_LENGTH = 32
 _ABSENT = "absent"
 # Characters of a value in a message.
 _LONGEST = 40
@@ -138,7 +136,8 @@ def digest_of(*inputs: object) -> str:
         else:
             digest.update(repr(value).encode())
         digest.update(b"\0")
-    return digest.hexdigest()[:_LENGTH]
+    # Half of it: two different inputs have the same digest with a probability of 1e-38.
+    return digest.hexdigest()[:32]
 
 
 def package_version(name: str) -> str:

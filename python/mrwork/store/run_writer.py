@@ -16,7 +16,6 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from functools import partial
 from itertools import chain
 from pathlib import Path, PurePath
-from types import TracebackType
 from typing import Final
 
 from mrwork.base.numbers import counted
@@ -186,9 +185,7 @@ class RunAtWork:
             self._locked = locked.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         for journal in self._journals:
             journal.close()
         if isinstance(error, KeyboardInterrupt):
