@@ -97,7 +97,8 @@ def test_no_error_rounds_a_value_away(mantissa: float, power: int, ratio: int) -
 @pytest.mark.contract
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))
 def test_a_column_has_equal_decimals(values: list[float]) -> None:
-    texts = numbers.column(values, 3)
+    decimals = numbers.decimals_of(values, 3)
+    texts = [numbers.format_fixed(value, decimals) for value in values]
     assert len({len(text.partition(".")[2]) for text in texts}) == 1
     assert not any(re.fullmatch("−[0.]+", text) for text in texts)
 
