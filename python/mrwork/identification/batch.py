@@ -73,13 +73,14 @@ class FitBatch:
     on_progress: Callable[[int, Progress | None], None] = lambda number, progress: None
     on_fit: Callable[[int, Fit], None] = lambda number, fit: None
     _asked: int = field(default=0, init=False)
-    _made: Iterator[Future[tuple[Fit, bytes]]] | None = field(default=None, init=False)
+    _made: Iterator[tuple[int, Future[tuple[Fit, bytes]]]] | None = field(default=None, init=False)
 
     def fit(self, number: int) -> Fit:
         """The fit of a task; an error of it is raised."""
+        self._asked = number
         self.on_progress(number, None)
         if self._made is None and present_workers() is not None and len(self.tasks) > 1:
-            self._made = self._made_elsewhere()
+            self._made = enumerate(self._made_elsewhere())
         if self._made is None:
             task = self.tasks[number]
             report = partial(self.on_progress, number)
@@ -88,11 +89,7 @@ class FitBatch:
             )
             self.on_fit(number, fit)
             return fit
-        while self._asked < number:
-            next(self._made)
-            self._asked += 1
-        future = next(self._made)
-        self._asked += 1
+        future = next(future for made, future in self._made if made == number)
         return self._whole(number, future.result()[0])
 
     def _made_elsewhere(self) -> Iterator[Future[tuple[Fit, bytes]]]:

@@ -74,12 +74,7 @@ class Slopes:
 
     def by_interior(self) -> Floats:
         """Derivatives by the parameters that are not on a bound, shape (n_interior, n_residuals)."""
-        interior, free = self.interior, list(self.form.box.free)
-        return (
-            self.by_free
-            if interior == free
-            else self.by_free[[free.index(parameter) for parameter in interior]]
-        )
+        return self.by_free[np.isin(self.form.box.free, self.interior)]
 
     def by_model(self) -> Floats:
         """Derivatives by the requested model's parameters, (n_residuals, n_params); zero where the form is fixed."""

@@ -71,13 +71,12 @@ _EXACT = 1e-10
 
 @array_dataclass()
 class FoldedFit:
-    """Parameters of each row, (n_rows, n_params), their misfits, (n_rows,), and squared NRMSE of the first, (n_tests,).
+    """Parameters of each row, (n_rows, n_params), and squared NRMSE of tests by the first, (n_tests,).
 
-    The first row is fitted to all tests, the others to those that remain without each split; misfits may be infinite.
+    The first row is fitted to all tests, the others to those that remain without each split.
     """
 
     theta: Floats
-    misfit: Floats
     squared: Floats
 
 
@@ -420,7 +419,7 @@ class LawSearch:
         if failed.any() and not failed.all():
             minima = minimise(np.where(failed[:, None], minima.best.theta, minima.theta))
         (squared,) = objective.squared_nrmse(minima.theta[:1])
-        return FoldedFit(theta=minima.theta, misfit=minima.misfit, squared=squared)
+        return FoldedFit(theta=minima.theta, squared=squared)
 
     def _predict_left_out(self, specs: Sequence[DamperSpec], theta: Sequence[Floats]) -> _Predictions:
         """Predict the whole tests of each split by the fits of several sets of laws without them.
