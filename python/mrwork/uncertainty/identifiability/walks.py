@@ -111,7 +111,7 @@ _BRACKET = 0.8
 _BEYOND = 0.05
 # Gain in the likelihood ratio of an iteration below which a minimisation has converged, most iterations, and their
 # first damping: a start is near its minimum.
-_GAIN = 0.01
+_GAIN = 0.003
 _MOST_ITERATIONS = 20
 _DAMPING = 1e-3
 _MOST_POINTS = 40
