@@ -32,8 +32,8 @@ from mrwork.control.linear.lqr import PUBLISHED_REGULATORS
 from mrwork.dampers import damper
 from mrwork.errors import SettingError
 from mrwork.study import StudyResults
-from mrwork.study.laws_text import laws_text
 from mrwork.study.reading import parse
+from mrwork.study.schema import laws_text
 from mrwork.study.study import fingerprint_of
 
 # What each law is told here; those that need nothing are told nothing.

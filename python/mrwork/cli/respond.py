@@ -99,15 +99,9 @@ def run(options: argparse.Namespace) -> int:
     if options.schema or options.laws:
         if options.json:
             raise SettingError("--schema and --laws print text; leave --json out")
-        # Each loads what the other needs not.
-        if options.schema:
-            from mrwork.study.schema import schema_text
+        from mrwork.study.schema import laws_text, schema_text
 
-            show(schema_text())
-        else:
-            from mrwork.study.laws_text import laws_text
-
-            show(laws_text())
+        show(schema_text() if options.schema else laws_text())
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")

@@ -32,7 +32,14 @@ from mrwork.store.run_writer import RunAtWork
 from mrwork.study.comparison import Comparison, compared, findings, judged_in_words, motion_groups
 from mrwork.study.damper_size import worst_by_quantity
 from mrwork.study.histories import Histories
-from mrwork.study.results import DeviceDemand, Ensemble, StudyResults, bands_over, criterion_band
+from mrwork.study.results import (
+    DeviceDemand,
+    Ensemble,
+    StudyResults,
+    bands_over,
+    criterion_band,
+    known_criteria,
+)
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, outcome_names, study_criteria, study_quantities
 from mrwork.study.study import Study, StudyFile
 
@@ -182,7 +189,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
     runs = [
         _describe_run(results, row, motion)
         | {
-            key: _every_criterion({name: ratio[row, motion] for name, ratio in ratios.items()})
+            key: known_criteria({name: ratio[row, motion] for name, ratio in ratios.items()})
             for key, ratios in over.items()
         }
         for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
@@ -244,7 +251,7 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
         "kind": results.rows[row].kind,
         "motion": results.motions[motion].name,
         "outcome": str(outcome_names(quantities.outcome)[row, motion, 0]),
-        "criteria": _every_criterion(results.criteria(row, motion)),
+        "criteria": known_criteria(results.labelled.at(row, motion)),
         "energy_error": float(run["energy_error"]),
         "steps": None if np.isnan(run["steps"]) else int(run["steps"]),
         "step_check": _step_check(results, row, motion),
@@ -292,14 +299,8 @@ def _step_check(results: StudyResults, row: int, motion: int) -> dict[str, Any] 
         "outcome": str(outcome_names(results.quantities.outcome)[row, motion, 1]),
         "steps": None if np.isnan(steps) else int(steps),
         "largest": None if changes is None else max(changes.values()),
-        "changes": _every_criterion(changes),
+        "changes": known_criteria(changes or {}),
     }
-
-
-def _every_criterion(numbers: Mapping[str, float] | None) -> dict[str, float]:
-    values = numbers or {}
-    named = {entry: values.get(entry.name, np.nan) for entry in criteria()}
-    return {entry.name: value for entry, value in named.items() if not (entry.optional and np.isnan(value))}
 
 
 def _criteria_csv(results: StudyResults) -> str:

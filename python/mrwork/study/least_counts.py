@@ -123,8 +123,7 @@ class DamperCounts(Plotted, Summarised):
 
 
 def _counts_in_words(counts: tuple[int, ...]) -> str:
-    alike = len(set(counts)) == 1
-    return f"{counts[0]} in each place" if alike else f"{' + '.join(map(str, counts))} dampers"
+    return f"{counts[0]} in each place" if len({*counts}) == 1 else f"{' + '.join(map(str, counts))} dampers"
 
 
 @dataclass(kw_only=True)
@@ -154,9 +153,7 @@ class _Trials:
         compared = tuple(arrangement for arrangement in study.arrangements if arrangement.row.kind in _KINDS)
         study = designed(replace(study, arrangements=compared), on_progress=report)
         results = run_study(study, on_progress=report, threads=self.threads)
-        taken = [
-            arrangement.taken.runs for arrangement in study.arrangements if arrangement.taken is not None
-        ]
+        taken = [settings.runs for _, settings in study.taken_settings]
         # Settings are taken from the runs at i = 0 and at the largest command, and scans.
         chosen = sum(n_constant(arrangement) for arrangement in study.arrangements if arrangement.law is None)
         self.runs += results.done + (chosen + (2 if taken else 0)) * len(study.chosen_on) + sum(taken)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar, Final, Literal, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -258,10 +258,8 @@ class Verdict:
     @property
     def in_words(self) -> str:
         """Text such as "lowest score of control laws: LQG (0.71) with set 1, skyhook (0.69) with set 2"."""
-        parts = [
-            f"{answer} ({value:.3g}) with set {number}"
-            for number, (answer, value) in enumerate(zip(self.answers, self.values, strict=True), start=1)
-        ]
+        pairs = enumerate(zip(self.answers, self.values, strict=True), start=1)
+        parts = (f"{answer} ({value:.3g}) with set {number}" for number, (answer, value) in pairs)
         return f"{self.subject}: {', '.join(parts)}"
 
 
@@ -277,11 +275,9 @@ class Ensemble(Summarised):
     @property
     def in_words(self) -> tuple[str, ...]:
         """The sets, and each verdict that changes, a sentence each."""
+        sets = (f"set {number}: {words}" for number, words in enumerate(self.sets, start=1))
         changing = [f"verdict changes: {verdict.in_words}" for verdict in self.verdicts if verdict.changes]
-        return (
-            *(f"set {number}: {words}" for number, words in enumerate(self.sets, start=1)),
-            *(changing or [f"none of {len(self.verdicts)} verdicts changes"]),
-        )
+        return *sets, *(changing or [f"none of {len(self.verdicts)} verdicts changes"])
 
     def _summary(self) -> Summary:
         return Summary(
@@ -372,18 +368,12 @@ class StudyResults(Plotted, Summarised):
         """Every criterion of a run that finished, by default of the nominal one."""
         if not self.quantities.finished[row, motion, realisation]:
             return None
-        values = self.labelled.at(row, motion, realisation)
-        return {
-            entry.name: float(values[entry.name])
-            for entry in criteria()
-            if not (entry.optional and math.isnan(values[entry.name]))
-        }
+        return known_criteria(self.labelled.at(row, motion, realisation))
 
     @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
-        whole = self.criteria(row, motion)
-        half = self.criteria(row, motion, 1) if self.step_checked else None
+        whole, half = self.criteria(row, motion), self.criteria(row, motion, 1) if self.step_checked else None
         if whole is None or half is None:
             return None
         changes = {name: (abs(half[name] - value), abs(value)) for name, value in whole.items()}
@@ -410,10 +400,8 @@ class StudyResults(Plotted, Summarised):
     @property
     def realised_rows(self) -> list[int]:
         """The rows that were simulated with realisations."""
-        if not self.n_realisations:
-            return []
-        done = self.realised.done[:, list(self.judged_motions)]
-        return np.flatnonzero(done.all(axis=(1, 2))).tolist()
+        done = self.realised.done[:, list(self.judged_motions)].all(axis=(1, 2))
+        return np.flatnonzero(done).tolist() if self.n_realisations else []
 
     @property
     def record_levels(self) -> RecordLevels:
@@ -490,8 +478,7 @@ class StudyResults(Plotted, Summarised):
     @property
     def complete(self) -> bool:
         """Whether all runs are done, also with realisations."""
-        wanted = len(self.rows) if self.n_realisations else 0
-        return self.done == self.total and len(self.realised_rows) == wanted
+        return self.done == self.total and bool(self.realised.done[:, list(self.judged_motions)].all())
 
     @property
     def status(self) -> Literal["finished", "interrupted"]:
@@ -504,10 +491,8 @@ class StudyResults(Plotted, Summarised):
 
         Of records at several levels they are of the level for which laws are designed, where the study names it.
         """
-        at_level = tuple(
-            motion for motion in self._test_motions if [self.motions[motion].level] == [*self.design_levels]
-        )
-        return at_level or self._test_motions
+        levels = {motion: (self.motions[motion].level,) for motion in self._test_motions}
+        return tuple(motion for motion in levels if levels[motion] == self.design_levels) or tuple(levels)
 
     @property
     def _test_motions(self) -> tuple[int, ...]:
@@ -517,7 +502,7 @@ class StudyResults(Plotted, Summarised):
     @arguments.checked
     def finished_rows(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
-        return [int(row) for row in np.flatnonzero(self.quantities.finished[:, motion, 0])]
+        return np.flatnonzero(self.quantities.finished[:, motion, 0]).tolist()
 
     @arguments.checked
     def finished_under(self, row: int, motions: Sequence[int]) -> bool:
@@ -534,7 +519,7 @@ class StudyResults(Plotted, Summarised):
         """Ratio of every criterion to a row, or the first of a kind; NaN without one, or if a run did not finish."""
         reference = self.row_of(against) if isinstance(against, str) else against
         if reference is None:
-            return {entry.name: math.nan for entry in criteria()}
+            return dict.fromkeys((entry.name for entry in criteria()), math.nan)
         return {name: float(ratios[row, motion]) for name, ratios in self.ratios_over(reference).items()}
 
     @arguments.checked
@@ -649,6 +634,14 @@ class StudyResults(Plotted, Summarised):
 
 # Most motions of which a summary has the drifts.
 _MOTIONS_SHOWN: Final = 5
+
+
+def known_criteria(numbers: Mapping[str, Any]) -> dict[str, float]:
+    """Every criterion, NaN where there is none, and an optional one only where it is known."""
+    values = {entry: float(numbers.get(entry.name, math.nan)) for entry in criteria()}
+    return {
+        entry.name: value for entry, value in values.items() if not (entry.optional and math.isnan(value))
+    }
 
 
 def criterion_band(results: StudyResults, row: int, motion: int, name: str) -> RealisationBand | None:

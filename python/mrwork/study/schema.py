@@ -6,7 +6,8 @@ Numbers are in SI units. A number with a unit may also be given as a text with a
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal
 
@@ -80,7 +81,7 @@ class ConstantLaw:
     title: str
     description: str
     kind: Literal["passive_off", "passive", "best_passive", "best_passive_by_group"]
-    share: float | None
+    share: float | None = None
 
 
 CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
@@ -90,13 +91,11 @@ CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
         title=OPTIMAL_PASSIVE,
         description="the constant command of the lowest score over all motions, one share of each largest command",
         kind="best_passive",
-        share=None,
     ),
     "best_passive_by_group": ConstantLaw(
         title=BY_GROUP,
         description="a constant command for each group of equal dampers, by coordinate search from best_passive",
         kind="best_passive_by_group",
-        share=None,
     ),
 }
 """Constant commands that a study accepts as laws, besides the laws of the registry, by name."""
@@ -665,3 +664,39 @@ def schema_text() -> str:
         "\n".join([*heading_lines(heading or "at the top", prose_of(kind)), *key_lines(keys_in_words(kind))])
         for heading, kind in tables(StudyTable)
     )
+
+
+def laws_text() -> str:
+    """Every control law with its equation, source and settings, for `mrwork respond --laws`.
+
+    What several laws have stands once, below.
+    """
+    # Laws take long to load, and the keys of a study have none.
+    from mrwork.control.laws.control_law import control_laws
+    from mrwork.control.laws.law_settings import SETTINGS
+    from mrwork.control.laws.weights import WeightWishes
+
+    keys = {spec.name: keys_in_words(SETTINGS[spec.name]) for spec in control_laws()}
+    laws_with = Counter(key for key_name in keys.values() for key in key_name)
+    shared = [key for key, count in laws_with.items() if count > 1]
+    blocks = []
+    for spec in control_laws():
+        lines = [f"{spec.name}: {spec.title}", *_indented(spec.equation.splitlines())]
+        for prose in (spec.description, spec.source):
+            lines += heading_lines("", prose)[1:]
+        if spec.switches:
+            lines.append("  It switches, so its score has no gradient.")
+        unique = [key for key in keys[spec.name] if key not in shared]
+        if elsewhere := [key.name for key in keys[spec.name] if key in shared]:
+            lines += heading_lines("", f"settings described below: {', '.join(elsewhere)}")[1:]
+        blocks.append("\n".join([*lines, *(["  settings", *_indented(key_lines(unique))] if unique else [])]))
+    blocks.append("\n".join(["Settings of several laws", *key_lines(shared)]))
+    heading = "designed: table among the settings of a law with weights"
+    lines = _indented(key_lines(keys_in_words(WeightWishes)))
+    blocks.append("\n".join([*heading_lines(heading, WeightWishes.__doc__ or ""), *lines]))
+    blocks += [f"{name}: {law.description}; no settings" for name, law in CONSTANT_LAWS.items()]
+    return "\n\n".join(blocks)
+
+
+def _indented(lines: Iterable[str]) -> list[str]:
+    return [f"  {line}" for line in lines]
