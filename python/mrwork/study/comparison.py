@@ -34,9 +34,8 @@ def judged_in_words(results: StudyResults) -> str:
     uses = [results.motions[motion].use for motion in judged]
     part = len(judged) < np.count_nonzero(results.record_levels.places >= 0)
     at = f" at {results.design_levels[0]}" if part else ""
-    if _n_training(results) or "training" in uses:
-        return f"{uses_in_words(uses)}{at}"
-    return f"{counted(len(uses), 'motion')}{at}"
+    has_uses = _n_training(results) or "training" in uses
+    return f"{uses_in_words(uses) if has_uses else counted(len(uses), 'motion')}{at}"
 
 
 def chosen_in_words(results: StudyResults) -> str:
@@ -254,12 +253,11 @@ def peaks_in_words(changes: Mapping[str, Floats]) -> str:
         return "a run did not finish"
     parts = []
     for name, change in changes.items():
-        ends = (
-            f" ({signed_percent(change.min())} to {signed_percent(change.max())} %)"
-            if change.size > 1
-            else ""
+        least, mean, most = (
+            signed_percent(float(end)) for end in (change.min(), change.mean(), change.max())
         )
-        parts.append(f"{name.replace('_', ' ')} {signed_percent(float(change.mean()))} %{ends}")
+        ends = f" ({least} to {most} %)" if change.size > 1 else ""
+        parts.append(f"{name.replace('_', ' ')} {mean} %{ends}")
     return ", ".join(parts)
 
 
@@ -392,16 +390,13 @@ def change_table(comparison: Comparison, reference: int, shown: Collection[int])
     changes = [comparison.tables[row, reference] for row in rows]
     columns = [[of_row[entry.name].mean for of_row in changes] for entry in quantities]
     average = f", mean over {judged_in_words(results)}" if several else ""
-    laws = [results.rows[row].kind in LAWS.kinds for row in range(len(results.rows))]
-    worse = [
-        sum(comparison.tables[row, reference][entry.name].worse for row in np.flatnonzero(laws).tolist())
-        for entry in quantities
+    laws = [
+        comparison.tables[row, reference]
+        for row, entry in enumerate(results.rows)
+        if entry.kind in LAWS.kinds
     ]
-    foot = (
-        f"Worse control laws, of {sum(laws)}",
-        *(format_fixed(count, 0) for count in worse),
-        *([""] if several else []),
-    )
+    worse = (sum(changes[entry.name].worse for changes in laws) for entry in quantities)
+    foot = (f"Worse control laws, of {len(laws)}", *(format_fixed(count, 0) for count in worse))
     return Table(
         label=f"Change in % against {results.rows[reference].label}{average}",
         columns=("", *(entry.short for entry in quantities), *(["Largest increase"] if several else [])),
@@ -413,7 +408,7 @@ def change_table(comparison: Comparison, reference: int, shown: Collection[int])
             )
             for line, row in enumerate(rows)
         ),
-        foot=foot if sum(laws) > 1 else (),
+        foot=(*foot, *([""] if several else [])) if len(laws) > 1 else (),
         strong=best_cells(results, rows, columns, signed_percent),
         alarming=frozenset(
             (line, cell)
@@ -429,11 +424,11 @@ def change_table(comparison: Comparison, reference: int, shown: Collection[int])
 
 def _largest(changes: dict[str, QuantityChange], quantities: tuple[Criterion, ...]) -> str:
     """The largest increase of a quantity under one motion; empty if none increases."""
-    sizes = [(changes[entry.name], entry) for entry in quantities]
-    sizes = [(change, entry) for change, entry in sizes if not math.isnan(change.mean)]
-    if not sizes:
+    known = [entry for entry in quantities if not math.isnan(changes[entry.name].mean)]
+    if not known:
         return NOTHING
-    worst, entry = max(sizes, key=lambda size: size[0].largest)
+    entry = max(known, key=lambda entry: changes[entry.name].largest)
+    worst = changes[entry.name]
     rises = rounds_to_increase(worst.largest)
     return f"{entry.short} {signed_percent(worst.largest)}, {worst.motion}" if rises else "none"
 

@@ -148,20 +148,16 @@ class ConstantSearch:
         arrangement = self.arrangement
         inputs = digest_of_run(arrangement, *self.motions)
         if inputs not in shares:
-            shares[inputs] = call.step("best_constant", BestConstant, self._best_share, inputs)
+            shares[inputs] = call.step("best_constant", BestConstant, lambda: self.scan()[0], inputs)
         best = shares[inputs]
+        # The row that the study has added may be without a score.
+        if math.isnan(best.score) and not arrangement.added:
+            raise self._without_score()
         if arrangement.row.kind == "best_passive_by_group":
             best = call.step("best_by_group", BestConstant, partial(self._best_by_group, best), inputs)
         label = f"{arrangement.row.label}, {best.label(arrangement.devices)}"
         row, law = replace(arrangement.row, label=label), constant_commands(best.commands)
         return replace(arrangement, row=row, law=law), best.in_words(label, arrangement.devices)
-
-    def _best_share(self) -> BestConstant:
-        """The best share of the largest commands; without any score refused, but where the study has added the row."""
-        best, _ = self.scan()
-        if math.isnan(best.score) and not self.arrangement.added:
-            raise self._without_score()
-        return best
 
     def _best_by_group(self, start: BestConstant) -> BestConstant:
         """The best constant command of each group, from one share on: the levels of a group, then of the next.

@@ -97,18 +97,16 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
             for name in ("deformation", "rate", "command")
         )
         device, forces = study.devices[number], []
-        others = [
-            (law_set.dampers[number].spec, law_set.dampers[number].theta) for law_set in study.other_sets
-        ]
+        others = [law_set.dampers[number] for law_set in study.other_sets]
         # Without the sets from the first on that cannot be simulated there.
         with suppress(SimulationError):
-            for spec, theta in ((device.spec, device.draws[0]), *others):
+            for spec, theta in ((device.spec, device.draws[0]), *((one.spec, one.theta) for one in others)):
                 loading = Loading(dt=study.hardware.sample_time, displacement=x, velocity=v)
                 if spec.command_unit is not None:
                     loading = replace(loading, command=sent, command_unit=spec.command_unit)
                 forces.append(simulate_force(spec, theta, loading))
-        gap = sets_apart(span, x, v, sent, np.array(forces)) if forces else None
-        apart += [] if gap is None else [(gap, device.name)]
+        if forces and (gap := sets_apart(span, x, v, sent, np.array(forces))) is not None:
+            apart.append((gap, device.name))
     if not apart:
         return ""
     gap, name = max(apart, key=lambda pair: pair[0].percent)

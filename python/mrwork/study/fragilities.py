@@ -71,28 +71,18 @@ class Crossing:
 class Fragility(Summarised):
     """The intensity [m/s^2] at which an arrangement reaches the limit, over records.
 
-    Parameters
-    ----------
-    label, kind, measure
-        Label and kind of the arrangement, and the measure of intensity in words, as "PGA".
-    median, dispersion
-        Median [m/s^2], and standard deviation of the logarithm; with added modelling dispersion, if any was given.
-        The median is infinite where no record reaches the limit, 0 where all do at their lowest level. The dispersion
-        is 0 where one intensity separates all records. Both are NaN where no maximum of the likelihood was found.
-    band
-        Lower and upper end of the band of the median [m/s^2], by bootstrap over the records, from the `ends`.
-    medians, ends
-        Medians of the bootstrap, of the same records for every arrangement, and between which they are known to lie
-        [m/s^2], shapes (n_draws,) and (2, n_draws): an infinite one above the highest level, one of 0 below the lowest,
-        a NaN anywhere, and where the dispersion is 0 in the intervals of the middle records.
-    crossings
-        What is known of each record.
-    levels, crossed, outside
-        Levels [m/s^2], shape (n_levels,), the share of the resolved runs at each that reach the limit, and of all runs
-        that go beyond the tested ranges of a damper; NaN where there is none.
-    responses
-        The criterion of each record at each level, shape (n_records, n_levels): infinite where the run diverged, NaN
-        where it could not be resolved, and where there is none.
+    `measure` is what the intensity is, in words, as "PGA"; `crossings` say what is known of each record.
+    `median` [m/s^2] and `dispersion`, the standard deviation of the logarithm with any modelling dispersion, are NaN
+    where no maximum of the likelihood was found. The median is infinite where no record reaches the limit, 0 where all
+    do at their lowest level; the dispersion is 0 where one intensity separates all records.
+
+    `medians` are of the bootstrap, of the same records for every arrangement, shape (n_draws,), and lie between the
+    `ends`, shape (2, n_draws): an infinite one above the highest level, one of 0 below the lowest, a NaN anywhere, and
+    where the dispersion is 0 in the intervals of the middle records. `band` has the lower and upper end of the median.
+    At each of the `levels`, shape (n_levels,), `crossed` is the share of the resolved runs that reach the limit, and
+    `outside` of all runs that go beyond the tested ranges of a damper; NaN where there is none. `responses` are the
+    criterion of each record at each level, shape (n_records, n_levels): infinite where the run diverged, NaN where it
+    could not be resolved, and where there is none.
     """
 
     _made_by: ClassVar[str] = "mr.fragility(results, limit={'peak_drift_ratio': 0.01})[label]"

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.base.summary import named
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.matrices import Device
@@ -141,13 +142,12 @@ def _beside(responses: Responses) -> Responses:
 
 def scales_of(arrangement: Arrangement) -> Scales:
     """What the criteria of an arrangement are divided by: numbers of its own storeys, which baselines may change."""
-    frame, storeys = arrangement.building, arrangement.places["storey"]
-    heights, yields, loads = (
-        array[storeys] if array.size else array for array in (frame.heights, frame.yield_drifts, frame.loads)
+    arrays, storeys = (
+        named(arrangement.building, "heights", "yield_drifts", "loads"),
+        arrangement.places["storey"],
     )
-    return Scales(
-        weight=Scales.of(arrangement.bare).weight, heights=heights, yield_drifts=yields, loads=loads
-    )
+    of_storeys = {name: array[storeys] if array.size else array for name, array in arrays.items()}
+    return Scales(weight=Scales.of(arrangement.bare).weight, **of_storeys)
 
 
 def vary_building(arrangement: Arrangement, *, stiffness: float, damping: float) -> Building:

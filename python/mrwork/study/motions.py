@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.base.places import keyed, read_each
+from mrwork.base.summary import named
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
 from mrwork.buildings import Building
 from mrwork.errors import InvalidSettingError, SettingError
@@ -180,7 +181,7 @@ def _grounds(table: MotionTable, folder: Path, seed: int) -> _Grounds:
 
 def _read_record(table: MotionTable, file: Path) -> _Grounds:
     files, grounds = motion_files(file), list[tuple[GroundMotion, Path | None]]()
-    stated = Stated(unit=table.unit, dt=table.dt, column=table.column, channel=table.channel)
+    stated = Stated(**named(table, "unit", "dt", "column", "channel"))
     for path in files:
         motion = motion_of_file(path, stated)
         if table.name:

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from mrwork.base.summary import Summarised, named
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
-from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import InvalidSettingError
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store.codec import digest_of
 from mrwork.study.dampers import Identified, chosen_damper, fitted_of
-from mrwork.study.schema import DamperTable, StudyTable
+from mrwork.study.schema import StudyTable
 
 
 @array_dataclass(repr=False)
@@ -90,7 +89,8 @@ def realisations_of(
             )
         # Equally spread over the chains, in a random order, which is the same for all devices of one run.
         chosen = rows[np.linspace(0, len(rows) - 1, n).round().astype(np.int64)[order]]
-        theta.append(np.stack([_with_parameters(damper, fit, row, folder) for row in chosen]))
+        drawn = (replace(damper, run=replace(fit, theta=tuple(row.tolist()))) for row in chosen)
+        theta.append(np.stack([chosen_damper(table, folder, identified).theta for table in drawn]))
         parts.append(1.0)
     if not any(parts):
         raise InvalidSettingError(
@@ -105,8 +105,3 @@ def realisations_of(
         seed=np.arange(n, dtype=np.int64),
         theta=tuple(theta),
     )
-
-
-def _with_parameters(table: DamperTable, fit: FittedDamper, theta: Floats, folder: Path) -> Floats:
-    drawn = replace(fit, theta=tuple(theta.tolist()))
-    return chosen_damper(table, folder, lambda run: drawn).theta

@@ -199,16 +199,9 @@ _DECIMALS = 9
 
 @array_dataclass()
 class RecordLevels:
-    """Records with rising levels of intensity.
+    """Records by name with rising `levels` of intensity [m/s^2], which is in one of the `measures`, in words.
 
-    Parameters
-    ----------
-    records, measures
-        Names of the records, and what intensities are measures of, in words; of levels that compare it is one.
-    levels
-        Levels [m/s^2], shape (n_levels,).
-    places
-        Index of the motion of each record at each level, -1 where there is none, shape (n_records, n_levels).
+    `places` are the indices of the motion of each record at each level, shape (n_records, n_levels), -1 without one.
     """
 
     records: tuple[str, ...]

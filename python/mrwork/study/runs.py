@@ -7,7 +7,8 @@ end; `outcome` says which.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -47,6 +48,7 @@ HALF_STEP = "half the step"
 NOT_RUN = 255
 """Outcome of what was not simulated."""
 
+_ENDS = {NOT_RUN: "", **{int(outcome): outcome.name.lower() for outcome in Outcome}}
 _FINISHED = (Outcome.FINISHED, Outcome.FAILED_SAFE)
 _N_FIRST = 3
 _REALISATION = 2
@@ -72,13 +74,12 @@ def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
 
 def study_criteria(command_unit: str) -> tuple[Quantity, ...]:
     """Every criterion as a quantity of a run, and the error of its energies."""
-    named = [(criterion.name, criterion.unit, criterion.title) for criterion in criteria()]
-    error = quantity_named("energy_error")
-    named.append((error.name, error.unit, error.description))
-    return tuple(
-        Quantity(name=name, axis="run", unit=in_command_unit(unit, command_unit), description=words)
-        for name, unit, words in named
+    units = {criterion: in_command_unit(criterion.unit, command_unit) for criterion in criteria()}
+    named = (
+        Quantity(name=criterion.name, axis="run", unit=unit, description=criterion.title)
+        for criterion, unit in units.items()
     )
+    return *named, quantity_named("energy_error")
 
 
 @array_dataclass(repr=False)
@@ -246,7 +247,7 @@ class Runs(Labelled, WithAxes, Summarised):
         extra_axes = dict.fromkeys(axis for quantity in declared for axis in quantity.own_axes)
         axes = {axis: labels.get(axis, ()) for axis in ("row", "motion", "realisation", *extra_axes)}
         numbers = {name: array.values for name, array in named.arrays.items()}
-        codes = {"": NOT_RUN} | {member.name.lower(): int(member) for member in Outcome}
+        codes = {name: code for code, name in _ENDS.items()}
         outcome = np.array([codes[name] for name in numbers["outcome"].ravel()], dtype=np.uint8)
         axes["realisation"] = axes["realisation"] or (realisation,)
         return Runs.empty(axes, declared)._filled(numbers, outcome)
@@ -282,10 +283,8 @@ class Runs(Labelled, WithAxes, Summarised):
 
 def outcome_names(outcomes: NDArray[np.uint8]) -> NDArray[np.str_]:
     """Names of outcomes as files have them, empty where nothing was simulated."""
-    names = np.full(NOT_RUN + 1, "", dtype="U12")
-    for outcome in Outcome:
-        names[outcome] = outcome.name.lower()
-    return names[outcomes]
+    names = [_ENDS[code] for code in outcomes.ravel().tolist()]
+    return np.array(names, dtype="U12").reshape(outcomes.shape)
 
 
 def runs_of(responses: Responses, arrangement: Arrangement, axes: Axes) -> Runs:
@@ -334,19 +333,20 @@ def knows_least_strokes(arrangement: Arrangement) -> bool:
 def _device_labels(arrangement: Arrangement) -> tuple[list[str], list[str], list[str]]:
     """Labels of the dampers, of added storeys with a stroke and of the passive devices of an arrangement."""
     building = arrangement.building
-    groups = (
-        [device.name for device in arrangement.devices],
-        [building.storey_names[index] for index in arrangement.strokes],
-        [building.elements[index].name for index in arrangement.passive_devices],
+    taken = Counter[str]()
+
+    def distinct(names: Iterable[str]) -> list[str]:
+        labels = []
+        for name in names:
+            taken[name] += 1
+            labels.append(name if taken[name] == 1 else f"{name} ({taken[name]})")
+        return labels
+
+    return (
+        distinct(device.name for device in arrangement.devices),
+        distinct(building.storey_names[index] for index in arrangement.strokes),
+        distinct(building.elements[index].name for index in arrangement.passive_devices),
     )
-    taken: dict[str, int] = {}
-
-    def distinct(name: str) -> str:
-        taken[name] = taken.get(name, 0) + 1
-        return name if taken[name] == 1 else f"{name} ({taken[name]})"
-
-    dampers, strokes, elements = ([distinct(name) for name in names] for names in groups)
-    return dampers, strokes, elements
 
 
 def own_axes(arrangements: Sequence[Arrangement]) -> dict[str, tuple[str, ...]]:

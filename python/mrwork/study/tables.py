@@ -119,15 +119,10 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
         value for value in _VALUES if not (criterion(value[0]).optional and np.isnan(numbers[value[0]]).all())
     ]
     columns = [(factor * np.median(numbers[name], axis=1)).tolist() for name, _, factor in values]
-    heads = tuple(
-        f"{criterion(name).short} ({shown or in_command_unit(criterion(name).unit, unit)})".removesuffix(
-            " (1)"
-        )
-        for name, shown, _ in values
-    )
-    of_building = [quantity_named(criterion(name).quantity).axis != "device" for name, *_ in values].index(
-        False
-    )
+    units = (shown or in_command_unit(criterion(name).unit, unit) for name, shown, _ in values)
+    names = (criterion(name).short for name, *_ in values)
+    heads = (f"{name} ({unit})".removesuffix(" (1)") for name, unit in zip(names, units, strict=True))
+    of_building = [quantity_named(criterion(name).quantity).axis for name, *_ in values].index("device")
     return Table(
         label=f"Criteria, median of {judged_in_words(results)}" if several else f"{under}: criteria",
         columns=("", *heads),
@@ -193,37 +188,34 @@ def spread_table(comparison: Comparison, rows: Sequence[int]) -> Table:
     Of a single motion the score alone.
     """
     results, passive = comparison.results, comparison.passive
-    label = f"Score (peak and RMS drift and acceleration over i = 0), mean over {judged_in_words(results)}"
-    if len(results.judged_motions) < 2:
-        return Table(
-            label=label,
-            columns=("", "Score"),
-            rows=tuple((results.rows[row].label, format_fixed(results.score(row), 3)) for row in rows),
-            headings=rank_headings(comparison, rows),
-        )
-    spreads = {row: results.spread(row) for row in rows}
 
     def better(row: int, names: Sequence[str]) -> str:
         if passive is None or row == passive:
             return NOTHING
         return format_fixed(times_better(results, row, passive, names), 0)
 
-    cells = tuple(
-        (
-            results.rows[row].label,
-            # All but the number of motions.
-            *(format_fixed(number, 3) for number in astuple(spreads[row])[1:]),
-            *(better(row, names) for names in (BOTH[:1], BOTH[1:], BOTH)),
-        )
-        for row in rows
-    )
-    constant = "the best passive damper" if passive is None else results.rows[passive].label
-    return Table(
-        label=label,
-        columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
-        rows=cells,
-        over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
+    table = Table(
+        label=f"Score (peak and RMS drift and acceleration over i = 0), mean over {judged_in_words(results)}",
+        columns=("", "Score"),
+        rows=tuple((results.rows[row].label, format_fixed(results.score(row), 3)) for row in rows),
         headings=rank_headings(comparison, rows),
+    )
+    if len(results.judged_motions) < 2:
+        return table
+    constant = "the best passive damper" if passive is None else results.rows[passive].label
+    return replace(
+        table,
+        columns=("", "Mean", "Least", "25 %", "Median", "75 %", "Most", "Drift", "Acc.", "Both"),
+        rows=tuple(
+            (
+                *cells,
+                # Without the number of motions, and the mean, which is the score.
+                *(format_fixed(number, 3) for number in astuple(results.spread(row))[2:]),
+                *(better(row, names) for names in (BOTH[:1], BOTH[1:], BOTH)),
+            )
+            for row, cells in zip(rows, table.rows, strict=True)
+        ),
+        over=(("", 1), ("Score under single motions", 6), (f"Motions better than {constant}", 3)),
         note=f"Of {judged_in_words(results)}. Better: lower peak drift, peak acceleration, or both. "
         f"{chosen_in_words(results)}".rstrip(),
     )
