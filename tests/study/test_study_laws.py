@@ -266,7 +266,7 @@ def test_laws_of_accelerations_take_no_settings_and_have_noise(law: str, tmp_pat
 @pytest.mark.parametrize(
     ("more", "word"),
     [
-        ('\n[[controller]]\nlaw = "best_passive"\ndead_zone = "1 mm/s"\n', "dead_zone is for a law"),
+        ('\n[[controller]]\nlaw = "best_passive"\ndead_zone = "1 mm/s"\n', "best_passive has no dead_zone"),
         ('acceleration_noise = "0.05 m/s2"\n' + LAW.format(""), "acceleration_noise.*no effect.*observer"),
         ('ground_preview = "50 ms"\n' + LAW.format(""), "ground_preview.*no effect.*predictive_rollout"),
     ],

@@ -103,22 +103,17 @@ def arrangements(
     labels = [row.row.label for row in further if row.row.kind == "passive_off" and row.row.label]
     further = [row for row in further if row.row.kind != "passive_off"]
     first = [replace(at_zero, row=replace(off, label=[off.label, *labels][-1]))] if devices else []
+    listed = [row.row for row in (*first, *further)]
     driven = [device for device in devices if device.is_commanded]
-    if table.references != "none" and driven:
-        names = ["best_passive", *(["best_passive_by_group"] if len(products_of(driven)) > 1 else [])]
-        rows = [row.row for row in (*first, *further)]
-        references = (_added(name, rows) for name in names)
-        first += [replace(at_zero, row=row, law=None, added=True) for row in references if row is not None]
+    # Best constant commands that a study has without listing them.
+    for name in ("best_passive", "best_passive_by_group")[: len(products_of(driven))]:
+        law = CONSTANT_LAWS[name]
+        if table.references == "none" or law.kind in [row.kind for row in listed]:
+            continue
+        label = f"{law.title} (added)" if law.title in [row.label for row in listed] else law.title
+        row = Row(label=label, kind=law.kind, description=f"{name}, added")
+        first.append(replace(at_zero, row=row, law=None, added=True))
     return (without, *first, *further)
-
-
-def _added(name: str, rows: Sequence[Row]) -> Row | None:
-    """The row of a best constant command that a study has without listing it; none if it lists one."""
-    law = CONSTANT_LAWS[name]
-    if any(entry.kind == law.kind for entry in rows):
-        return None
-    label = f"{law.title} (added)" if any(entry.label == law.title for entry in rows) else law.title
-    return Row(label=label, kind=law.kind, description=f"{name}, added")
 
 
 def _arrange_controller(
@@ -158,13 +153,6 @@ def _arrange_controller(
         kind = "actuator" if control_law(name).commands_force else "controller"
         kind = "passive" if SETTINGS[name].constant else kind
         named = NamedLaw(table=controller, number=number, given=settings, problem=limited)
-    for key in controller.shaping:
-        if named is None and not isinstance(law, ControlLaw):
-            raise InvalidSettingError(
-                key,
-                f"{key} is for a law of the registry; a law in Python shapes its own command, and the best constant "
-                "command has none to shape",
-            )
     if isinstance(law, ControlLaw):
         law = replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
     label = controller.label if kind == "passive_off" else controller.label or title

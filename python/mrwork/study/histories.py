@@ -10,7 +10,7 @@ import numpy as np
 
 from mrwork.base.labelled import NamedArray, NamedArrays
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.closed_loop.responses import History, Labelled, Quantity, history_signals, in_command_unit
+from mrwork.closed_loop.responses import History, Labelled, Quantity, history_signals
 from mrwork.store.netcdf import netcdf_of, read_netcdf
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import HISTORIES, RunFolder
@@ -92,17 +92,13 @@ class Histories:
             "device": NamedArray.of(study.device_names[: history.force.shape[1]]),
             "energy_part": NamedArray.of(_ENERGY),
         }
-        energy = Quantity(name="energy", axis="run", unit="J", description="energy since the start")
+        numbers = {name: signal.astype(np.float32) for name, signal in history.numbers.items()}
         arrays = {
-            signal.name: NamedArray.of(
-                history.numbers[signal.name].astype(np.float32),
-                "time",
-                *(("energy_part",) if signal is energy else signal.own_axes),
-                unit=in_command_unit(signal.unit, study.command_unit),
-                long_name=signal.description,
-            )
-            for signal in (*_kept_signals(), energy)
+            signal.name: signal.array(numbers[signal.name], "time", command_unit=study.command_unit)
+            for signal in _kept_signals()
         }
+        words = {"unit": "J", "long_name": "energy since the start"}
+        arrays["energy"] = NamedArray.of(numbers["energy"], "time", "energy_part", **words)
         title = f"{study.rows[row].label} under {study.motions[motion].name}"
         content = NamedArrays(title=title, rows=("time",), labels=labels, arrays=arrays)
         write_file(self._work.growing(_name_of(row, motion)), netcdf_of({"": content}, checksums=True))

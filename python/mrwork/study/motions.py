@@ -43,8 +43,6 @@ from mrwork.study.schema import MotionTable
 from mrwork.study.study import MotionOfStudy
 
 _SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
-# A mode without stiffness has an infinite period up to rounding [s].
-_LONGEST_PERIOD = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,13 +56,7 @@ class Aims:
     @property
     def first_period(self) -> float:
         """First period of the building [s]."""
-        period = float(self.building.periods[0])
-        if not period < _LONGEST_PERIOD:
-            raise SettingError(
-                "the first mode of [building] has no stiffness, hence no period; give sa_period of the motion, or "
-                "period of [target] [s]"
-            )
-        return period
+        return float(self.building.periods[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -25,7 +25,6 @@ from mrwork.buildings import Building
 from mrwork.buildings.groups import largest_command, sends_shares
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import searched
-from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import command_unit_of, in_command_unit
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, ReferencePeaks
@@ -137,13 +136,8 @@ def designed(
     lacking = [arrangement.named for arrangement in study.arrangements if arrangement.named is not None]
     if not lacking or study.problem is None:
         return study
-    trials = _Trials(
-        at_zero=replace(study.at_zero, law=None),
-        problem=study.problem,
-        hardware=study.hardware,
-        call=LongCall(journal=journal, on_progress=on_progress),
-        course=Course(on_progress),
-    )
+    call = LongCall[StudyProgress, Study](journal=journal, on_progress=on_progress)
+    trials = _Trials(study=study, problem=study.problem, call=call, course=Course(on_progress))
 
     def arranged(arrangement: Arrangement) -> Arrangement:
         if arrangement.named is None:
@@ -159,14 +153,10 @@ def designed(
 
 @dataclass(frozen=True, kw_only=True)
 class _Trials:
-    """The building, dampers and motions on which the settings of laws are taken, the training motions of a study.
+    """Runs from which settings of laws are taken, on the training motions; none is simulated before a law asks."""
 
-    Nothing is simulated before a law asks.
-    """
-
-    at_zero: Arrangement
+    study: Study
     problem: DesignProblem
-    hardware: Hardware
     call: LongCall[StudyProgress, Study]
     course: Course
 
@@ -181,7 +171,7 @@ class _Trials:
                 partial(self._take, named, problem, beside),
                 law,
                 toml_value(as_document(named.given)),
-                digest_of_run(replace(self.at_zero, devices=problem.all_devices), *problem.motions),
+                digest_of_run(self._arranged(problem, None), *problem.motions),
             )
             return named.design(problem, taken.settings), taken
 
@@ -219,10 +209,8 @@ class _Trials:
         _, _, magnitudes = self._response
         magnitudes = replace(magnitudes, cost=kind.cost({**settings, **taken}, magnitudes))
         scanned: dict[str, Floats] = {}
-        for entry in missing:
+        for entry in (entry for entry in missing if entry.name not in taken):
             span = entry.says.span
-            if entry.name in taken:
-                continue
             if span.entries:
                 taken[entry.name] = span.entries
                 says.append(f"{entry.name} that is about the clipped-optimal law")
@@ -274,12 +262,14 @@ class _Trials:
         if not np.isfinite(scores).any():
             return many[best], f"{ranges}, the middle, since none of {count} values has a score"
         number, active = len(problem.motions), control_law(law).commands_force
-        judged = f"the {'motion' if number == 1 else counted(number, 'motion')} that it is judged on, too"
+        motions = counted(number, "training motion")
+        if problem.judged:
+            motions = (
+                f"the {'motion' if number == 1 else counted(number, 'motion')} that it is judged on, too"
+            )
         limit = " with no more force than the dampers at the largest command" if active else ""
-        return many[best], (
-            f"{ranges}, the best of {count} values{limit} (score {scores[best]:.3f} on "
-            f"{judged if problem.judged else counted(number, 'training motion')})"
-        )
+        score = f"(score {scores[best]:.3f} on {motions})"
+        return many[best], f"{ranges}, the best of {count} values{limit} {score}"
 
     @cached_property
     def _response(self) -> tuple[Runs, Runs, Magnitudes]:
@@ -291,9 +281,8 @@ class _Trials:
         return off, on, magnitudes
 
     def _run(self, problem: DesignProblem, law: ControlLaw) -> Runs:
-        return simulate_criteria(
-            replace(self.at_zero, devices=problem.all_devices, law=law),
-            problem.motions,
-            self.hardware,
-            on_block=self.course.advance,
-        )
+        arrangement, hardware = self._arranged(problem, law), self.study.hardware
+        return simulate_criteria(arrangement, problem.motions, hardware, on_block=self.course.advance)
+
+    def _arranged(self, problem: DesignProblem, law: ControlLaw | None) -> Arrangement:
+        return replace(self.study.at_zero, devices=problem.all_devices, law=law)

@@ -185,10 +185,9 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
             building, devices = equip_building(bare, table.damper, inputs.dampers)
             # Dampers that a law commands come first, whatever their order in the file.
             order = sorted(range(len(devices)), key=lambda number: not devices[number].is_commanded)
-            if order != list(range(len(devices))):
-                devices = tuple(devices[number] for number in order)
-                table = replace(table, damper=tuple(table.damper[number] for number in order))
-                inputs = replace(inputs, dampers=[inputs.dampers[number] for number in order])
+            devices = tuple(devices[number] for number in order)
+            table = replace(table, damper=tuple(table.damper[number] for number in order))
+            inputs = replace(inputs, dampers=[inputs.dampers[number] for number in order])
         with part():
             motions = motions_of_study(inputs.records, aims)
         with part(), keyed("report", "limit"):
@@ -219,10 +218,10 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         return ConstantSearch(arrangement=at_zero, motions=chosen_on, hardware=hardware).reference_peaks()
 
     driven = commanded(devices)
-    expected = {
-        name: next(filter(None, (getattr(damper, name) for damper in table.damper)), None)
-        for name in ("amplitude", "velocity")
-    }
+
+    def expected(name: str) -> Any:
+        return next(filter(None, (getattr(damper, name) for damper in table.damper)), None)
+
     problem = DesignProblem(
         building=building,
         devices=driven,
@@ -232,7 +231,8 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         motions=chosen_on,
         judged=designed_on[0].use == "test",
         reference_peaks=reference_peaks if devices else None,
-        **expected,
+        amplitude=expected("amplitude"),
+        velocity=expected("velocity"),
     )
     compared = arrangements(table, bare, problem, inputs.folder, hardware, inputs.settings)
     labels = [test.row.label for test in compared]
@@ -240,6 +240,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
     with keyed("report", "controllers"):
         for label in table.report.controllers:
             check_known(label, labels, f"no arrangement is called {label!r}")
+    histories = {"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}
     study = Study(
         table=table,
         folder=inputs.folder.resolve(),
@@ -254,9 +255,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         devices=devices,
         described=_facts(bare, devices, inputs.dampers, hardware),
         detailed=detailed,
-        histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
-            table.report.histories
-        ],
+        histories=histories[table.report.histories],
         problem=problem,
         tunes=tuple(inputs.tunes),
         realisations=realisations_of(table, devices, inputs.folder, inputs.identified),

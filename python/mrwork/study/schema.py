@@ -410,11 +410,15 @@ class ControllerTable(Stated):
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         if self.user is None and not self.law:
             yield (), "[[controller]] has no law; give the name of a law, or user for one in Python"
-        for name in ("law", "settings", "gain"):
-            if self.user is not None and getattr(self, name):
-                yield name, f"a law in Python has no {name}; leave it out, or user"
-            if self.law in CONSTANT_LAWS and name != "law" and getattr(self, name):
-                yield name, f"{self.law} has no {name}; leave it out"
+        unread = list[str]()
+        if self.user is not None:
+            unread = ["law", "settings", "gain", *self.shaping]
+        elif (constant := CONSTANT_LAWS.get(self.law)) is not None:
+            unread = ["settings", "gain", *(self.shaping if constant.share is None else ())]
+        for name in unread:
+            if getattr(self, name):
+                owner = self.law if self.user is None else "a law in Python"
+                yield name, f"{owner} has no {name}; leave it out"
 
     @property
     def shaping(self) -> tuple[str, ...]:
