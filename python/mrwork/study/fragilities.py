@@ -33,7 +33,7 @@ from mrwork.closed_loop.evaluation import criterion as criterion_named
 from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.comparison import small_first
-from mrwork.study.results import StudyResults
+from mrwork.study.results import RecordLevels, StudyResults
 from mrwork.study.storeys import COLLAPSED
 from mrwork.study.study import Kind
 
@@ -409,13 +409,11 @@ def fragility(
             row.label: (row.kind, *of_row)
             for row, *of_row in zip(results.rows, responses, outside, strict=True)
         },
-        at.levels,
+        at,
         name,
         value,
         unit=in_command_unit(criterion_named(name).unit, results.command_unit),
         level=level,
-        records=at.records,
-        measure=at.measure,
         seed=seed,
         modelling_dispersion=modelling_dispersion,
         study_warnings=results.study_warnings,
@@ -484,33 +482,30 @@ def fragilities_of(
             f"a fragility is over two records or more at several rising levels above 0, and here are "
             f"{counted(count, 'record')} at the levels {at.tolist()}; give more"
         )
-    outside = np.zeros(shape)
+    names = tuple(map(str, range(1, count + 1))) if records is None else tuple(records)
+    places, outside = np.zeros(shape, dtype=np.int64), np.zeros(shape)
     return _fragilities(
         {
             label: ("uncontrolled" if label == "uncontrolled" else "controller", response, outside)
             for label, response in by_label.items()
         },
-        at,
+        RecordLevels(records=names, measures=(measure,), levels=at, places=places),
         criterion,
         limit,
         unit=criterion_named(criterion).unit,
         level=level,
-        records=[*map(str, range(1, count + 1))] if records is None else records,
-        measure=measure,
         seed=seed,
     )
 
 
 def _fragilities(
     rows: Mapping[str, tuple[Kind, Floats, Floats]],
-    levels: Floats,
+    at: RecordLevels,
     criterion: str,
     limit: float,
     *,
     unit: str,
     level: float,
-    records: Sequence[str],
-    measure: str,
     seed: int,
     modelling_dispersion: float = 0.0,
     study_warnings: tuple[str, ...] = (),
@@ -519,12 +514,12 @@ def _fragilities(
 
     Both arrays are over record and level; NaN is where there is no run.
     """
-    weights, by_label = drawn_weights(len(records), seed), {}
+    weights, by_label, levels = drawn_weights(len(at.records), seed), {}, at.levels
     for label, (kind, responses, outside) in rows.items():
         there = ~np.isnan(outside)
         crossings = tuple(
             _crossing(record, levels[mask], line[mask], limit)
-            for record, mask, line in zip(records, there, responses, strict=True)
+            for record, mask, line in zip(at.records, there, responses, strict=True)
         )
         above, below = np.array([crossing.ends for crossing in crossings]).T
         (median, *medians), (dispersion, *_) = lognormal_of(above, below, weights)
@@ -535,7 +530,7 @@ def _fragilities(
         by_label[label] = Fragility(
             label=label,
             kind=kind,
-            measure=measure,
+            measure=at.measure,
             median=float(median),
             dispersion=math.hypot(dispersion, modelling_dispersion),
             band=_band(ends[0], ends[1], level, len(crossings)),

@@ -17,7 +17,6 @@ import numpy as np
 from mrwork.base.places import keyed, read_each
 from mrwork.base.summary import named
 from mrwork.base.units import STANDARD_GRAVITY, factor_to_si
-from mrwork.buildings import Building
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.motions.examination import refuse_absurd
@@ -47,16 +46,11 @@ _SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Aims:
-    """What motions are scaled to: the building without dampers, and the target with its period [s], if there is one."""
+    """What motions are scaled to: periods of the building without dampers and of the target, if there is one [s]."""
 
-    building: Building
+    first_period: float
+    target_period: float
     target: TargetSpectrum | None = None
-    target_period: float | None = None
-
-    @property
-    def first_period(self) -> float:
-        """First period of the building [s]."""
-        return float(self.building.periods[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,7 +239,7 @@ def _scale(
         if aims.target is None:
             raise SettingError("scale_to wants a target, and the study has none; give a [target]")
         damping = aims.target.damping
-        period = None if table.scale_to == "pga" else aims.target_period or aims.first_period
+        period = None if table.scale_to == "pga" else aims.target_period
         motion = scaled_to_target(motion, aims.target, by=table.scale_to, period=period)
     intensity = Intensity(measure="pga", value=motion.peak)
     if period is not None:

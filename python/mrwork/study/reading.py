@@ -24,12 +24,13 @@ from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.buildings.groups import commanded, joined_units, refuse_rate
+from mrwork.buildings.groups import commanded, refuse_rate
 from mrwork.buildings.matrices import Device
 from mrwork.buildings.yielding import elastic_frame
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
+from mrwork.closed_loop.responses import command_unit_of
 from mrwork.control.laws.law_problem import DesignProblem, ReferencePeaks
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite
@@ -176,10 +177,9 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
     """The study of a table and of what it names: how that goes together, then its laws."""
     bare, hardware = inputs.bare, replace(table.hardware, seed=inputs.seed)
     assert bare is not None
-    free = (one for damper, one in zip(table.damper, inputs.dampers, strict=True) if damper.command is None)
-    command_unit = joined_units(one.spec.command_unit for one in free if one.spec.follows_command) or "A"
+    first = float(bare.periods[0])
     period = None if table.target is None else table.target.given.get("period")
-    aims = Aims(building=bare, target=inputs.target, target_period=period)
+    aims = Aims(first_period=first, target=inputs.target, target_period=period or first)
     with all_mistakes() as part:
         with part():
             building, devices = equip_building(bare, table.damper, inputs.dampers)
@@ -190,10 +190,6 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
             inputs = replace(inputs, dampers=[inputs.dampers[number] for number in order])
         with part():
             motions = motions_of_study(inputs.records, aims)
-        with part(), keyed("report", "limit"):
-            limit: Mapping[str, float] = {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
-            if table.report.limit is not None:
-                limit = limit_of(table.report.limit, command_unit, Scales.of(bare))
     with all_mistakes() as part:
         with part():
             checked_suite = _check_suite(aims, motions)
@@ -201,6 +197,10 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
             detailed = _choose_detailed(table, motions)
         with part():
             designed_on, levels = _design_motions(table, motions)
+        with part(), keyed("report", "limit"):
+            limit: Mapping[str, float] = {"peak_drift_ratio": bare.drift_limit} if bare.drift_limit else {}
+            if table.report.limit is not None:
+                limit = limit_of(table.report.limit, command_unit_of(devices), Scales.of(bare))
         with part(), keyed("hardware"):
             refuse_rate(devices, hardware.command_rate, "command_rate")
         with part():
@@ -273,8 +273,7 @@ def _check_suite(aims: Aims, motions: Sequence[MotionOfStudy]) -> SuiteCheck | N
     if aims.target is None or len({motion.record for motion in judged}) < len(judged):
         return None
     with keyed("target"):
-        period = aims.target_period or aims.first_period
-        return check_suite([motion.ground for motion in judged], aims.target, period=period)
+        return check_suite([motion.ground for motion in judged], aims.target, period=aims.target_period)
 
 
 def _design_motions(
@@ -347,11 +346,8 @@ def _facts(
     facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
     tested = [damper.tested.in_words if damper.tested else "not known" for damper in chosen]
     facts += [("Tested ranges", text) for text in dict.fromkeys(tested)]
-    facts.append(
-        (
-            "Loop",
-            f"a command every {1e3 * hardware.sample_time:g} ms, delay {1e3 * hardware.delay:g} ms, steps of "
-            f"{1e3 * hardware.step:g} ms, feedback of the {hardware.feedback}",
-        )
+    loop = (
+        f"a command every {1e3 * hardware.sample_time:g} ms, delay {1e3 * hardware.delay:g} ms, steps of "
+        f"{1e3 * hardware.step:g} ms, feedback of the {hardware.feedback}"
     )
-    return tuple(facts)
+    return (*facts, ("Loop", loop))

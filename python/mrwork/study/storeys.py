@@ -104,41 +104,34 @@ def storey_table(results: StudyResults, rows: Sequence[int]) -> Table | None:
 
 def limits_in_words(results: StudyResults) -> Iterator[str]:
     """Sentences on the drift limit, and on what weights do on displaced storeys."""
-    facts = results.building
-    peaks_of = ((row, _peak_ratios(results, row)) for row in range(len(results.rows)))
-    over = {row: peaks for row, peaks in peaks_of if peaks is not None}
+    facts, judged = results.building, list(results.judged_motions)
+    # In per cent, infinite of a run that diverged.
+    ratios = RATIO.factor * results.labelled.up_to_collapse("peak_drift_ratio")[:, judged, 0]
+    peaks_of = {row.label: peaks for row, peaks in zip(results.rows, ratios, strict=True)}
+    over = {label: peaks for label, peaks in peaks_of.items() if judged and not np.isnan(peaks).any()}
     if facts.drift_limit and over:
-        limit = 100.0 * facts.drift_limit
-        broken = [
-            f"{results.rows[row].label} under {int((peaks > limit).sum())} of {peaks.size}, "
-            + (
-                f"{int(np.isinf(peaks).sum())} of which diverged"
-                if np.isinf(peaks).any()
-                else f"up to {significant(float(peaks.max()), 3)} %"
-            )
-            for row, peaks in over.items()
-            if (peaks > limit).any()
-        ]
-        labels = [results.rows[row].label for row, peaks in over.items() if (peaks <= limit).all()]
-        parts = [f"kept by {', '.join(labels)}"] if labels else []
+        limit, keeping, broken = 100.0 * facts.drift_limit, [], []
+        for label, peaks in over.items():
+            count, diverged = int((peaks > limit).sum()), int(np.isinf(peaks).sum())
+            if count:
+                ends = (
+                    f"{diverged} of which diverged" if diverged else f"up to {significant(peaks.max(), 3)} %"
+                )
+                broken.append(f"{label} under {count} of {peaks.size}, {ends}")
+            else:
+                keeping.append(label)
+        parts = [f"kept by {', '.join(keeping)}"] if keeping else []
         parts += [f"exceeded by {'; '.join(broken)}"] if broken else []
         yield f"The drift limit of {limit:g} % is {', '.join(parts)}."
-    finite = {row: peaks[np.isfinite(peaks)].max(initial=0.0) for row, peaks in over.items()}
-    worst = max(finite, key=finite.__getitem__, default=None)
-    if worst is not None and finite[worst] > 100.0 * COLLAPSED:
+    finite = {label: peaks[np.isfinite(peaks)].max(initial=0.0) for label, peaks in over.items()}
+    worst = max(finite, key=finite.__getitem__, default="")
+    if worst and finite[worst] > 100.0 * COLLAPSED:
         yield (
-            f"The drift ratio reaches {significant(finite[worst], 3)} % with {results.rows[worst].label}: above "
-            f"{100.0 * COLLAPSED:g} % a real frame has collapsed, and the run says no more than that."
+            f"The drift ratio reaches {significant(finite[worst], 3)} % with {worst}: above {100.0 * COLLAPSED:g} % a "
+            "real frame has collapsed, and the run says no more than that."
         )
     yield from _stability_in_words(results, facts)
     yield from _motion_left_in_words(results, facts)
-
-
-def _peak_ratios(results: StudyResults, row: int) -> Floats | None:
-    """Peak drift ratio under each judged motion [%], infinite of a run that diverged; `None` if one is not known."""
-    judged = list(results.judged_motions)
-    peaks = results.labelled.up_to_collapse("peak_drift_ratio")[row, judged, 0]
-    return None if not judged or np.isnan(peaks).any() else RATIO.factor * peaks
 
 
 def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator[str]:
