@@ -255,36 +255,29 @@ def equip_building(
         # Braces of other dampers add coordinates, which do not move this one.
         return np.append(row, np.zeros(building.n_coordinates - len(row)))
 
+    storeys = [bare.storey_name(table.storey) for table in tables]
+    names = [table.name or f"damper in {storey}" for table, storey in zip(tables, storeys, strict=True)]
     for number, table in enumerate(tables):
         if (brace := table.brace) is not None:
-            mass = brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
-            where = bare.storey_name(table.storey)
             with keyed("damper", number, "brace"):
                 building = brace_across(
                     building,
                     whole(rows[number]),
-                    where,
-                    stiffness=brace.stiffness,
-                    damping=brace.damping,
-                    mass=mass,
-                    name=table.name or f"damper in {where}",
+                    storeys[number],
+                    **named(brace, "stiffness", "damping"),
+                    mass=brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names),
+                    name=names[number],
                 )
             rows[number] = building.storeys[-1]
     devices: list[Device] = []
-    for number, (table, one, row) in enumerate(zip(tables, chosen, rows, strict=True)):
-        name = table.name or f"damper in {bare.storey_name(table.storey)}"
+    for number, (table, one, name) in enumerate(zip(tables, chosen, names, strict=True)):
         before = 0 if table.name else sum(device.name.startswith(name) for device in devices)
         with keyed("damper", number):
-            if table.name in [device.name for device in devices]:
-                raise InvalidSettingError(
-                    "name", f"two dampers are called {table.name!r}; give each its own name"
-                )
             devices.append(
                 Device(
                     name=f"{name}, number {before + 1}" if before else name,
-                    row=whole(row),
-                    count=table.count,
-                    differential=table.differential,
+                    row=whole(rows[number]),
+                    **named(table, "count", "differential"),
                     command=_command_given(table, "command", one.spec.command_unit or "A"),
                     **named(one, "spec", "theta", "largest_command", "tested", "rated_force", "rated_stroke"),
                 )

@@ -183,6 +183,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
     with all_mistakes() as part:
         with part():
             building, devices = equip_building(bare, table.damper, inputs.dampers)
+            refuse_same([device.name for device in devices], "damper", "dampers", "name")
             # Dampers that a law commands come first, whatever their order in the file.
             order = sorted(range(len(devices)), key=lambda number: not devices[number].is_commanded)
             devices = tuple(devices[number] for number in order)
