@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import reduce
+from functools import cache, partial, reduce
 from typing import Final
 
 import numpy as np
@@ -90,16 +90,12 @@ def simulate_criteria(
 
         return reduce(Runs.beside, map(alone, range(count))).with_labels("realisation", numbered(count))
     noisy = any(noise for noise, _ in hardware.sensors)
-    factors = list(zip(realisations.stiffness.tolist(), realisations.damping.tolist(), strict=True))
-    buildings = {
-        (stiffness, damping): vary_building(arrangement, stiffness=stiffness, damping=damping)
-        for stiffness, damping in dict.fromkeys(factors)
-    }
+    vary = cache(partial(vary_building, arrangement))
+    varied = tuple(map(vary, realisations.stiffness.tolist(), realisations.damping.tolist()))
     building, devices, law, hardware = loop_of(arrangement, hardware)
     if arrangement.devices:
         draws = zip(devices, realisations.theta, strict=True)
         devices = [replace(device, theta=theta) for device, theta in draws]
-    varied = tuple(buildings[factor] for factor in factors)
     responses = simulate_loop(
         varied[0] if yields else building,
         devices,
@@ -150,7 +146,7 @@ def scales_of(arrangement: Arrangement) -> Scales:
     return Scales(weight=Scales.of(arrangement.bare).weight, **of_storeys)
 
 
-def vary_building(arrangement: Arrangement, *, stiffness: float, damping: float) -> Building:
+def vary_building(arrangement: Arrangement, stiffness: float, damping: float) -> Building:
     """The building of an arrangement with factors of stiffness and damping of the bare building.
 
     What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned. Storeys that yield

@@ -688,11 +688,10 @@ class StepChange:
 
     def in_words(self, results: StudyResults) -> str:
         """The criterion and the motion, and the motions that are not compared."""
-        value = ""
-        if self.criterion:
-            value = f"{criterion(self.criterion).title}, {results.motions[self.motion].name}"
-        others = ", ".join(results.motions[motion].name for motion in self.unfinished)
-        return "; ".join(part for part in (value, f"not compared: {others}" if others else "") if part)
+        names = [motion.name for motion in results.motions]
+        parts = [f"{criterion(self.criterion).title}, {names[self.motion]}"] if self.criterion else []
+        others = ", ".join(names[motion] for motion in self.unfinished)
+        return "; ".join([*parts, *([f"not compared: {others}"] if others else [])])
 
 
 def largest_step_changes(results: StudyResults) -> tuple[StepChange, ...]:
