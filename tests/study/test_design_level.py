@@ -67,7 +67,6 @@ def test_a_study_of_several_levels_says_that_its_laws_are_of_all() -> None:
 def test_with_training_motions_it_is_theirs_also_in_tune() -> None:
     trained = at_levels(trained=True, design_level="0.5 g")
     assert [each.name for each in trained.chosen_on] == ["record 0, 0.5 g", "record 1, 0.5 g"]
-    assert trained.problem is not None
     assert tuple(trained.problem.motions) == trained.chosen_on
     tuned = mr.tune(trained, laws=["clipped_optimal"], budget=24, rng=0)
     judged = mr.tuning.judge(trained, tuned)
@@ -167,6 +166,6 @@ def test_a_mode_without_stiffness_has_no_period_to_scale_at() -> None:
     stiffness = frame.stiffness - frame.storey_stiffnesses[0] * np.diag([1.0, 0.0, 0.0, 0.0, 0.0])
     free = replace(frame, stiffness=stiffness)
     motion = {"synthetic": "kanai_tajimi", "duration": 4.0, "sa": 1.0}
-    refusal(mr.study_of, building=free, motions=[motion], match="no stiffness.*sa_period")
+    refusal(mr.study_of, building=free, motions=[motion], match="`periods` is inf")
     made = mr.study_of(building=free, motions=[{**motion, "sa_period": 0.5}])
     assert made.motions[0].intensity is not None

@@ -66,7 +66,6 @@ def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins() -> 
 
 def test_numbers_that_make_no_law_are_refused() -> None:
     problem = tuning_samples.small_study().problem
-    assert problem is not None
     scales = {"control_weight": 1e-12, "deformation": 1e-3, "rate": 0.1, "force": 1e3}
     network = settings_of(LAW, {**scales, "network": [0.0] * 24})
     refusal(network.design, problem, match="24 numbers; give 25")

@@ -134,10 +134,10 @@ def designed(
     >>> study.taken_settings  # doctest: +SKIP
     """
     lacking = [arrangement.named for arrangement in study.arrangements if arrangement.named is not None]
-    if not lacking or study.problem is None:
+    if not lacking:
         return study
     call = LongCall[StudyProgress, Study](journal=journal, on_progress=on_progress)
-    trials = _Trials(study=study, problem=study.problem, call=call, course=Course(on_progress))
+    trials = _Trials(study=study, call=call, course=Course(on_progress))
 
     def arranged(arrangement: Arrangement) -> Arrangement:
         if arrangement.named is None:
@@ -156,7 +156,6 @@ class _Trials:
     """Runs from which settings of laws are taken, on the training motions; none is simulated before a law asks."""
 
     study: Study
-    problem: DesignProblem
     call: LongCall[StudyProgress, Study]
     course: Course
 
@@ -188,7 +187,7 @@ class _Trials:
     @cached_property
     def _shaken(self) -> DesignProblem:
         """The problem with the motion that the response of its dampers lets expect."""
-        whole, (_, _, expected) = self.problem.whole, self._response
+        whole, (_, _, expected) = self.study.problem.whole, self._response
         amplitude, velocity = (
             (round_to(_SMALLEST * value), round_to(value)) for value in (expected.stroke, expected.rate)
         )
@@ -274,7 +273,7 @@ class _Trials:
     @cached_property
     def _response(self) -> tuple[Runs, Runs, Magnitudes]:
         """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
-        problem = self.problem.whole
+        problem = self.study.problem.whole
         self.course.begin("dampers at i = 0 and at the largest command")
         off, on = (self._run(problem, constant_share(problem.devices, share)) for share in (0.0, 1.0))
         magnitudes = magnitudes_of_runs(problem.building, problem.motions, off, on, devices=problem.devices)

@@ -261,7 +261,7 @@ class Study(Summarised):
     described: tuple[tuple[str, str], ...]
     detailed: int
     histories: tuple[int, ...]
-    problem: DesignProblem | None = None
+    problem: DesignProblem
     tunes: tuple[TuneTable, ...] = ()
     realisations: Realisations | None = None
     other_sets: tuple[OtherSet, ...] = ()

@@ -74,7 +74,6 @@ class Bench(Summarised):
     ) -> Bench:
         """The bench of a study with these realisations, by default the nominal one; i = 0 is simulated on it."""
         check_controllable(study)
-        assert study.problem is not None
         bench = Bench(
             study=study,
             problem=study.problem,
@@ -207,7 +206,6 @@ class LawPlan:
 
 def arrange_law(study: Study, law: str, candidate: LawCandidate, row: Row) -> Arrangement:
     """The dampers of a study under a law with these settings, as `mrwork respond` simulates it."""
-    assert study.problem is not None
     limited = study.problem.limited_to(candidate.largest_command)
     designed = design_law(law, limited, settings_of(law, candidate.of_law))
     dead_zone, slope = candidate.shape
@@ -221,7 +219,7 @@ def arrange_law(study: Study, law: str, candidate: LawCandidate, row: Row) -> Ar
 
 def check_controllable(study: Study) -> None:
     """Refuse a study of which no law can be tuned."""
-    if study.problem is None or not any(device.is_commanded for device in study.devices):
+    if not any(device.is_commanded for device in study.devices):
         raise SettingError(
             f"study {study.title!r} has no damper that follows a command, so no law can be tuned; give it one"
         )
