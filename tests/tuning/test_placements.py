@@ -154,7 +154,7 @@ def test_equal_dampers_that_stand_already_are_the_placement_of_the_study(tmp_pat
         ("[places]\ndampers = 9", DAMPER, "line 11: .* more than 60 placements"),
         ("[places]", DAMPER + DAMPER.replace("differential = true", "count = 2"), "differs from the first"),
         ("[places]\ndampers = 3", 2 * DAMPER, "study has 2"),
-        ("[places]", f"{DAMPER}row = [1.0, 0.0, 0.0, 0.0]\n", "a row of one place"),
+        ("[places]", f"{DAMPER}row = [1.0, 0.0, 0.0, 0.0]\n", "give an angle"),
     ],
 )
 def test_places_that_cannot_be_compared_are_refused(
