@@ -168,9 +168,8 @@ def _keys_of(table: Table) -> tuple[Key, ...]:
                 alike.setdefault(entry.name_in_file, []).append(entry)
     for keys in alike.values():
         if len(keys) < len(functions):
-            keys[0] = replace(
-                keys[0], default=next((key.default for key in keys if not key.is_required), None)
-            )
+            default = next((key.default for key in keys if not key.is_required), None)
+            keys[0] = replace(keys[0], default=default)
     return tuple(keys[0] for keys in alike.values())
 
 

@@ -46,15 +46,9 @@ def toml_lines(text: str) -> dict[KeyPath, int]:
 
 def _note(value: Any, path: KeyPath, first: int, last: int, lines: dict[KeyPath, int]) -> None:
     """Note the lines of what is in a value that stands from the first line to the last."""
-    items = (
-        [*value.items()]
-        if isinstance(value, dict)
-        else [*enumerate(value)]
-        if isinstance(value, list)
-        else []
-    )
     a_line_each = isinstance(value, list) and len(value) == last - first - 1
-    for number, (name, inner) in enumerate(items, start=1):
+    items = dict(enumerate(value)) if isinstance(value, list) else value
+    for number, (name, inner) in enumerate(items.items() if isinstance(items, dict) else (), start=1):
         begin, end = (first + number, first + number) if a_line_each else (first, last)
         lines.setdefault((*path, name), begin)
         _note(inner, (*path, name), begin, end, lines)
