@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import fields, replace
 from functools import partial
-from typing import get_args
 
-from mrwork.base.units import COMMAND_SCALES
 from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of, read_entry
 from mrwork.cli.numbers import finite_number, named_path
@@ -19,7 +17,6 @@ from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.settings import (
     FitSettings,
-    Fold,
     Search,
     has_generations,
     resize_search,
@@ -28,6 +25,7 @@ from mrwork.identification.settings import (
 )
 
 _AUTO, _LAWS = "auto", "current laws"
+_CHOICE = "mrwork.uncertainty.choice.choose:choose_model"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -70,28 +68,10 @@ def add_options(parser: CommandParser) -> None:
         default={},
         repeated=True,
     )
-    parser.option(
-        _LAWS,
-        "--command-unit",
-        "unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %, bar, psi, "
-        "lb or degC; default A where the tests have a current",
-        metavar="UNIT",
-        choices=[*COMMAND_SCALES],
-    )
-    parser.option(
-        _LAWS,
-        "--driver-lag",
-        "let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; for "
-        "records of a set point that varies, rather than of the current itself; left out where the tests show none",
-        bool,
-    )
-    parser.option(
-        "comparison of models and laws",
-        "--leave-out",
-        "with several models or --law auto: tests that are left out together and predicted: all of one motion (default "
-        "from three motions on), each test alone, or all at one command",
-        choices=get_args(Fold),
-    )
+    usual = "default A where the tests have a current"
+    add_option_of(parser, _CHOICE, _LAWS, "unit", "command-unit", default=None, metavar="UNIT", more=usual)
+    add_option_of(parser, _CHOICE, _LAWS, "lagged", "driver-lag")
+    add_options_of(parser, _CHOICE, "comparison of models and laws", "leave_out")
     add_observation(parser)
     parser.option(
         SEARCH,
@@ -186,7 +166,7 @@ def _refuse_together(
             f"--engine {options.engine} finishes one model; leave it out where models are compared",
         ),
         (
-            options.driver_lag and not options.law,
+            options.lagged and not options.law,
             "--driver-lag is of the command, which no parameter follows; give --law NAME=LAW",
         ),
     ):
@@ -205,11 +185,9 @@ def _choose(
 
     ending = "models" if several else options.model.rpartition(":")[2]
     verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
-    kwargs = {
+    kwargs = arguments_of(options, _CHOICE) | {
         "laws": {name: law for name, law in options.law.items() if name != _AUTO},
-        "unit": command_unit(verb.tests, options.command_unit),
-        "lagged": options.driver_lag,
-        "leave_out": options.leave_out,
+        "unit": command_unit(verb.tests, options.unit),
         "settings": settings,
     }
     if _AUTO in options.law:
@@ -226,8 +204,8 @@ def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settin
     spec = damper(model) if isinstance(model, str) else model
     verb = Identification.of(options, settings, spec.name, kept="the best fit")
     if options.law:
-        unit = command_unit(verb.tests, options.command_unit)
-        spec = spec.with_current_laws(options.law, unit=unit, lagged=options.driver_lag)
+        unit = command_unit(verb.tests, options.unit)
+        spec = spec.with_current_laws(options.law, unit=unit, lagged=options.lagged)
         spec = spec_by_values(spec, tested_commands(spec, verb.tests))
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     return fit_model(verb, spec, replace(settings, starts=starts))

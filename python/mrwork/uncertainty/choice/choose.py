@@ -380,10 +380,16 @@ def choose_model(
     models
         Names of models, models with their laws, or "all".
     leave_out
-        Tests that are left out together: whole motions where there are three or more, else single tests.
-    laws, unit, lagged
-        Laws of the parameters that follow the command, for the families that have such parameters, and whether the
-        driver lags behind it; see `DamperSpec.with_current_laws`.
+        With several models or laws to choose: tests that are left out together and predicted: all of one motion
+        (default from three motions on), each test alone, or all at one command.
+    laws
+        Laws of the parameters that follow the command, for the families that have such parameters.
+    unit
+        Unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %, bar, psi, lb
+        or degC.
+    lagged
+        Let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; for
+        records of a set point that varies, rather than of the current itself; left out where the tests show none.
     settings
         Settings of each identification, see `identify`; its bounds apply to the families that have such parameters.
     threads
