@@ -156,7 +156,7 @@ def _of_use(rows: Sequence[ListedTest], use: Use) -> list[ListedTest]:
 def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_Step, str]:
     """The step that chooses a model, and its laws where the tests run at several commands; why no test is spare."""
     # SciPy is slow to load.
-    from mrwork.cli.identified import Identification, fit_best, fit_model
+    from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
     from mrwork.uncertainty.choice.laws import choose_laws
     from mrwork.uncertainty.choice.splits import can_leave_out
@@ -174,11 +174,11 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
         laws = partial(choose_laws, models, settings=settings, unit=command_unit(tests))
-        fit = partial(fit_best, verb, laws)
+        fit = partial(verb.choose, laws)
     elif len(models) > 1:
-        fit = partial(fit_best, verb, partial(choose_model, models=models, settings=settings))
+        fit = partial(verb.choose, partial(choose_model, models=models, settings=settings))
     else:
-        fit = partial(fit_model, verb, damper(models[0]), settings)
+        fit = partial(verb.fit, damper(models[0]), settings)
     return ("choosing model and laws", fit), spare
 
 

@@ -40,14 +40,14 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Identify, and say how `mrwork identify` does the same."""
     # What identifies and writes the folder is slow to load, and the help does not need it.
-    from mrwork.cli.identified import Identification, fit_model
+    from mrwork.cli.identified import Identification
     from mrwork.records.reading import Reading
 
     settings, reading = FitSettings(rng=options.rng), Reading(files=(_FILE,), folder=str(Path.cwd()))
     verb = Identification.of_tests(
         options, settings, reading, reading.tests(), _OUT.name, kept="the best fit"
     )
-    status = fit_model(verb, damper(_MODEL), settings)
+    status = verb.fit(damper(_MODEL), settings)
     if status == 0 and not options.json:
         same = ["identify", _FILE, "--model", _MODEL, "--seed", str(options.rng), "--out", str(options.out)]
         other = ["predict", str(options.out), _OTHER]

@@ -25,6 +25,14 @@ def command_line() -> str:
     return shlex.join(["mrwork", *sys.argv[1:]])
 
 
+def work_of(options: argparse.Namespace, kind: RunKind, default: str) -> RunAtWork:
+    """The run in the folder of the command line, or `default` in `out`; a folder of another verb is refused."""
+    folder = options.out or Path("out") / default
+    work = RunAtWork(folder, kind, replace=options.replace, resume=options.resume, note=note)
+    work.run()
+    return work
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """The options of a verb, the run folder that it writes, and what that has after Ctrl-C, in words."""
@@ -32,14 +40,6 @@ class Frame:
     options: argparse.Namespace
     work: RunAtWork
     kept: str
-
-    @classmethod
-    def of(cls, options: argparse.Namespace, kind: RunKind, default: str, kept: str) -> Frame:
-        """The frame of the folder of the command line, or `default` in `out`; a folder of another verb is refused."""
-        folder = options.out or Path("out") / default
-        work = RunAtWork(folder, kind, replace=options.replace, resume=options.resume, note=note)
-        work.run()
-        return cls(options=options, work=work, kept=kept)
 
     @property
     def folder(self) -> Path:
@@ -52,13 +52,18 @@ class Frame:
         return is_quiet(self.options)
 
     def compute(
-        self, compute: Callable[[ProgressLine], Result], *, patience: float = 0.0
+        self, compute: Callable[[ProgressLine], Result], *, patience: float = 0.0, before: str = ""
     ) -> tuple[Result | None, int]:
-        """The result with a progress line, after Ctrl-C what there is of it; and the exit status, 0 or 130."""
+        """The result with a progress line, after Ctrl-C what there is of it; and the exit status, 0 or 130.
+
+        `before` says what has not happened where there is nothing.
+        """
         try:
             with progress_line(quiet=self.is_quiet, patience=patience) as line:
                 return compute(line), 0
         except Interrupted as interrupt:
+            if interrupt.result is None:
+                note(f"interrupted before {before}; run the same command with --resume to continue")
             return interrupt.result, 130
 
     def note_complete(self) -> None:

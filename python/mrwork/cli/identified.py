@@ -6,11 +6,10 @@ import argparse
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
-from mrwork.base.progress import ProgressLine
 from mrwork.base.summary import Summarised
-from mrwork.cli.frame import Frame, command_line
+from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
@@ -34,29 +33,26 @@ from mrwork.store.run_folder import (
     REPORT,
     RunFolder,
 )
-from mrwork.store.run_writer import RunAtWork, is_complete, nothing_to_resume
+from mrwork.store.run_writer import is_complete, nothing_to_resume
 
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
     from mrwork.uncertainty.choice.choose import Choice
 
-Result = TypeVar("Result")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identification:
+class Identification(Frame):
     """An identification of a command line: its frame, and its tests with their reading.
 
     A step of another verb is neither shown nor drawn.
     """
 
-    frame: Frame
     reading: Reading
     tests: tuple[DamperTest, ...]
     is_step: bool = False
 
     @classmethod
-    def of(
+    def of_files(
         cls, options: argparse.Namespace, settings: FitSettings, ending: str, *, kept: str
     ) -> Identification:
         """The identification of the tests of the command line.
@@ -82,46 +78,107 @@ class Identification:
     ) -> Identification:
         """The identification of tests as the settings observe them, into `folder` in `out` if none is given."""
         return cls(
-            frame=Frame.of(options, FIT_RUN, folder, kept),
+            options=options,
+            work=work_of(options, FIT_RUN, folder),
+            kept=kept,
             reading=reading,
             tests=tuple(observed(test, settings.observe) for test in tests),
             is_step=is_step,
         )
 
-    def search(self, search: Callable[[ProgressLine], Result], *, before: str) -> tuple[Result | None, int]:
-        """The result of a search, and the exit status; `before` says what has not happened when Ctrl-C leaves none."""
-        result, status = self.frame.compute(search)
-        if result is None:
-            note(f"interrupted before {before}; run the same command with --resume to continue")
-        return result, status
+    def fit(self, spec: DamperSpec, settings: FitSettings) -> int:
+        """Fit one model to the tests into the run folder, and show it; return the exit status."""
+        with self.work as work:
+            journal = work.journal()
+            fit, status = self.compute(
+                lambda line: identify_with(
+                    spec,
+                    self.tests,
+                    settings,
+                    threads=self.options.threads,
+                    on_progress=line,
+                    journal=journal,
+                ),
+                before="any candidate was simulated",
+            )
+            journal.close()
+            self.note_complete()
+            return status if fit is None else self._end(self._with_command(fit), status)
 
-    def with_command(self, fit: Fit) -> Fit:
+    def choose(self, choose: Callable[..., Choice]) -> int:
+        """Make a choice of model or laws; the run folder has the best, and what was compared; return the exit status.
+
+        `choose` takes the tests, threads, journals and the line of progress.
+        """
+        if (status := self._end_complete(RANKING)) is not None:
+            return status
+        with self.work as work:
+            choice, status = self.compute(
+                lambda line: choose(
+                    tests=self.tests,
+                    threads=self.options.threads,
+                    on_progress=line,
+                    journal_of=lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
+                ),
+                before="anything was compared",
+            )
+            if choice is None:
+                return status
+            ranking = choice.ranking
+            documents: dict[str, object] = {RANKING: asdict(ranking)}
+            if ranking.unit is None:
+                best, paths = self._with_command(choice.best), dict[str, str]()
+                for fit in choice.fits:
+                    path = f"{MODELS}/{fit.model}/{FIT}"
+                    paths[fit.model] = str(self.folder / path)
+                    documents[path] = self._with_command(fit).as_dict()
+                shown = ranking.document() | {"fits": paths}
+            else:
+                best = self._with_command(replace(choice.best, seconds=choice.seconds))
+                shown = best.document() | {"choice_of_laws": ranking.document()}
+                if choice.others:
+                    documents[NEAR_SETS] = others_content(choice.others)
+            if choice.others and not self.is_quiet:
+                note(
+                    f"{len(choice.others)} other sets of laws predict nearly as well, within 1 point; predict and "
+                    "respond say how far they are apart where the tests end"
+                )
+            return self._end(
+                best,
+                status,
+                grown=() if status == 0 else work.step_journals,
+                results=(ranking, best) if status == 0 else (ranking,),
+                document=shown,
+                documents=documents,
+            )
+
+    def _with_command(self, fit: Fit) -> Fit:
         """The fit with a record of this command line and of how its tests were read, which `reopen` needs."""
         return fit.with_command(command_line(), self.reading)
 
-    def end_complete(self, table: str) -> int | None:
+    def _end_complete(self, table: str) -> int | None:
         """Show the fit of a complete comparison of these tests, which has the `table`, and draw its page.
 
         Return the exit status, `None` where there is no such comparison or it is not to be resumed.
         """
-        work, folder = self.frame.work, self.frame.folder
-        if not (work.continues and is_complete(folder) and (work.folder / table).is_file()):
+        if not (self.work.continues and is_complete(self.folder) and (self.work.folder / table).is_file()):
             return None
-        fit = read_fit(folder)
+        fit = read_fit(self.folder)
         if {test.sha256 for test in self.tests} != {*fit.provenance.inputs.values()}:
-            raise RecordError(f"{folder} is of other tests; give the same, or --replace instead of --resume")
-        note(nothing_to_resume(folder))
+            raise RecordError(
+                f"{self.folder} is of other tests; give the same, or --replace instead of --resume"
+            )
+        note(nothing_to_resume(self.folder))
         if self.is_step:
             return 0
         self._show((fit,), fit.document())
-        return renew_page(folder, quiet=self.frame.is_quiet)
+        return renew_page(self.folder, quiet=self.is_quiet)
 
-    def end(
+    def _end(
         self,
         fit: Fit,
         status: int,
         *,
-        work: RunAtWork,
         results: Sequence[Summarised] = (),
         document: Mapping[str, object] | None = None,
         documents: Mapping[str, object] | None = None,
@@ -133,11 +190,10 @@ class Identification:
         `grown`: the journals that are kept. After Ctrl-C, `status` 130, nothing waits for the disk, no page is drawn,
         and a message says what is written.
         """
-        options, folder, finished = self.frame.options, self.frame.folder, status == 0
-        written = self.frame.is_to_write(status)
+        finished, written = status == 0, self.is_to_write(status)
         if written:
             write_run(
-                work,
+                self.work,
                 fit=fit,
                 manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
                 documents=documents,
@@ -146,7 +202,7 @@ class Identification:
         if not self.is_step:
             self._show(results or (fit,), fit.document() if document is None else document)
         if not finished:
-            self.frame.note_stop(written=written)
+            self.note_stop(written=written)
         if not finished or self.is_step:
             return status
 
@@ -156,85 +212,17 @@ class Identification:
             from mrwork.runs.load import with_additions
             from mrwork.uncertainty.bands.prediction import predictions_of
 
-            run = with_additions(RunFolder.open(folder), fit)
-            fit_page(run, predictions_of(fit, self.tests), on_progress=on_progress).write(folder)
+            run = with_additions(RunFolder.open(self.folder), fit)
+            fit_page(run, predictions_of(fit, self.tests), on_progress=on_progress).write(self.folder)
 
-        status = draw_last(folder, draw, quiet=self.frame.is_quiet)
-        if status == 0 and not options.json:
-            show(f"\nReport: {folder / REPORT}")
+        status = draw_last(self.folder, draw, quiet=self.is_quiet)
+        if status == 0 and not self.options.json:
+            show(f"\nReport: {self.folder / REPORT}")
         return status
 
     def _show(self, results: Sequence[Summarised], document: Mapping[str, object]) -> None:
         """Print results, or the document with --json."""
         findings = findings_for("identify", self.tests)
-        more = {"findings": as_plain(findings), "out": str(self.frame.folder)}
+        more = {"findings": as_plain(findings), "out": str(self.folder)}
         below = ["", *(f"  {finding.in_words}" for finding in findings)] if findings else []
-        show_results(self.frame.options, *results, document={**document, **more}, below=below)
-
-
-def fit_model(verb: Identification, spec: DamperSpec, settings: FitSettings) -> int:
-    """Fit one model to the tests of a verb into its run folder, and show it; return the exit status."""
-    with verb.frame.work as work:
-        journal = work.journal()
-        fit, status = verb.search(
-            lambda line: identify_with(
-                spec,
-                verb.tests,
-                settings,
-                threads=verb.frame.options.threads,
-                on_progress=line,
-                journal=journal,
-            ),
-            before="any candidate was simulated",
-        )
-        journal.close()
-        verb.frame.note_complete()
-        return status if fit is None else verb.end(verb.with_command(fit), status, work=work)
-
-
-def fit_best(verb: Identification, choose: Callable[..., Choice]) -> int:
-    """Make a choice of model or laws; the run folder has the best, and what was compared; return the exit status.
-
-    `choose` takes the tests, threads, journals and the line of progress.
-    """
-    if (status := verb.end_complete(RANKING)) is not None:
-        return status
-    with verb.frame.work as work:
-        choice, status = verb.search(
-            lambda line: choose(
-                tests=verb.tests,
-                threads=verb.frame.options.threads,
-                on_progress=line,
-                journal_of=lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
-            ),
-            before="anything was compared",
-        )
-        if choice is None:
-            return status
-        ranking, folder = choice.ranking, verb.frame.folder
-        documents: dict[str, object] = {RANKING: asdict(ranking)}
-        if ranking.unit is None:
-            best, paths = verb.with_command(choice.best), dict[str, str]()
-            for fit in choice.fits:
-                paths[fit.model] = f"{MODELS}/{fit.model}/{FIT}"
-                documents[paths[fit.model]] = verb.with_command(fit).as_dict()
-            shown = ranking.document() | {"fits": {name: str(folder / path) for name, path in paths.items()}}
-        else:
-            best = verb.with_command(replace(choice.best, seconds=choice.seconds))
-            shown = best.document() | {"choice_of_laws": ranking.document()}
-            if choice.others:
-                documents[NEAR_SETS] = others_content(choice.others)
-        if choice.others and not verb.frame.is_quiet:
-            note(
-                f"{len(choice.others)} other sets of laws predict nearly as well, within 1 point; predict and respond "
-                "say how far they are apart where the tests end"
-            )
-        return verb.end(
-            best,
-            status,
-            work=work,
-            grown=() if status == 0 else work.step_journals,
-            results=(ranking, best) if status == 0 else (ranking,),
-            document=shown,
-            documents=documents,
-        )
+        show_results(self.options, *results, document={**document, **more}, below=below)

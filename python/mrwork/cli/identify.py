@@ -179,33 +179,33 @@ def _choose(
 ) -> int:
     """Choose among models or among laws of a command, and fit."""
     # What identifies and writes the folder is slow to load, and the help does not need it.
-    from mrwork.cli.identified import Identification, fit_best
+    from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
     from mrwork.uncertainty.choice.laws import choose_laws
 
     ending = "models" if several else options.model.rpartition(":")[2]
-    verb = Identification.of(options, settings, ending, kept="the best of what was fitted")
+    verb = Identification.of_files(options, settings, ending, kept="the best of what was fitted")
     kwargs = arguments_of(options, _CHOICE) | {
         "laws": {name: law for name, law in options.law.items() if name != _AUTO},
         "unit": command_unit(verb.tests, options.unit),
         "settings": settings,
     }
     if _AUTO in options.law:
-        return fit_best(verb, partial(choose_laws, models, **kwargs))
-    return fit_best(verb, partial(choose_model, models=models, **kwargs))
+        return verb.choose(partial(choose_laws, models, **kwargs))
+    return verb.choose(partial(choose_model, models=models, **kwargs))
 
 
 def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settings: FitSettings) -> int:
-    from mrwork.cli.identified import Identification, fit_model
+    from mrwork.cli.identified import Identification
     from mrwork.identification.commands import spec_by_values, tested_commands
     from mrwork.identification.fit_file import read_fit
     from mrwork.identification.problem import start_from
 
     spec = damper(model) if isinstance(model, str) else model
-    verb = Identification.of(options, settings, spec.name, kept="the best fit")
+    verb = Identification.of_files(options, settings, spec.name, kept="the best fit")
     if options.law:
         unit = command_unit(verb.tests, options.unit)
         spec = spec.with_current_laws(options.law, unit=unit, lagged=options.lagged)
         spec = spec_by_values(spec, tested_commands(spec, verb.tests))
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
-    return fit_model(verb, spec, replace(settings, starts=starts))
+    return verb.fit(spec, replace(settings, starts=starts))

@@ -12,18 +12,21 @@ from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
 from mrwork.base.progress import ProgressLine
-from mrwork.cli.frame import Frame, command_line
+from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.options import on_workers
 from mrwork.cli.output import is_quiet, print_result, progress_line, renew_page
 from mrwork.cli.terminal import keep_stdout, note
+from mrwork.runs.study import read_study
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import REPORT, RunKind
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study.course import StudyProgress
+from mrwork.study.named_laws import designed
 from mrwork.study.results import StudyResults
 from mrwork.study.schema import Use
 from mrwork.study.study import Study
+from mrwork.study.tables import study_summary
 
 Results = TypeVar("Results", bound=StudyResults)
 
@@ -51,17 +54,12 @@ def run_on_study(
     use: Use | Literal["all"] = "all",
 ) -> int:
     """Run a verb on the motions of a `use` of its study: compute, write the folder, print; return the exit status."""
-    # The simulation and its tables are slow to load.
-    from mrwork.runs.study import read_study
-    from mrwork.study.named_laws import designed
-    from mrwork.study.tables import study_summary
-
     began = time.perf_counter()
     with progress_line(quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
         line(StudyProgress(label="reading the study and designing its laws"))
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
-    frame = Frame.of(options, kind, default, kept)
+    frame = Frame(options=options, work=work_of(options, kind, default), kept=kept)
     with frame.work as work:
         journal = work.journal()
         with progress_line(quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
