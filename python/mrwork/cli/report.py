@@ -15,10 +15,10 @@ from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import drawing, is_quiet, print_json, told_findings
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
-from mrwork.records import DamperTest
 from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
 
 if TYPE_CHECKING:
+    from mrwork.records import DamperTest
     from mrwork.report.section import OnDrawn
 
 _PAGE = "mrwork.report.pages:write_page"
