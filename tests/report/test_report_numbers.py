@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from mrwork.base import numbers
 from mrwork.plots.canvas import inline_svg
 from mrwork.plots.style import symbol_text
+from mrwork.records.finding import Measured
 from mrwork.report.html import equation_html, page_html, symbol
 from mrwork.report.section import Lead
 
@@ -46,8 +47,8 @@ def test_an_estimate_has_the_digits_its_error_allows(
 
 @pytest.mark.contract
 def test_an_estimate_of_a_terminal_has_plain_characters() -> None:
-    assert numbers.estimate_in_words(-6431.0, 16_000.0) == "-6000 +- 16000"
-    assert numbers.estimate_in_words(3.4567e-9, 1.2e-11) == "3.457e-09 +- 0.012e-09"
+    assert Measured(-6431.0, "N", 16_000.0).in_words() == "-6000 +- 16000"
+    assert Measured(3.4567e-9, "s", 1.2e-11).in_words() == "3.457e-09 +- 0.012e-09"
 
 
 @pytest.mark.parametrize(

@@ -28,14 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.base.docstrings import parameter_texts, with_parameters
-from mrwork.base.hints import (
-    LARGEST,
-    InUnit,
-    Node,
-    instead_of,
-    nodes_of,
-    note_of,
-)
+from mrwork.base.hints import LARGEST, InUnit, Node, instead_of, nodes_of, note_of
 from mrwork.base.hints import May as May
 from mrwork.base.hints import Shape as Shape
 from mrwork.base.hints import Within as Within
@@ -123,11 +116,8 @@ def takes_fields(
         def taking(*args: Given.args, **kwargs: Given.kwargs) -> Result:
             return function(kind(*args, **kwargs))
 
-        texts = parameter_texts(declaring)
-        taking.__doc__ = with_parameters(
-            function.__doc__ or "",
-            {parameter.name: texts[parameter.name] for parameter in parameters},
-        )
+        texts = {parameter.name: parameter_texts(declaring)[parameter.name] for parameter in parameters}
+        taking.__doc__ = with_parameters(function.__doc__ or "", texts)
         signature = inspect.signature(function).replace(parameters=parameters)
         taking.__signature__ = signature  # type: ignore[attr-defined] # `inspect` reads it, stubs lack it
         return checked(taking)
@@ -315,8 +305,8 @@ def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str
 
     match node:
         case Node("scalar", kind) if kind in _NOUNS:
-            unit = _unit_of(node)
-            return noun(_NOUNS[kind], f" [{unit}]" if unit and unit != "1" else "")
+            unit = note_of(node, InUnit)
+            return noun(_NOUNS[kind], f" [{unit.unit}]" if unit and unit.unit not in ("", "1") else "")
         case Node("scalar", kind):
             return "true or false" if kind is bool else "None"
         case Node("enumerated", choices):
@@ -349,19 +339,12 @@ def in_words(node: Node, *, in_file: bool = False, several: bool = False) -> str
 _NOUNS = {float: "number", int: "whole number", str: "text"}
 
 
-def _unit_of(node: Node) -> str | None:
-    """Unit of a number of a document, "1" without one and empty where no text is one; `None` for an argument."""
-    return next((note.unit for note in node.notes if isinstance(note, InUnit)), None)
-
-
-# Scalars
-
-
 def _number(node: Node, value: Any) -> Any:
     number = value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
-    unit = _unit_of(node)
-    if isinstance(value, str) and unit and (unit != "1" or value.rstrip().endswith("%")):
-        number = number_in(value, unit)
+    unit = note_of(node, InUnit)
+    symbol = unit.unit if unit else ""
+    if isinstance(value, str) and symbol and (symbol != "1" or value.rstrip().endswith("%")):
+        number = number_in(value, symbol)
         if isinstance(number, str):
             raise Refusal(node, value, number, "", SettingError)
     if not isinstance(number, Real) or isinstance(number, bool):
@@ -397,8 +380,6 @@ def _choice(node: Node, value: Any) -> Any:
         raise Refusal(node, value, f"is {quote_value(value)}", suggestion(value, texts), UnknownChoiceError)
     raise Refusal(node, value)
 
-
-# Arrays
 
 _NUMBERS = (None, np.float64, np.complex128)
 # Kinds of numbers that an array of each kind is made of.
@@ -437,9 +418,6 @@ def _array(node: Node, value: Any) -> Any:
     if node.kind is None and not traced:
         return value if isinstance(value, int | float | list | tuple) else array
     return array.astype(scalar, copy=False)
-
-
-# Containers
 
 
 def _sequence(node: Node, value: Any) -> Any:

@@ -12,8 +12,6 @@ from typing import Any
 
 _LOCK = threading.Lock()
 _THREADS = "OPENBLAS_NUM_THREADS"
-
-
 # Open blocks, and the limit of the first of them.
 _blocks = 0
 _HELD = ExitStack()

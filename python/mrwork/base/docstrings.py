@@ -30,10 +30,6 @@ def with_parameters(docstring: str, texts: Mapping[str, str]) -> str:
     return f"{before}{PARAMETERS}{entries}{rest}"
 
 
-# One or several names, and the indented lines below them.
-_ENTRY = re.compile(r"^(\w+(?:, \w+)*)\n((?:(?: +.*)?\n)+)", re.MULTILINE)
-
-
 @cache
 def parameter_texts(declaring: Any) -> dict[str, str]:
     """What the docstring of a function, or of a dataclass and its bases, says of each parameter."""
@@ -47,6 +43,6 @@ def texts_in(docstring: str | None) -> dict[str, str]:
     """What a docstring says of each parameter."""
     _, _, below = inspect.cleandoc(docstring or "").partition(PARAMETERS)
     section = SECTION.split(f"{below}\n", maxsplit=1)[0]
-    return {
-        name: dedent(text).strip() for names, text in _ENTRY.findall(section) for name in names.split(", ")
-    }
+    # One or several names, and the indented lines below them.
+    entries = re.findall(r"^(\w+(?:, \w+)*)\n((?:(?: +.*)?\n)+)", section, re.MULTILINE)
+    return {name: dedent(text).strip() for names, text in entries for name in names.split(", ")}

@@ -45,7 +45,7 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     values = given_values(kind, table, place, complete=True)
     with place.prefix_errors(SettingError):
         if isinstance(kind, tuple):
-            made = cast(T, Arguments(functions=kind, given=values, place=place.kept))
+            made = cast(T, Arguments(functions=kind, given=values, place=replace(place, on_table=None)))
         else:
             made = kind(**values)
     place.look_up(made)
@@ -145,11 +145,10 @@ def _read_value(node: Node, value: Any, place: Place, entry: Key) -> Any:
         rows = [row for row in accepted if isinstance(row, tuple)]
         for number, row in enumerate(rows):
             if len(row) != len(rows[0]):
-                lengths = f"{len(rows[0])} and {len(row)}"
-                sentence = (
-                    f"{_name(place)} has rows of different lengths, {lengths}; complete row {number + 1}"
+                place.within(number).refuse(
+                    f"{_name(place)} has rows of different lengths, {len(rows[0])} and {len(row)}; "
+                    f"complete row {number + 1}"
                 )
-                place.within(number).refuse(sentence)
         return tuple(item - 1 for item in accepted) if entry.says.from_one else accepted
     return accepted - 1 if entry.says.from_one else accepted
 

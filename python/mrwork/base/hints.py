@@ -27,8 +27,6 @@ SMALLEST = 1.0 / LARGEST
 NOTES = "notes"
 """Name of the notes in the metadata of a field, which hold beside the notes of its annotation."""
 
-# Notes
-
 
 class May(Enum):
     """Numbers that are not finite, and nevertheless mean something where an annotation names them; arrays of JAX."""
@@ -47,7 +45,7 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class InUnit:
-    """Unit of a number, in whose place a text may give the number in another unit, as "2 mm"."""
+    """Unit of a number, for which a text may have another, as "2 mm"; "1" without one, empty where no text may."""
 
     unit: str
 
@@ -130,9 +128,6 @@ def instead_of(value: float, notes: Notes) -> str:
 
 NoteT = TypeVar("NoteT")
 
-# Nodes
-
-
 Form = Literal[
     "anything", "scalar", "enumerated", "array", "fixed", "items", "by_name", "record", "instance", "function", "either"
 ]  # fmt: skip
@@ -154,9 +149,6 @@ class Node:
     kind: Any = object
     parts: tuple[Node, ...] = ()
     notes: Notes = ()
-
-
-_SCALARS = frozenset({float, int, bool, str, NoneType})
 
 
 def resolved(hint: Any) -> Any:
@@ -201,7 +193,7 @@ def node_of(hint: Any, notes: Notes = ()) -> Node:
     if origin is np.ndarray:
         # NDArray[T] is ndarray[shape, dtype[T]].
         return Node("array", get_args(inner[1])[0], (), notes)
-    if hint in _SCALARS:
+    if hint in (float, int, bool, str, NoneType):
         return Node("scalar", hint, (), notes)
     if hint is Any and May.BE_TRACED in notes:
         return Node("array", None, (), notes)

@@ -25,15 +25,13 @@ from mrwork.errors import InvalidSettingError, MrworkError, UnknownNameError
 
 LARGEST_SEED = 2**53 - 1
 """Largest seed, an integer that every reader of JSON keeps."""
-# As many characters of a value as a message repeats.
-_SHOWN = 40
 
 
 def quote_value(value: object) -> str:
     """A value as messages quote it: in short, or only its type."""
     if isinstance(value, str | bytes | int | float | complex | None):
         text = repr(value)
-        return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
+        return text if len(text) <= 40 else f"{text[:40]}…"
     if isinstance(value, type):
         return f"the class {value.__name__}"
     name = type(value).__name__
@@ -61,10 +59,6 @@ def check_known(
         raise kind(f"{sentence}{suggestion(name, [*known], otherwise=otherwise)}")
 
 
-# Characters from which on a name in another style is compared with others that are only similar.
-_LONG = 6
-
-
 def closest(name: object, known: Sequence[str]) -> str:
     """Most similar known name; empty if none is close."""
     return next(iter(meant(name, known)), "")
@@ -87,7 +81,7 @@ def meant(name: object, known: Sequence[str]) -> list[str]:
     if near := get_close_matches(name, known, n=1):
         return near
     # Short names, as of units, are like too many others then.
-    alike = get_close_matches(without_style(name), plain, n=1) if len(name) >= _LONG else []
+    alike = get_close_matches(without_style(name), plain, n=1) if len(name) >= 6 else []
     return [plain[word] for word in alike]
 
 

@@ -20,9 +20,7 @@ _PLAIN_SIGNS = str.maketrans({MINUS: "-", NOTHING: "-", _THIN_SPACE: None})
 # Numbers between these powers of ten are written without a power of ten.
 _PLAIN = (-6, 7)
 _DIGITS_OF_ERROR = 2
-_DIGITS_ALONE = 5
 _MOST_DIGITS = 8
-_MOST_APART = 17
 
 
 def format_fixed(value: float | None, decimals: int) -> str:
@@ -65,7 +63,7 @@ def value_and_error(value: float, error: float | None) -> tuple[str, str]:
     The value keeps a digit where the error is far larger; where both have too many digits, each is written on its own.
     """
     if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
-        return shortest(value, _DIGITS_ALONE), NOTHING
+        return shortest(value, 5), NOTHING
     of_error = leading_exponent(error, _DIGITS_OF_ERROR) - _DIGITS_OF_ERROR + 1
     finest = min(of_error, leading_exponent(value, 1)) if value else of_error
     digits = math.floor(math.log10(abs(value))) - finest + 1 if value else 1
@@ -85,11 +83,6 @@ def in_plain(text: str) -> str:
     head, times, power = text.partition(" × 10")
     exponent = f"e{int(power.translate(_DIGITS)):+03d}" if times else ""
     return head.translate(_PLAIN_SIGNS) + exponent
-
-
-def estimate_in_words(value: float, error: float) -> str:
-    """An estimate and its standard error for a terminal, as "2800 +- 5600"."""
-    return " +- ".join(map(in_plain, value_and_error(value, error)))
 
 
 def leading_exponent(value: float, digits: int) -> int:
@@ -131,7 +124,7 @@ def round_to(value: float, digits: int = 4) -> float:
 def apart(shown: Callable[[float, int], str], one: float, other: float, digits: int) -> tuple[str, str]:
     """Texts of two numbers with as many digits or decimals as tell them apart, at least `digits`."""
     texts = shown(one, digits), shown(other, digits)
-    if texts[0] == texts[1] and one != other and digits < _MOST_APART:
+    if texts[0] == texts[1] and one != other and digits < 17:
         return apart(shown, one, other, digits + 1)
     return texts
 

@@ -97,12 +97,7 @@ class Place:
         """Look up what a table at this place names; a refusal begins with the place."""
         if self.on_table is not None:
             with self.prefix_errors(SettingError):
-                self.on_table(self.kept, table)
-
-    @property
-    def kept(self) -> Place:
-        """The place as a value keeps it, when all tables are read."""
-        return replace(self, on_table=None)
+                self.on_table(replace(self, on_table=None), table)
 
     @property
     def line(self) -> int:

@@ -22,18 +22,13 @@ from mrwork.errors import escape_text
 Write = Callable[[str], None]
 
 _BAR = 20
-# Compilations that are shorter are not told [s].
-_TOLD = 1.0
-_COMPILED = "/jax/core/compile/backend_compile_duration"
-
-
 COMPILATIONS: list[float] = []
 """Durations of the compilations of this process [s]; `twins` lets JAX report them, where it is loaded."""
 
 
 def note_compilation(event: str, duration_secs: float, **_: str | int) -> None:
     """Note an event that JAX reports, where it is a compilation."""
-    if event == _COMPILED:
+    if event == "/jax/core/compile/backend_compile_duration":
         COMPILATIONS.append(duration_secs)
 
 
@@ -130,7 +125,7 @@ def display_here(*, write: Write, note: Write) -> Display:
 class ProgressLine:
     """Shows the latest report of a computation in a display; without one nothing.
 
-    It appears after `patience` [s]. In the end it says for how long JAX compiled meanwhile.
+    It appears after `patience` [s]. In the end it says for how long JAX compiled meanwhile, from 1 s on.
     """
 
     def __init__(self, display: Display | None, *, patience: float = 0.0) -> None:
@@ -154,7 +149,7 @@ class ProgressLine:
         """Clear the line, and say how long JAX compiled."""
         compiled = sum(COMPILATIONS[self._n_compiled :])
         if self._display is not None:
-            text = f"JAX compiled for {duration_in_words(compiled)}" if compiled >= _TOLD else ""
+            text = f"JAX compiled for {duration_in_words(compiled)}" if compiled >= 1.0 else ""
             self._display.close(text)
 
 
@@ -182,5 +177,4 @@ def show_progress(*, patience: NotNegative = 0.5) -> ProgressLine:
 
 def _write_stderr(text: str) -> None:
     with contextlib.suppress(OSError, ValueError):
-        sys.stderr.write(text)
-        sys.stderr.flush()
+        print(text, end="", file=sys.stderr, flush=True)

@@ -17,8 +17,6 @@ from mrwork.base.table import Table, escape
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
 _MOST_CHARACTERS = 100
-# Largest array that is shown by its numbers.
-_FEW_NUMBERS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,19 +57,21 @@ class Summary:
         longest = max((len(name) for name, _ in self.shown_facts), default=0)
         for name, value in self.shown_facts:
             line = f"  {name:<{longest}}  {value}"
-            lines += _lines_of(line, subsequent_indent=" " * (longest + 4)) if whole else [line]
+            lines += (
+                _lines_of(line, initial_indent="", subsequent_indent=" " * (longest + 4)) if whole else [line]
+            )
         for table in self.shown_tables:
             shown, more = (table, "") if whole else _first_rows(table)
             lines += ["", *([f"  {table.title}"] if table.title else []), *shown.lines("  ", width=width)]
             lines += [f"  {more}"] if more else []
-            lines += _wrapped(table.note)
+            lines += _lines_of(table.note)
         if not whole:
             most = _MOST_CHARACTERS
             lines = [line if len(line) <= most else f"{line[: most - 3]}..." for line in lines]
         elif self.sentences and self.shown_tables:
             lines.append("")
         # A caution must be read to its end.
-        lines += [line for sentence in self.sentences for line in _wrapped(sentence)]
+        lines += [line for sentence in self.sentences for line in _lines_of(sentence)]
         return "\n".join(lines)
 
     def html(self) -> str:
@@ -88,12 +88,15 @@ class Summary:
         return f"<div class='mrwork-summary'>{''.join(parts)}</div>"
 
 
-def _wrapped(sentence: str) -> list[str]:
-    return _lines_of(sentence, initial_indent="  ", subsequent_indent="    ")
-
-
 # Names of files and options are not broken, so that they can be copied.
-_lines_of = partial(wrap, width=_MOST_CHARACTERS, break_long_words=False, break_on_hyphens=False)
+_lines_of = partial(
+    wrap,
+    width=_MOST_CHARACTERS,
+    initial_indent="  ",
+    subsequent_indent="    ",
+    break_long_words=False,
+    break_on_hyphens=False,
+)
 
 
 def _first_rows(table: Table) -> tuple[Table, str]:
@@ -114,14 +117,9 @@ class Summarised:
     _units: ClassVar[Mapping[str, str]] = {}
 
     def _summary(self) -> Summary:
-        values = {entry.name: getattr(self, entry.name) for entry in fields(self) if entry.repr}  # type: ignore[arg-type] # a dataclass
-        return Summary(
-            title=type(self).__name__,
-            facts=[
-                (name, f"{_in_short(value)} {self._units.get(name, '')}".rstrip())
-                for name, value in values.items()
-            ],
-        )
+        names = [entry.name for entry in fields(self) if entry.repr]  # type: ignore[arg-type] # a dataclass
+        values = [f"{_in_short(getattr(self, name))} {self._units.get(name, '')}".rstrip() for name in names]
+        return Summary(title=type(self).__name__, facts=[*zip(names, values, strict=True)])
 
     def document(self) -> dict[str, Any]:
         """What `--json` of a verb prints of the result: by default its fields."""
@@ -146,7 +144,7 @@ def list_names(names: Sequence[str], most: int = 4) -> str:
     return f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
-def _in_short(value: object) -> str:
+def _in_short(value: Any) -> str:
     """A value within a line: an array by its shape and range, a collection by its size, a result by its title."""
     if isinstance(value, Summarised):
         return value._summary().title
@@ -155,20 +153,16 @@ def _in_short(value: object) -> str:
     if isinstance(value, str):
         return value.partition("\n")[0]
     if getattr(value, "shape", None):
-        return _array_in_short(value)
+        if 0 < value.size <= 4:
+            return f"[{', '.join(f'{number:.4g}' for number in value.ravel().tolist())}]"
+        size = f"shape {' x '.join(map(str, value.shape))}"
+        if not value.size or value.dtype.kind not in "fiuc":
+            return size
+        magnitudes = abs(value) if value.dtype.kind == "c" else value
+        words = "from" if magnitudes is value else "of magnitude"
+        return f"{size}, {words} {magnitudes.min():.4g} to {magnitudes.max():.4g}"
     if isinstance(value, Mapping):
         return list_names([f"{name} {_in_short(entry)}" for name, entry in value.items()]) or "none"
     if isinstance(value, list | tuple):
         return list_names([_in_short(entry) for entry in value]) or "none"
     return type(value).__name__ if is_dataclass(value) or callable(value) else str(value)
-
-
-def _array_in_short(values: Any) -> str:
-    size = " x ".join(map(str, values.shape))
-    if 0 < values.size <= _FEW_NUMBERS:
-        return f"[{', '.join(f'{value:.4g}' for value in values.ravel().tolist())}]"
-    if not values.size or values.dtype.kind not in "fiuc":
-        return f"shape {size}"
-    magnitudes = abs(values) if values.dtype.kind == "c" else values
-    span = f"{magnitudes.min():.4g} to {magnitudes.max():.4g}"
-    return f"shape {size}, {'from' if magnitudes is values else 'of magnitude'} {span}"

@@ -20,8 +20,6 @@ from mrwork.errors import escape_text
 
 # In the characters that every terminal has.
 _PLAIN = str.maketrans({MINUS: "-", NOTHING: "-", "²": "2"})
-# Words that are longer may be broken over lines of a page.
-_LONG = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,11 +35,6 @@ class TableColumn:
     unit: str = ""
     key: str = ""
     long_name: str = ""
-
-    @property
-    def on_page(self) -> str:
-        """The heading on a page."""
-        return f"{self.heading[:1].upper()}{self.heading[1:]}{f' ({self.unit})' if self.unit else ''}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -117,7 +110,7 @@ class Table:
 
         def kind(column: int, row: int | None = None, text: str = "") -> str:
             """Attribute of a cell in a column, and in a row unless it is a heading or of the foot."""
-            in_words = "reason" if len(text) > _LONG and row is not None else ""
+            in_words = "reason" if len(text) > 40 and row is not None else ""
             names = (
                 in_words if column in words else "number",
                 "strong" if (row, column) in self.strong else "",
@@ -180,7 +173,10 @@ def text_table(columns: Sequence[TableColumn], items: Iterable[Any]) -> Table:
 
 def page_table(label: str, columns: Sequence[TableColumn], items: Iterable[Any], *, note: str = "") -> Table:
     """A table for a page, with a row for each item, without the columns that are empty in every row."""
-    headings = tuple(column.on_page for column in columns if column.heading)
+    shown = [
+        (column.heading, f" ({column.unit})" if column.unit else "") for column in columns if column.heading
+    ]
+    headings = tuple(f"{heading[:1].upper()}{heading[1:]}{unit}" for heading, unit in shown)
     return replace(text_table(columns, items), label=label, columns=headings, note=note).filled
 
 

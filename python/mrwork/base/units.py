@@ -69,8 +69,7 @@ _COMMAND_SPELLINGS: Final[Mapping[str, CommandUnit]] = {
     "inch": "in",
 }
 
-# A pound-force is a pound of mass times standard gravity, both exact by definition.
-_POUND: Final = 0.45359237
+# Pound of mass times standard gravity, both exact by definition.
 _POUND_FORCE: Final = 4.4482216152605
 
 _PREFIXES: Final[Mapping[str, float]] = {
@@ -88,7 +87,6 @@ class Unit:
 
 
 _FORCE: Final = {"kg": 1, "m": 1, "s": -2}
-_ACCELERATION_POWERS: Final = {"m": 1, "s": -2}
 # The radian, the cycle of a Hz and the volt count as base units. A prefix that is not usual makes no unit, as in kmin
 # or mkg, nor does one that makes another unit: milli-inches would be minutes.
 _SYMBOLS: Final[Mapping[str, Unit]] = {
@@ -100,12 +98,12 @@ _SYMBOLS: Final[Mapping[str, Unit]] = {
     "m": Unit(1.0, {"m": 1}, "kcmun"),
     "in": Unit(0.0254, {"m": 1}),
     "ft": Unit(0.3048, {"m": 1}),
-    "gal": Unit(1e-2, _ACCELERATION_POWERS),
-    "g": Unit(STANDARD_GRAVITY, _ACCELERATION_POWERS, "m"),
+    "gal": Unit(1e-2, {"m": 1, "s": -2}),
+    "g": Unit(STANDARD_GRAVITY, {"m": 1, "s": -2}, "m"),
     "kg": Unit(1.0, {"kg": 1}),
     "t": Unit(1e3, {"kg": 1}),
     "Mg": Unit(1e3, {"kg": 1}),
-    "lbm": Unit(_POUND, {"kg": 1}),
+    "lbm": Unit(0.45359237, {"kg": 1}),
     "slug": Unit(_POUND_FORCE / 0.3048, {"kg": 1}),
     "N": Unit(1.0, _FORCE, "GMkmu"),
     "lbf": Unit(_POUND_FORCE, _FORCE),
@@ -125,7 +123,6 @@ _PREFIXED: Final[Mapping[str, Unit]] = {
     for name, unit in _SYMBOLS.items()
     for prefix in ("", *unit.prefixes)
 }
-
 
 # Words that programs of test rigs write for units, in front of or after a slash.
 _WORDS: Final = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, ClassVar, Final, Literal, get_args
 
-from mrwork.base.numbers import estimate_in_words
+from mrwork.base.numbers import in_plain, value_and_error
 
 Severity = Literal["note", "warning", "repaired"]
 Verb = Literal["check", "identify", "predict", "calibrate", "sample", "profile", "plan", "report"]
@@ -33,7 +33,8 @@ class Measured:
         """The number times a factor, with its standard error if that is known."""
         if self.standard_error is None:
             return f"{factor * self.value:.3g}"
-        return estimate_in_words(factor * self.value, abs(factor) * self.standard_error)
+        texts = value_and_error(factor * self.value, abs(factor) * self.standard_error)
+        return " +- ".join(map(in_plain, texts))
 
 
 @dataclass(frozen=True, slots=True)

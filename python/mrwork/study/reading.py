@@ -139,12 +139,11 @@ def study_of_tables(
         seed=seed,
         on_python=on_python,
     )
-    place = replace(place, on_table=inputs.look_up)
-    table = read_table(StudyTable, document, place)
+    table = read_table(StudyTable, document, replace(place, on_table=inputs.look_up))
     with place.prefix_errors(SettingError):
         made = _study_of(table, inputs)
         questions = (*place.questions, *_questions(table, made.limit, place))
-    return replace(made, file=file, place=place.kept, questions=tuple(dict.fromkeys(questions)))
+    return replace(made, file=file, place=place, questions=tuple(dict.fromkeys(questions)))
 
 
 def counted_study(study: Study, counts: Sequence[int]) -> Study:
