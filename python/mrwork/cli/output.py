@@ -14,7 +14,7 @@ from mrwork.base.progress import ProgressLine, ProgressReport, display_here
 from mrwork.base.summary import Summarised, Summary
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError, SettingError, reason_of
-from mrwork.store.codec import finite
+from mrwork.store.codec import plain
 from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 
@@ -61,7 +61,7 @@ def reading_line(*, quiet: bool) -> Iterator[OnRead]:
 
 def print_json(document: object) -> None:
     """Print an object in one line of strict JSON; numbers that are not finite become null, as in the files."""
-    show(json.dumps(finite(document), allow_nan=False))
+    show(json.dumps(plain(document, packs=False, lacking=lambda _: None), allow_nan=False))
 
 
 def print_result(options: argparse.Namespace, document: object, text: str) -> None:

@@ -21,17 +21,14 @@ LEAST: Final = 96 << 20
 A test of so many samples takes less than 1 GiB to check.
 """
 
-# Doubles of a rig shrink to a quarter or an eighth; it decides for files above 10 MB only.
-_RATIO: Final = 10
-_MOST: Final = 1 << 30
-
 
 class Allowance:
     """Bytes that are left for the contents of the file at `path`: 10 times its `size`, from `least` to 1 GiB."""
 
     def __init__(self, path: Path, size: int, *, least: int = LEAST) -> None:
         self._path = path
-        self._whole = self._left = min(_MOST, max(least, _RATIO * size))
+        # Doubles of a rig shrink to a quarter or an eighth; the ratio decides for files above 10 MB only.
+        self._whole = self._left = min(1 << 30, max(least, 10 * size))
 
     def take(self, count: int, what: str) -> None:
         """Count the bytes of `what`."""

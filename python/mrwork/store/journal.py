@@ -196,10 +196,23 @@ class Journal:
         self._take_lock()
         try:
             content = bytes_of(path, JOURNAL_FILE)
-            self._recorded, length = read_lines(content, path)
+            lines = content.splitlines(keepends=True)
+            entries = [_entry_of(line) for line in lines]
+            # A dead process leaves the last line incomplete, a power cut damages the last few: these do not count.
+            self._recorded = sound = [*takewhile(bool, entries)]
+            fault = ""
+            if any(entries[len(sound) :]):
+                fault = f"is damaged in line {len(sound) + 1}, with sound lines after it"
+            elif not sound and len(lines) > 1:
+                fault = "is not a journal that this version can resume"
+            elif sound and sound[0].get("format") != FORMAT:
+                fault = f"has format {sound[0].get('format')}, this version reads {FORMAT}"
+            if fault:
+                raise JournalError(f"{path} {fault}; {_ANEW}")
         except MrworkError:
             self.close()
             raise
+        length = sum(map(len, lines[: len(sound)]))
         if length < len(content) and note is not None:
             note(f"the end of {path} is torn; its last {len(content) - length} bytes do not count")
         self.lines = content[:length]
@@ -281,27 +294,6 @@ def n_steps(path: Path) -> int:
     if not is_there(path, JOURNAL_FILE):
         return 0
     return sum("result" in _entry_of(line) for line in bytes_of(path, JOURNAL_FILE).splitlines(keepends=True))
-
-
-def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
-    """The entries of a journal, and the number of bytes that they occupy.
-
-    A dead process leaves the last line incomplete, a power cut damages the last few: a damaged end is ignored; damage
-    before an intact line is an error.
-    """
-    lines = content.splitlines(keepends=True)
-    entries = [_entry_of(line) for line in lines]
-    sound = [*takewhile(bool, entries)]
-    fault = ""
-    if any(entries[len(sound) :]):
-        fault = f"is damaged in line {len(sound) + 1}, with sound lines after it"
-    elif not sound and len(lines) > 1:
-        fault = "is not a journal that this version can resume"
-    elif sound and sound[0].get("format") != FORMAT:
-        fault = f"has format {sound[0].get('format')}, this version reads {FORMAT}"
-    if fault:
-        raise JournalError(f"{path} {fault}; {_ANEW}")
-    return sound, sum(map(len, lines[: len(sound)]))
 
 
 def _entry_of(line: bytes) -> dict[str, Any]:

@@ -84,9 +84,7 @@ class LongCall(Generic[Report, SoFar]):
 
     def report(self, progress: Report) -> None:
         """Report progress, but not of steps that are recalled."""
-        if self.on_progress is None or self.recalling:
-            return
-        if self.on_progress(progress):
+        if self.on_progress is not None and not self.recalling and self.on_progress(progress):
             raise Interrupted(None, "computation", stopped=True)
 
     @contextmanager

@@ -18,7 +18,6 @@ from mrwork.base.values import array_dataclass
 from mrwork.errors import RecordError, reason_of
 from mrwork.store.input_file import LEAST, Allowance
 
-_DEEPEST: Final = 2
 # Bytes of XML in which a workbook has a byte of its cells, with room.
 _MARKUP: Final = 4
 # Ends of lines and separators, within a cell.
@@ -82,7 +81,7 @@ def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
             continue
         member, path = group[name], f"{prefix}{name}"
         yield path, member
-        if isinstance(member, h5py.Group) and depth < _DEEPEST:
+        if isinstance(member, h5py.Group) and depth < 2:
             yield from _members(member, f"{path}/", depth + 1)
 
 

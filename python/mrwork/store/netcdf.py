@@ -14,9 +14,6 @@ import numpy as np
 from mrwork.base.labelled import NamedArray, NamedArrays
 from mrwork.store.input_file import Allowance
 
-_CLASS, _SCALE = "CLASS", b"DIMENSION_SCALE"
-_UNITS, _WORDS, _TITLE = "units", "long_name", "title"
-
 
 def netcdf_of(groups: Mapping[str, NamedArrays], *, checksums: bool = False) -> bytes:
     """The content of a file with these groups, each complete with its axes; the name "" stands for the root.
@@ -30,7 +27,7 @@ def netcdf_of(groups: Mapping[str, NamedArrays], *, checksums: bool = False) -> 
         with h5netcdf.File(file, "w") as netcdf:
             for name, arrays in groups.items():
                 group = netcdf.create_group(name) if name else netcdf
-                group.attrs[_TITLE] = arrays.title
+                group.attrs["title"] = arrays.title
                 labels = {axis: label for axis, label in arrays.labels.items() if label.values.size}
                 group.dimensions = {axis: label.values.size for axis, label in labels.items()}
                 for axis, label in labels.items():
@@ -77,7 +74,7 @@ def _read(group: Any, allowance: Allowance) -> NamedArrays:
             is_text = h5py.check_string_dtype(member.dtype) is not None
             values = member.asstr()[...].astype(str) if is_text else member[...]
             axes = tuple(dimension[0].name.rpartition("/")[2] for dimension in member.dims if len(dimension))
-            unit, words = (str(member.attrs.get(key, "")) for key in (_UNITS, _WORDS))
+            unit, words = (str(member.attrs.get(key, "")) for key in ("units", "long_name"))
             array = NamedArray(values=values, axes=axes, unit=unit, long_name=words)
-            (labels if member.attrs.get(_CLASS) == _SCALE else arrays)[name] = array
-    return NamedArrays(title=str(group.attrs.get(_TITLE, "")), rows=(), labels=labels, arrays=arrays)
+            (labels if member.attrs.get("CLASS") == b"DIMENSION_SCALE" else arrays)[name] = array
+    return NamedArrays(title=str(group.attrs.get("title", "")), rows=(), labels=labels, arrays=arrays)

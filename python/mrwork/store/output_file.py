@@ -69,9 +69,8 @@ class Lock(AbstractContextManager["Lock"]):
 
     def __init__(self, folder: Path, name: str = "") -> None:
         self._path = folder / (f".{name}.lock" if name else ".lock")
-        self._file: int | None = None
         with explain_failure(f"write {folder / name}", "choose another folder"):
-            self._file = self._take(folder / name)
+            self._file: int | None = self._take(folder / name)
 
     def release(self) -> None:
         """Let another writer have the file; without effect where that was done before."""

@@ -82,15 +82,10 @@ TUNED = "tuned.json"
 
 INTERRUPTED: Final = "interrupted"
 """Status in the manifest of a run that was written before its end."""
-_CHUNKS: Final = ".chunks"
 T = TypeVar("T")
 
 FORMAT: Final = 1
 """Increased whenever the files of a run folder change in a way that this version cannot read."""
-# Runs in a folder, and files of one, that a message names.
-_NAMED: Final = 5
-
-
 ADDITIONS: Final = frozenset({
     CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, HELD_OUT, HELD_OUT_FORCES,
 })  # fmt: skip
@@ -123,7 +118,6 @@ FIT_RUN: Final = RunKind(verb="identify", kind="identification")
 STUDY_RUN: Final = RunKind(verb="respond", kind="study")
 TUNING_RUN: Final = RunKind(verb="tune", kind="tuning")
 RUN_KINDS: Final = (FIT_RUN, STUDY_RUN, TUNING_RUN)
-"""Every kind of run folder."""
 
 
 def real_path(path: str | Path) -> Path:
@@ -133,7 +127,7 @@ def real_path(path: str | Path) -> Path:
 
 def chunks_beside(journal: Path) -> Path:
     """Folder of the finished chunks of the step that a journal does not have yet."""
-    return journal.with_name(f"{journal.name.removesuffix(NEW)}{_CHUNKS}")
+    return journal.with_name(f"{journal.name.removesuffix(NEW)}.chunks")
 
 
 def digest_of(name: str, content: bytes) -> str:
@@ -426,9 +420,6 @@ def _no_run(path: Path, give: str) -> str:
         return f"{path} is a file; {give}"
     if any(next(path.glob(pattern), None) for pattern in JOURNALS):
         return f"{path} has an unfinished run; run the command that began it again with --resume"
-    runs: list[str] = []
-    with suppress(OSError):
-        runs = sorted(entry.name for entry in path.iterdir() if is_file(entry / MANIFEST))
-    if runs:
-        return f"{path} holds runs and is none itself; give one of {list_names(runs, _NAMED)} in it"
+    if runs := sorted(found.parent.name for found in path.glob(f"*/{MANIFEST}") if is_file(found)):
+        return f"{path} holds runs and is none itself; give one of {list_names(runs, 5)} in it"
     return f"{path} is not a run folder, it has no {MANIFEST}; {give}"

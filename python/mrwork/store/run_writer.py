@@ -53,8 +53,6 @@ from mrwork.store.run_folder import (
 )
 
 _TO_RESUME: Final = "run the same command with --resume to continue"
-# Files that a message names.
-_NAMED: Final = 10
 
 
 def nothing_to_resume(path: Path) -> str:
@@ -136,7 +134,7 @@ class RunAtWork:
                 ", which other verbs or you have added": _entries_of(filter(is_added, names)),
                 ", changed since the run was written": changed,
             }
-        if listed := [f"{list_names(names, _NAMED)}{why}" for why, names in lost.items() if names]:
+        if listed := [f"{list_names(names, 10)}{why}" for why, names in lost.items() if names]:
             raise OutputError(
                 f"{self.path} has a run; `mrwork {self.kind.verb}` in its place would lose {'; and '.join(listed)}; "
                 "choose another folder, or give --replace"
@@ -269,15 +267,12 @@ def _remove_if_empty(folder: Path) -> None:
         folder.rmdir()
 
 
-# Others hold the lock of a folder for an instant while they add a file.
-_TRIES, _PAUSE = 100, 0.01
-
-
 def _lock_of(folder: Path) -> Lock:
-    for _ in range(_TRIES):
+    # Others hold the lock of a folder for an instant while they add a file.
+    for _ in range(100):
         with suppress(JournalError):
             return Lock(folder)
-        time.sleep(_PAUSE)
+        time.sleep(0.01)
     return Lock(folder)
 
 
