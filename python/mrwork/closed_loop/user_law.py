@@ -22,7 +22,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.errors import SettingError
-from mrwork.store.user_python import file_of, in_words, place_of, place_raised
+from mrwork.store.user_python import in_words, place_of, place_raised, start_of
 
 MOST_MEMORY = 1_000_000
 """Most numbers that a run may keep from sample to sample."""
@@ -253,7 +253,7 @@ class UserLaw(Summarised):
             try:
                 returned = self.command(sample, memory_rows)
             except (Exception, SystemExit) as error:
-                location = place_raised(error, file_of(self.command))
+                location = place_raised(error, start_of(self.command)[0])
                 where = f" in {location}" if location else ""
                 raise SettingError(
                     f"{self.name} failed at {sample.time:g} s{where}: {in_words(error)}; correct it"

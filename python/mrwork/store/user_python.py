@@ -30,19 +30,19 @@ from mrwork.store.codec import digest_of
 from mrwork.store.input_file import FileKind, text_of
 
 
-def place_of(function: Callable[..., object]) -> str:
-    """File and line in which a function begins, as "my_law.py, line 3"; empty if it is not written in Python."""
+def start_of(function: Callable[..., object]) -> tuple[str, int]:
+    """File and line in which a function begins; empty and 0 if it is not written in Python."""
     while isinstance(function, functools.partial):
         function = function.func
     unwrapped = inspect.unwrap(function)
     # An object that is called has its code in its class.
     code = getattr(unwrapped, "__code__", None) or getattr(type(unwrapped).__call__, "__code__", None)
-    return f"{code.co_filename}, line {code.co_firstlineno}" if isinstance(code, CodeType) else ""
+    return (code.co_filename, code.co_firstlineno) if isinstance(code, CodeType) else ("", 0)
 
 
-def file_of(function: Callable[..., object]) -> str:
-    """File of a function; empty if it is not written in Python."""
-    return place_of(function).rpartition(", line ")[0]
+def place_of(function: Callable[..., object]) -> str:
+    """File and line in which a function begins, as "my_law.py, line 3"; empty if it is not written in Python."""
+    return "{}, line {}".format(*start) if (start := start_of(function))[0] else ""
 
 
 def place_raised(error: BaseException, file: str) -> str:

@@ -24,7 +24,7 @@ from mrwork.dampers.own_equations import OwnEquations
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.store.user_python import file_of, function_text, in_words, place_of, place_raised
+from mrwork.store.user_python import function_text, in_words, place_of, place_raised, start_of
 from mrwork.twins.models import Twin, on_processor, twin_of, twin_with
 from mrwork.twins.own_batches import computed
 
@@ -245,7 +245,7 @@ class _Check:
         try:
             traced, result = jax.make_jaxpr(self._of(role), return_shape=True)(*self._rest)
         except Exception as error:
-            raised = place_raised(error, file_of(function))
+            raised = place_raised(error, start_of(function)[0])
             hint = in_words(error).partition(" See https")[0][:200]
             if isinstance(error, _TRACED):
                 hint = (
