@@ -1,10 +1,10 @@
 """What do samplers and optimisers of JAX make of the exact gradients of `mr.jax`?
 
 For a model with states a call takes the time of `mr.objective`; gradients and batches take a fifth to a fourteenth of
-the time of the twin in `jax.numpy`. NUTS on it has 3 times the rate of effective samples of NUTS on the twin, 10
-times with its chains in lanes; the ensemble of `mr.sample` has still twice as many. For a fit alone SciPy on
-`mr.objective` is fastest, and optimistix takes 1.7 times as long. Ten minutes of one core, the quick form half a
-minute. Peers of the extra `bench` that are absent are left out.
+the time of the twin in `jax.numpy`. NUTS on it has 3 to 20 times the rate of effective samples of NUTS on the twin, by
+processor, 10 to 60 times with its chains in lanes; the ensemble of `mr.sample` has still twice as many. For a fit alone
+SciPy on `mr.objective` is fastest, and optimistix takes 1.7 times as long. Ten minutes of one core, the quick form half
+a minute. Peers of the extra `bench` that are absent are left out.
 """
 
 import os
