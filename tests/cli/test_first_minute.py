@@ -76,6 +76,7 @@ def test_every_command_of_the_tour_is_an_example() -> None:
 
 
 def test_the_demo_is_the_identification_that_it_names(folder: Path, tmp_path: Path) -> None:
+    assert whole_parser().parse_args(["demo"]).out == Path("out/demo")
     ended = mrwork("demo", "--out", tmp_path / "demo")
     (said,) = [line for line in ended.stdout.splitlines() if line.startswith("The same: ")]
     assert f"Report: {tmp_path / 'demo' / 'report.html'}" in ended.stdout

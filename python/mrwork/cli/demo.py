@@ -28,13 +28,13 @@ def add_options(parser: CommandParser) -> None:
     parser.epilog = examples("mrwork demo", "mrwork demo --seed 2 --out out/seed2 --quiet")
     add_option_of(parser, FitSettings, COMPUTATION, "rng", default=_SEED)
     add_threads(parser)
-    parser.set_defaults(out=_OUT)
     end_parser(
         parser,
         run,
         out=f"run folder, default {_OUT}",
         resume="resume a demo that was killed or interrupted; all other options but --threads as in that demo",
     )
+    parser.set_defaults(out=_OUT)
 
 
 def run(options: argparse.Namespace) -> int:
