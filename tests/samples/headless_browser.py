@@ -24,7 +24,10 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
 def executable() -> str | None:
-    """The browser that this machine has, if any."""
+    """The browser that this machine has, if any; Chromium ends at once where fontconfig finds no font."""
+    lister = shutil.which("fc-list")
+    if lister and not subprocess.run([lister], stdout=subprocess.PIPE, check=False).stdout:
+        return None
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
