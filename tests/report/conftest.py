@@ -13,6 +13,6 @@ def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[headless_browser.B
     """A page in a browser, if this machine has one."""
     program = headless_browser.executable()
     if program is None:
-        pytest.skip(f"no browser: none of {', '.join(headless_browser.NAMES)} is on the path, or the machine has no font")
+        pytest.skip(f"no browser or font: none of {', '.join(headless_browser.NAMES)} would start")
     with headless_browser.browser(program, tmp_path_factory.mktemp("profile")) as opened:
         yield opened
