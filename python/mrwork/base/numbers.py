@@ -6,7 +6,7 @@ The last three write the plain numbers of a terminal, with a hyphen where there 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 MINUS = "\N{MINUS SIGN}"
 _THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
@@ -104,6 +104,12 @@ def counted(count: int, noun: str) -> str:
 def percent(share: float, decimals: int = 1) -> str:
     """A share as a number of percent."""
     return format_fixed(100.0 * share, decimals)
+
+
+def least_to_most(values: Iterable[float], shown: Callable[[float], str] | None = None) -> str:
+    """The least and the most of numbers, to three digits or as `shown`; once where both look alike."""
+    ends, show = sorted(values), shown or (lambda value: significant(value, 3))
+    return " to ".join(dict.fromkeys((show(ends[0]), show(ends[-1]))))
 
 
 def power_of_ten(power: int) -> str:

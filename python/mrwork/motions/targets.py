@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import Positive, checked
 from mrwork.base.hints import Says, Within
-from mrwork.base.numbers import counted, format_rounded
+from mrwork.base.numbers import counted, format_rounded, least_to_most
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
@@ -296,8 +296,7 @@ def scaled_to_target(
         periods = np.array([period]) if by == "sa" else _range_of(period)
         ordinates = response_spectrum(motion, periods, damping=target.damping).pseudo_acceleration
     factor = float(ordinates @ target.acceleration(periods) / (ordinates @ ordinates))
-    ends = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (periods[0], periods[-1])))
-    over = "PGA" if by == "pga" else f"{ends} s"
+    over = "PGA" if by == "pga" else f"{least_to_most(periods, '{:.3g}'.format)} s"
     change = f"acceleration x {factor:.6g}, to {target.name} at {over}"
     return replace_samples(motion, factor * motion.acceleration, motion.dt, change)
 
@@ -396,7 +395,7 @@ class SuiteCheck(Plotted, Summarised):
 
     @property
     def _range_in_words(self) -> str:
-        return " to ".join(f"{end * self.period:.3g}" for end in RANGE) + " s"
+        return f"{least_to_most((end * self.period for end in RANGE), '{:.3g}'.format)} s"
 
     def _summary(self) -> Summary:
         peak = self.peak_ratio

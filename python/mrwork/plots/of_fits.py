@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TypeVar
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,6 +25,7 @@ from mrwork.plots.samples import even_samples
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
+    all_chosen,
     axes_for,
     chosen,
     figure,
@@ -42,7 +42,6 @@ from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles, likelihood_threshold
 from mrwork.uncertainty.posterior.draws import Draws
 
-T = TypeVar("T")
 _COMMANDS = 101
 
 
@@ -77,10 +76,11 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
         )
     # Where the tested commands are not known, from 0 to 1.
     commands = np.linspace(*(fit.tested.command or (0.0, 1.0)), _COMMANDS)
-    values = {law.name: (law, curve) for law, curve in law_values(spec, np.array(fit.theta), commands)}
-    drawn = _choose(parameters, values, "parameter that follows the command")
-    panels = panels_for(ax, len(drawn), "laws")
-    for axes, (law, along) in zip(panels, drawn, strict=True):
+    curves = [*law_values(spec, np.array(fit.theta), commands)]
+    asked = all_chosen(parameters, (law.name for law, _ in curves), "parameter that follows the command")
+    panels = panels_for(ax, len(asked), "laws")
+    for axes, number in zip(panels, asked, strict=True):
+        law, along = curves[number]
         axes.plot(commands, along, color=style.MODEL, linewidth=1.4)
         alone = (
             (single.command, estimate) for single in fit.single_commands for estimate in single.estimates
@@ -143,10 +143,10 @@ def profiles(
             raise _absent(result, "profile likelihoods", "profile", "draw `mr.profile(fit, tests)`")
         result = result.profiles
     several = (result,) if isinstance(result, Profile) else result.profiles
-    drawn = _choose(parameters, {item.name: item for item in several}, "profiled parameter")
+    asked = all_chosen(parameters, (item.name for item in several), "profiled parameter")
     threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
-    panels = panels_for(ax, len(drawn), "profiles")
-    for axes, profile in zip(panels, drawn, strict=True):
+    panels = panels_for(ax, len(asked), "profiles")
+    for axes, profile in zip(panels, (several[number] for number in asked), strict=True):
         _draw_profile(axes, profile, threshold)
         finished(axes, with_unit(style.symbol_text(profile.name), profile.unit), "Likelihood ratio")
     return panels
@@ -296,9 +296,8 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
         if result.draws is None:
             raise _absent(result, "posterior", "sample", "draw `mr.sample(fit, tests)`")
         result = result.draws
-    drawn = _choose(
-        parameters, {parameter.name: parameter for parameter in result.varied}, "parameter that varied"
-    )
+    asked = all_chosen(parameters, (curve.name for curve in result.varied), "parameter that varied")
+    drawn = [result.varied[number] for number in asked]
     names = [curve.name for curve in drawn]
     panels = triangle_for(ax, len(names), "posterior")
     values = [result.chain(name).reshape(-1) for name in names]
@@ -485,8 +484,3 @@ def _along(across: Floats, up: Floats) -> NDArray[np.intp]:
 def _absent(run: StoredRun, what: str, verb: str, otherwise: str) -> SettingError:
     add = f"add it with `mrwork {verb} {run.place}`"
     return SettingError(f"the run {run.place} has no {what}; {add}, or {otherwise}")
-
-
-def _choose(asked: Sequence[str], values: Mapping[str, T], what: str) -> list[T]:
-    """The values of these names, or all."""
-    return [list(values.values())[chosen(name, list(values), what)] for name in asked or values]

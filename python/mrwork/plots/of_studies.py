@@ -23,6 +23,7 @@ from mrwork.plots.canvas import draw_points, vertical_grid
 from mrwork.plots.sheet import (
     GivenAxes,
     Panels,
+    all_chosen,
     axes_for,
     chosen,
     figure,
@@ -184,8 +185,8 @@ def _lines_of_study(
     labels = [row.label for row in results.rows]
     names = [motion.name for motion in results.motions]
     motions = results.judged_motions if motion is None else (chosen(motion, names, "motion"),)
-    first, others = ([chosen(row, labels, "row") for row in group] for group in (rows, behind))
-    first = first or [row for row in range(len(labels)) if row not in others]
+    others = all_chosen(behind, labels, "row") if behind else []
+    first = [row for row in all_chosen(rows, labels, "row") if rows or row not in others]
     of_row = strokes(results, first)
     finished = set(range(len(labels))).intersection(*(results.finished_rows(motion) for motion in motions))
     lines = [
@@ -248,7 +249,7 @@ def energies(
         )
     axes = axes_for(ax, rows=len(runs))
     rising = parts[::-1]
-    unit = style.energy_unit(float(np.abs(rising).sum(axis=1).max(initial=0.0)))
+    unit = shown_unit_of("J", float(np.abs(rising).sum(axis=1).max(initial=0.0)))
     ends, places = np.zeros(len(runs)), range(len(runs))
     for amounts, (label, tone) in zip(unit.factor * rising.T, ENERGY_PARTS.items(), strict=True):
         axes.barh(places, amounts, left=ends, height=0.62, color=tone, label=label)
@@ -277,7 +278,7 @@ def _course(history: History, ax: Axes | None, *, legend: bool) -> Axes:
     numbers: Mapping[str, Floats] = history.numbers
     total, damping = numbers["input_energy"], numbers["damping_energy"]
     devices = numbers["device_energy"].sum(axis=1) + numbers["element_energy"].sum(axis=1)
-    unit = style.energy_unit(float(np.abs(total).max(initial=0.0)))
+    unit = shown_unit_of("J", float(np.abs(total).max(initial=0.0)))
     every = slice(None, None, max(1, len(total) // _COURSE_SAMPLES))
     time, total, devices, damping = (
         history.time[every],
@@ -311,8 +312,7 @@ def _runs(
             for number, run in enumerate(at)
             if np.isfinite(result.energy_error[run])
         }
-    asked = [chosen(row, labels, "row") for row in rows] or list(range(len(labels)))
-    runs = {labels[row]: numbers[row] for row in asked if row in numbers}
+    runs = {labels[row]: numbers[row] for row in all_chosen(rows, labels, "row") if row in numbers}
     if not runs:
         raise SettingError(_NONE_FINISHED)
     return runs
@@ -410,7 +410,7 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
         symbol="%" if result.in_percent else result.unit.removesuffix("1").replace("2", "²"),
         factor=100.0 if result.in_percent else 1.0,
     )
-    drawn = [chosen(row, labels, "arrangement") for row in rows] or [*range(len(labels))][:_MOST_PANELS]
+    drawn = all_chosen(rows or range(min(len(labels), _MOST_PANELS)), labels, "arrangement")
     panels = panels_for(ax, len(drawn), "ida")
     every = np.concatenate([row.responses for row in result.rows.values()])
     largest, limit = (
@@ -505,7 +505,7 @@ def fragility(
     >>> axes = mr.fragility(results, limit={"peak_drift_ratio": "1 %"}).plot.fragility()  # doctest: +SKIP
     """
     axes, labels, of_row = axes_for(ax), [*result.rows], strokes(result)
-    for row in [chosen(row, labels, "arrangement") for row in rows] or range(len(labels)):
+    for row in all_chosen(rows, labels, "arrangement"):
         one, stroke = result[labels[row]], of_row[row]
         levels = one.levels / STANDARD_GRAVITY
         over = np.linspace(0.0, 1.02 * float(levels[-1]), _CURVE_POINTS)[1:]

@@ -60,6 +60,8 @@ def shown_unit_of(unit: str, peak: float) -> DisplayUnit:
     if unit in ("N", "N m"):
         force = style.force_unit(peak)
         return DisplayUnit(symbol=unit.replace("N", force.symbol), factor=force.factor)
+    if unit == "J" and peak >= 1e4:
+        return DisplayUnit(symbol="kJ", factor=1e-3)
     return _SHOWN.get(unit, DisplayUnit(symbol=unit, factor=1.0))
 
 
@@ -97,6 +99,12 @@ def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
         check_known(name, names, f"there is no {what} {name!r}", otherwise="there is")
         return names.index(name)
     return check_number(name or 0, len(names), what)
+
+
+def all_chosen(asked: Sequence[str | int], names: Iterable[str], what: str) -> list[int]:
+    """Numbers of the ones that are asked for by their names or numbers, by default of all."""
+    known = [*names]
+    return [chosen(name, known, what) for name in asked] or [*range(len(known))]
 
 
 def check_number(number: int, count: int, what: str) -> int:

@@ -219,12 +219,6 @@ def force_unit(peak_force: float, symbol: str | None = None) -> DisplayUnit:
     return residual_unit(peak_force, largest, least=0.1)
 
 
-def energy_unit(peak_energy: float) -> DisplayUnit:
-    """Joule for energies of up to four digits, kilojoule above."""
-    kilo = peak_energy >= 1e4
-    return DisplayUnit(symbol="kJ" if kilo else "J", factor=1e-3 if kilo else 1.0)
-
-
 def residual_unit(peak_residual: float, unit: DisplayUnit, *, least: float = 0.01) -> DisplayUnit:
     """The `unit` of the force, or the first smaller one in which the peak is not below `least`."""
     if peak_residual == 0:

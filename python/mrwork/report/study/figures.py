@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.base.numbers import counted, format_fixed, significant
+from mrwork.base.numbers import counted, format_fixed, least_to_most, significant
 from mrwork.base.table import TableColumn, page_table
 from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
@@ -280,9 +280,8 @@ def _of_first(column: TableColumn) -> TableColumn:
 
 
 def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
-    intensities = sorted((motion.intensity for motion in motions), key=attrgetter("value"))
-    ends = " to ".join(significant(intensities[end].value / STANDARD_GRAVITY, 3) for end in (0, -1))
-    return f"{len(intensities)}, {intensities[0].name} {ends} g"
+    ends = least_to_most(motion.intensity.value / STANDARD_GRAVITY for motion in motions)
+    return f"{len(motions)}, {motions[0].intensity.name} {ends} g"
 
 
 _RECORDS = (
@@ -299,13 +298,8 @@ def motion_section(results: StudyResults) -> Section:
     Those have their intensities in the place of groups, peak and processing.
     """
     uses = uses_in_words([motion.use for motion in results.motions])
-    peaks, lengths = (
-        " to ".join(
-            significant(extreme(getattr(motion, name) for motion in results.motions), 3)
-            for extreme in (min, max)
-        )
-        for name in ("peak", "duration")
-    )
+    peaks = least_to_most(motion.peak for motion in results.motions)
+    lengths = least_to_most(motion.duration for motion in results.motions)
     records: dict[tuple[str, str], list[MotionFacts]] = {}
     for motion in results.motions:
         records.setdefault((motion.use, motion.record), []).append(motion)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
-from mrwork.base.numbers import NOTHING, counted, format_fixed, significant
+from mrwork.base.numbers import NOTHING, counted, format_fixed, least_to_most, significant
 from mrwork.base.summary import list_names
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.plots import style
-from mrwork.plots.canvas import coinciding, small_axes
+from mrwork.plots.canvas import coinciding, inline_svg, small_axes
 from mrwork.plots.of_buildings import building
 from mrwork.plots.of_studies import RATIO, Stroke, short, strokes
 from mrwork.report.section import Lead, Panel, first_sentences, panel
@@ -41,6 +42,8 @@ from mrwork.tuning.judging import TunedStudy
 _LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 2
 # Ranks of laws and of devices with power or settings of their own, in the order of the table.
 _ACTIVE = ("law", "actuator", "other_device")
+# Size of the line of a row in the table [in].
+_LINE = (0.26, 0.08)
 # Motions from which on nothing is said of their number, and floors of a building that can be drawn.
 _ENOUGH, _MOST_FLOORS = 3, 100
 
@@ -95,20 +98,13 @@ def _subject(results: StudyResults) -> str:
     storeys = (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
-    damping = f", damping {_least_to_most(ratios, lambda ratio: format_fixed(ratio, 1))} %" if ratios else ""
+    damping = f", damping {least_to_most(ratios, lambda ratio: format_fixed(ratio, 1))} %" if ratios else ""
     mass = significant(1e-3 * sum(facts.masses), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
     drifts = [1e3 * drift for drift in facts.yield_drifts if drift]
-    yields = f", yields at {_least_to_most(drifts)} mm of drift" if drifts else ""
+    yields = f", yields at {least_to_most(drifts)} mm of drift" if drifts else ""
     weights = ", P-delta" if facts.loads else ""
     return f"{storeys}{height}, {mass} t, periods {', '.join(periods)} s{damping}{yields}{weights}; under {names}"
-
-
-def _least_to_most(
-    values: Sequence[float], shown: Callable[[float], str] = lambda value: significant(value, 3)
-) -> str:
-    """The least and the most of numbers; once where both look alike."""
-    return " to ".join(dict.fromkeys((shown(min(values)), shown(max(values)))))
 
 
 def _medians(comparison: Comparison, fragilities: Fragilities) -> str:
@@ -175,7 +171,7 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
 
     def cells(row: int) -> tuple[str, ...]:
         return (
-            _line(of_row[row]) + Markup(" {}").format(short(results.rows[row].label, 34)),
+            _line(of_row[row], row) + Markup(" {}").format(short(results.rows[row].label, 34)),
             format_fixed(results.score(row), 3),
             *([significant(100.0 * peaks[row], 3)] if has_ratios else []),
             *(
@@ -198,27 +194,15 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
     )
 
 
-# Markers of figures, in the middle of a line 26 wide and 8 high.
-_SHAPES = {
-    "o": "M 10 4 a 3 3 0 1 0 6 0 a 3 3 0 1 0 -6 0",
-    "s": "M 10.4 1.4 h 5.2 v 5.2 h -5.2 Z",
-    "^": "M 13 .6 L 16.2 6.8 H 9.8 Z",
-    "D": "M 13 .4 L 16.6 4 L 13 7.6 L 9.4 4 Z",
-    "v": "M 13 7.4 L 16.2 1.2 H 9.8 Z",
-    "P": "M 12 .6 h 2 v 2.4 h 2.4 v 2 h -2.4 v 2.4 h -2 v -2.4 h -2.4 v -2 h 2.4 Z",
-    "": "",
-}
-
-
-def _line(stroke: Stroke) -> Markup:
+@style.drawn_in_style()
+def _line(stroke: Stroke, row: int) -> Markup:
     """The line of a row as the figures draw it, with its marker."""
-    dashes = () if isinstance(stroke.pattern, str) else (f"{3 * dash:g}" for dash in stroke.pattern[1])
-    line = (
-        f'<svg class="line" viewBox="0 0 26 8" aria-hidden="true"><path d="M 1 4 H 25" style="stroke: {stroke.colour}; '
-        f'stroke-width: {1.6 * stroke.width:.2g}; stroke-dasharray: {" ".join(dashes) or "none"}"/>'
-        f'<path d="{_SHAPES[stroke.marker]}" style="fill: {stroke.colour}"/></svg>'
-    )
-    return Markup(style.in_variables(line))
+    figure = Figure(figsize=_LINE)
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0), xlim=(0.0, 2.0), ylim=(-1.0, 1.0))
+    axes.set_axis_off()
+    axes.plot([0.1, 1.0, 1.9], [0.0, 0.0, 0.0], markevery=[1], markersize=4.0, **stroke.marked)
+    drawn = inline_svg(figure, identifier=f"line-{row}", description="")
+    return Markup('<span class="line" aria-hidden="true">{}</span>').format(Markup(drawn))
 
 
 def _profile_panels(results: StudyResults, drawn: Sequence[int]) -> Iterator[Panel]:
