@@ -1,7 +1,7 @@
 """How do limits on drift and acceleration become the weights of a controller that is judged on motions it has not seen?
 
 Weights come from the limits by convex design, and the size of R is tuned on six training motions. On six others the law
-has a score of 0.58 of the dampers without current, as designed 0.62, equal weights 0.52 and the best constant current
+has a score of 0.58 of the dampers without current, as designed 0.62, equal weights 0.50 and the best constant current
 0.64. A minute of one core.
 """
 

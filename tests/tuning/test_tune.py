@@ -126,6 +126,17 @@ def test_designed_weights_and_numbers_with_units_are_held(tmp_path: Path) -> Non
     tuning_samples.assert_its_score(found, tuning_samples.small_study(text), tmp_path)
 
 
+@pytest.mark.parametrize("settings", ["", "settings = { drifts = 1.0 }\n"])
+def test_stated_weights_and_bounds_are_kept_where_other_weights_are_better(settings: str) -> None:
+    found = tuning_samples.tuned(
+        tuning_samples.TUNE + settings + "free = { control_weight = [1e-4, 1e-3] }\n"
+    )
+    tuned = found.laws[0].settings
+    assert {name: value for name, value in tuned.items() if name.endswith("s")} == {"drifts": 1.0}
+    assert 1e-4 <= tuned["control_weight"] <= 1e-3
+    assert min(law.least for law in found.references) < found.laws[0].least
+
+
 def test_a_label_of_the_study_is_not_given_again(tmp_path: Path, results: TuningResults) -> None:
     source = tuning_samples.study_file(tmp_path, building=TWO_STOREYS)
     chosen = tmp_path / "chosen.toml"

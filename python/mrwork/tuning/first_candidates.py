@@ -90,7 +90,7 @@ def _round_all(value: Any) -> Any:
 def first_candidates(space: SettingSpace, basis: Basis) -> tuple[LawCandidate, ...]:
     """Candidates of a law that are tried before the search, at the largest command of the dampers.
 
-    Weights are only given to laws whose weights the table does not hold. The size of R is scanned for each shape of
+    Weights are only given to laws of whose weights the table states nothing. The size of R is scanned for each shape of
     weights: a damper saturates, so no design tells it.
     """
     kind = SETTINGS[space.law]
@@ -115,9 +115,8 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
     kind = SETTINGS[space.law]
     weights = kind.weights_among(space.held)
     others = {name: value for name, value in space.held.items() if name not in weights}
-    equal = weights == kind.weighed_by_default
-    yield dict(space.held), EQUAL if equal else "weights of the study"
-    if not equal:
+    yield dict(space.held), EQUAL if weights == kind.weighed_by_default else "weights of the study"
+    if not space.any_weights:
         return
     yield others, "energy of the building"
     if not kind.is_regulator:

@@ -224,12 +224,17 @@ class FreeSetting:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SettingSpace(Summarised):
-    """The free settings of a law, and those that are held."""
+    """The free settings of a law, and those that are held.
+
+    Other weights than the held ones are tried first where they are `any_weights`: the table states neither weights nor
+    bounds of their R.
+    """
 
     law: str
     held: Mapping[str, Any]
     free: tuple[FreeSetting, ...]
     largest_command: float
+    any_weights: bool
 
     @property
     def continuous(self) -> bool:
@@ -291,7 +296,8 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
             check_known(
                 name, choices, f"{law} has no setting {name!r}", otherwise="it has", kind=SettingError
             )
-    if not kind.weight_names() & {*held, *(table.free or {})}:
+    any_weights = not kind.weight_names() & {*held, *(table.free or {})}
+    if any_weights:
         held |= kind.weighed_by_default
     spans: dict[str, Span] = {
         entry.name: span for entry in keys_of(kind) if (span := entry.says.span) is not None
@@ -326,7 +332,13 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         raise InvalidSettingError("settings", sentence)
     if not free:
         raise InvalidSettingError("free", f"no setting of {law} is free; leave some out of its settings")
-    return SettingSpace(law=law, held=held, free=tuple(free), largest_command=magnitudes.command)
+    return SettingSpace(
+        law=law,
+        held=held,
+        free=tuple(free),
+        largest_command=magnitudes.command,
+        any_weights=any_weights and not (table.free or {}).get("control_weight"),
+    )
 
 
 def is_semi_active(settings: Mapping[str, Any]) -> bool:
