@@ -141,16 +141,21 @@ def test_a_study_is_complete_when_its_check_is() -> None:
     assert study_samples.with_runs(results, halved=study_samples.runs_by_place(results)).complete
 
 
-def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> None:
-    (warning,) = study_samples.results().warnings()
-    assert "Clipped-optimal" in warning
-    assert "3.0e-04 of the largest energy, under filtered noise; 1 of 2 runs" in warning
+def test_energies_that_do_not_balance_are_said_once_with_the_worst_run_and_the_rows() -> None:
+    results = study_samples.results()
+    (warning,) = results.warnings()
+    assert warning.startswith("the energies of 1 run do not balance")
+    assert "by up to 3.0e-04, Clipped-optimal under filtered noise; runs of Clipped-optimal." in warning
+    (several,) = study_samples.changed(results, 2, 0, energy_error=1e-4).warnings()
+    assert several.startswith("the energies of 2 runs do not balance")
+    assert several.endswith("Clipped-optimal under filtered noise; runs of Isolation, Clipped-optimal.")
 
 
 def test_a_balance_that_is_no_number_does_not_hold() -> None:
     results = study_samples.results()
     unbalanced = study_samples.changed(results, 2, 0, energy_error=math.nan)
-    assert any(text.startswith("Isolation") for text in unbalanced.warnings())
+    (warning,) = unbalanced.warnings()
+    assert "by up to inf, Isolation under" in warning
 
 
 def test_groups_hold_some_of_the_test_motions_and_training_motions_stand_apart() -> None:

@@ -578,16 +578,17 @@ class StudyResults(Plotted, Summarised):
                     under = f"{1 + len(more)} of {len(runs)} motions, as {first}," if more else first
                     without = "" if outcome is Outcome.FAILED_SAFE else _NO_CRITERIA
                     warnings.append(f"{row.label} under {under} {self._end(row, outcome)}.{without}")
-            off = np.flatnonzero(~self.quantities.balanced[number, :, 0])
-            if off.size:
-                # An energy error that is not a number counts as the largest.
-                errors = self.quantities.energy_error[number, off, 0]
-                worst = int(np.argmax(searched(errors)))
-                warnings.append(
-                    f"{row.label}: the energies do not balance, by up to {errors[worst]:.1e} of the largest energy, "
-                    f"under {self.motions[off[worst]].name}; {off.size} of {len(runs)} runs are above "
-                    f"{ENERGY_TOLERANCE:.0e}."
-                )
+        off = ~self.quantities.balanced[:, :, 0]
+        if off.any():
+            # An energy error that is not a number counts as the largest.
+            errors = np.where(off, searched(self.quantities.energy_error[:, :, 0]), 0.0)
+            worst, motion = np.unravel_index(int(errors.argmax()), errors.shape)
+            of_rows = list_names([self.rows[number].label for number in np.flatnonzero(off.any(axis=1))])
+            warnings.append(
+                f"the energies of {counted(int(off.sum()), 'run')} do not balance to {ENERGY_TOLERANCE:.0e} of the "
+                f"largest energy, by up to {errors[worst, motion]:.1e}, {self.rows[worst].label} under "
+                f"{self.motions[motion].name}; runs of {of_rows}."
+            )
         return warnings
 
     def _end(self, row: Row, outcome: Outcome) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, replace
 from typing import ClassVar
 
 from mrwork.base.arguments import Threads, checked
-from mrwork.base.numbers import apart, percent, with_decimals
+from mrwork.base.numbers import apart, significant, with_decimals
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
@@ -108,7 +108,7 @@ class TunedStudy(StudyResults):
             if test is not None and test.violation > 0.0 and not law.violation:
                 sentences.append(
                     f"{law.label} keeps its limits on the training motions and exceeds them by "
-                    f"{percent(test.violation, 0)} % of the limits in all on the test motions."
+                    f"{significant(100.0 * test.violation, 2)} % of the limits in all on the test motions."
                 )
             rows = {result.label: self.row_of_law(result) for result in (law, *self.tuned.references)}
             scores = {label: self.score(row) for label, row in rows.items() if row is not None}

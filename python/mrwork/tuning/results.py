@@ -12,7 +12,7 @@ import numpy as np
 from mrwork.base.arguments import Count, NotNegative, Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
-from mrwork.base.numbers import counted, duration_in_words, format_rounded, percent, with_decimals
+from mrwork.base.numbers import counted, duration_in_words, format_rounded, significant, with_decimals
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
@@ -84,14 +84,16 @@ class TunedLaw(Summarised):
         elif self.violation > 0.0:
             yield (
                 f"{self.label}: no candidate keeps all limits; the chosen one exceeds them by "
-                f"{percent(self.violation, 0)} % of the limits in all, on the training motions."
+                f"{significant(100.0 * self.violation, 2)} % of the limits in all, on the training motions."
             )
+        ends: dict[str, list[str]] = {}
         for setting in self.free:
             value = self.settings.get(setting.name)
             at = setting.unit(value) if isinstance(value, int | float) else None
             if setting.name != LARGEST and at is not None and not _MARGIN < at < 1.0 - _MARGIN:
-                bound = "the lower" if at <= _MARGIN else "the upper"
-                yield f"{self.label}: {setting.name} is at {bound} bound of its range; widen it with free."
+                ends.setdefault("lower" if at <= _MARGIN else "upper", []).append(setting.name)
+        for end, names in ends.items():
+            yield f"{self.label}: at the {end} bound of the range, to be widened with free: {', '.join(names)}."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
