@@ -46,7 +46,7 @@ def test_every_row_motion_and_warning_stands_on_the_page(page: str) -> None:
         assert row.label.replace("<", "&lt;").replace(">", "&gt;") in page
     for motion in study_samples.MOTIONS:
         assert motion.name in page
-    assert "3.0e-04 of the largest energy" in page
+    assert "of the largest energy, by up to 3.0e-04" in page
     assert "halve the step" in page.lower()
     whole = study_samples.runs_by_place(study_samples.results())
     calm = {key: run for key, run in whole.items() if key != (3, 1)}
