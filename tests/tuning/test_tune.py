@@ -220,6 +220,10 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command() -> Non
     law = judged.judgement(found.laws[0], "test")
     assert law is not None
     assert law.objective == pytest.approx(np.mean(worst), rel=1e-12)
+    # The objectives of references are others, and stand in no column beside this one.
+    assert [law.label for law in (*found.laws, *found.references) if found.is_comparable(law)] == [
+        found.laws[0].label
+    ]
 
 
 @pytest.mark.parametrize("law", ["clipped_optimal", "maximum_energy_dissipation"])

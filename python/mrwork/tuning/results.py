@@ -12,7 +12,14 @@ import numpy as np
 from mrwork.base.arguments import Count, NotNegative, Whole, checked
 from mrwork.base.keys import suggestion
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
-from mrwork.base.numbers import counted, duration_in_words, format_rounded, significant, with_decimals
+from mrwork.base.numbers import (
+    NOTHING,
+    counted,
+    duration_in_words,
+    format_rounded,
+    significant,
+    with_decimals,
+)
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
@@ -228,6 +235,15 @@ class TuningResults(Plotted, WithAxes, Summarised):
         """Sentences on limits that no candidate keeps, and on settings at an end of their range."""
         return tuple(sentence for law in self.laws for sentence in law.warnings)
 
+    @checked
+    def is_comparable(self, law: TunedLaw) -> bool:
+        """Whether the objective of a law, apart from its limits, is that of all tuned laws.
+
+        References were chosen by the score of a study, or by an objective over i = 0.
+        """
+        first, *others = (replace(other.objective, limits={}) for other in (law, *self.laws))
+        return law in self.laws or all(first == other for other in others)
+
     def _named_arrays(self) -> NamedArrays:
         laws = (*self.laws, *self.references)
         numbers = {
@@ -253,7 +269,11 @@ class TuningResults(Plotted, WithAxes, Summarised):
         places = places_table(self)
         columns = ("law", "objective", "settings")
         rows = tuple(
-            (law.label, with_decimals(law.least, 4), settings_in_words(law.settings, self.command_unit))
+            (
+                law.label,
+                with_decimals(law.least, 4) if self.is_comparable(law) else NOTHING,
+                settings_in_words(law.settings, self.command_unit),
+            )
             for law in (*self.laws, *self.references)
         )
         return Summary(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from mrwork.base.numbers import NOTHING, format_fixed, shortest
+from mrwork.base.numbers import format_fixed, shortest
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.plots import style
@@ -43,16 +43,17 @@ def _objective_table(results: TunedStudy) -> Table:
     def cells(law: TunedLaw) -> Iterator[str]:
         for use in ("training", "test"):
             judged = results.judgement(law, use)
-            for number in (None, None) if judged is None else (judged.objective, judged.score):
-                yield NOTHING if number is None else format_fixed(number, 3)
+            objective, score = (None, None) if judged is None else (judged.objective, judged.score)
+            yield format_fixed(objective if results.tuned.is_comparable(law) else None, 3)
+            yield format_fixed(score, 3)
 
     return Table(
         label="Objective and score",
         columns=("", "Objective", "Score", "Objective", "Score"),
         rows=tuple((law.label, *cells(law)) for law in (*results.tuned.laws, *results.tuned.references)),
         over=(("", 1), ("Training motions", 2), ("Test motions", 2)),
-        note="The objective is what a law was tuned for; the score is the study's. A gap between training and "
-        "test motions is the price of tuning on few motions.",
+        note="The objective is what the laws were tuned for; references that were chosen by another have none here. "
+        "The score is the study's. A gap between training and test motions is the price of tuning on few motions.",
     )
 
 
