@@ -34,6 +34,7 @@ LAWS: Mapping[str, tuple[float, ...]] = {
     "linear:0,2": (20.0, 640.0),
     "quadratic:0,1,2": (20.0, 300.0, 500.0),
     "quadratic:0.5,1,1.5": (170.0, 300.0, 400.0),
+    "straight:0,0.4,2.5": (30.0, 150.0, 600.0),
 }
 
 
@@ -63,7 +64,12 @@ def assert_same_runs(one: Responses, other: Responses, rtol: float) -> None:
 def test_a_group_by_another_law_has_the_forces_of_its_curve(lagged: bool) -> None:
     # 20 + 300 u of the yield force, by its coefficients, by values, and as a cubic.
     straight = group("linear", lagged=lagged), replace(group("linear", lagged=lagged), row=STOREYS[1])
-    others = {"values:0,1": (20.0, 320.0), "linear:0,2": (20.0, 620.0), "cubic": (20.0, 300.0, 0.0, 0.0)}
+    others = {
+        "values:0,1": (20.0, 320.0),
+        "linear:0,2": (20.0, 620.0),
+        "straight:0,0.5,2": (20.0, 170.0, 620.0),
+        "cubic": (20.0, 300.0, 0.0, 0.0),
+    }
     for law, coefficients in others.items():
         spec = PLAIN.with_current_laws({"f_c": law, "c0": "linear"}, unit="A", lagged=lagged)
         theta = [*coefficients, *np.asarray(straight[1].theta)[2:]]

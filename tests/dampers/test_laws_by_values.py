@@ -11,7 +11,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers import LawName
-from mrwork.dampers.laws import CommandLaw, law_of, named_laws
+from mrwork.dampers.laws import CommandLaw, CurveForm, law_of, named_laws
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import law_limits, worst_laws
 
@@ -28,7 +28,7 @@ def test_a_positive_parameter_stays_positive(values: tuple[float, ...], command:
 @examples(50)
 @given(values=st.tuples(POSITIVE, POSITIVE, POSITIVE))
 def test_a_law_takes_its_values_at_its_commands(values: tuple[float, ...]) -> None:
-    for name in ("values:0,0.5,2", "quadratic:0,0.5,2"):
+    for name in ("values:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2"):
         law = law_of(name)
         np.testing.assert_allclose(
             law.values(np.array(values), np.array(law.nodes), positive=True), values, rtol=1e-9
@@ -50,6 +50,30 @@ def test_logarithms_are_interpolated_where_the_scale_is_logarithmic_only() -> No
     assert law.values(ends, np.array([0.5]), positive=False)[0] == pytest.approx(250.0)
 
 
+@examples(50)
+@given(values=st.lists(POSITIVE, min_size=2, max_size=8), command=st.floats(0.0, 10.0))
+def test_straight_lines_are_those_of_numpy_and_of_the_core(values: list[float], command: float) -> None:
+    nodes = [0.0, 0.3, 1.0, 2.5, 3.0, 5.0, 8.0, 9.0][: len(values)]
+    law = law_of(f"straight:{','.join(map(str, nodes))}")
+    found = float(law.values(np.array(values), np.array(command)))
+    if command <= nodes[-1]:
+        assert found == pytest.approx(np.interp(command, nodes, values), rel=1e-9)
+    spec, theta = dahl(str(law), *values)
+    motion = {"dt": 0.01, "displacement": np.linspace(0.0, 0.5, 40)}
+    lawful = simulate_force(spec, theta, Loading(**motion, command=command, command_unit="A"))
+    plain = simulate_force(mr.damper("dahl"), [max(found, 1e-3), *DAHL.values()], Loading(**motion))
+    np.testing.assert_allclose(lawful, plain, rtol=1e-9, atol=1e-9 * max(values))
+
+
+@pytest.mark.parametrize("name", ["values:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2"])
+def test_a_rescaled_command_is_the_law_there(name: str) -> None:
+    law, values = law_of(name), np.array([100.0, 300.0, 400.0])
+    nodes = np.array(law.nodes)
+    rescaled = law.rescale_command(values, 0.9, positive=True)
+    expected = law.values(values, 0.9 * nodes, positive=True)
+    np.testing.assert_allclose(law.values(rescaled, nodes, positive=True), expected, rtol=1e-9)
+
+
 def test_beyond_its_commands_a_law_continues_along_its_tangent() -> None:
     law, values = law_of("values:0,0.5,1"), np.array([100.0, 300.0, 400.0])
     step = 1e-6
@@ -59,14 +83,14 @@ def test_beyond_its_commands_a_law_continues_along_its_tangent() -> None:
     assert far == pytest.approx(end + 0.5 * slope, rel=1e-4)
 
 
-def by_values(law: LawName, commands: list[float], *, logarithms: bool = True) -> str:
-    return str(law_of(law).at_commands(commands, logarithms=logarithms))
+def by_values(law: LawName, commands: list[float], *, form: CurveForm = "logarithms") -> str:
+    return str(law_of(law).at_commands(commands, form))
 
 
 def test_nodes_are_the_tested_commands_nearest_to_evenly_spaced_ones() -> None:
     tested = [0.0, 0.1, 0.25, 0.5, 0.75, 1.0]
     assert by_values("quadratic", tested) == "values:0,0.5,1"
-    assert by_values("linear", tested, logarithms=False) == "linear:0,1"
+    assert by_values("linear", tested, form="polynomial") == "linear:0,1"
     assert by_values("cubic", tested) == "values:0,0.25,0.75,1"
     # Fewer commands than values: the search refuses the law in a sentence of its own.
     assert by_values("quadratic", [0.0, 1.0]) == "quadratic"

@@ -20,10 +20,12 @@ from mrwork.identification import FitSettings, Objective
 from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
 from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
+from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.uncertainty import Choice, choose_laws
 from mrwork.uncertainty.candidate_tests import candidate_grid
+from mrwork.uncertainty.choice.objections import objections_to
 
 COMMANDS = (0.0, 0.5, 1.0)
 
@@ -232,6 +234,37 @@ def test_a_law_that_is_given_is_warned_of_its_extremum_with_the_form_that_has_no
     assert hidden_extrema(spec, theta, np.linspace(0.0, 1.5, 16).tolist()) == ()
     fit = mr.identify(spec, gapped.best.tests, threads=1)
     assert any("give k_w=quadratic:0,0.5,1.5" in each for each in fit.warnings)
+
+
+def test_straight_lines_take_the_place_of_two_forms_with_an_extremum() -> None:
+    spec = mr.damper("viscous_dahl").with_current_laws({"rho": "values:0,0.5,1.5"}, unit="A")
+    theta = [800.0, 600.0, 5400.0, 930.0, 430.0, 20.0]
+    (found,) = hidden_extrema(spec, theta, (0.0, 0.5, 1.5))
+    assert str(found.instead) == "straight:0,0.5,1.5"
+
+
+@pytest.mark.parametrize(
+    ("law", "values", "objects"),
+    [
+        ("quadratic", (110.0, 1150.0, -600.0), True),
+        ("values:0,0.25,0.5,1.5", (10.0, 400.0, 640.0, 700.0), False),
+    ],
+)
+def test_an_extremum_between_commands_is_an_objection_unless_the_law_has_a_value_at_each(
+    law: str, values: tuple[float, ...], objects: bool
+) -> None:
+    levels = (0.0, 0.25, 0.5, 1.5)
+    spec = mr.damper("viscous_dahl").with_current_laws({"k_w": law}, unit="A")
+    theta = np.array([800.0, *values, 2000.0, 20.0])
+    tests = [
+        sinusoidal_test(
+            "viscous_dahl", (800.0, 500.0, 2000.0, 20.0), MOTIONS[0], noise=0.0, rng=1, command=level
+        )
+        for level in levels
+    ]
+    assert [extremum.parameter for extremum in hidden_extrema(spec, theta, levels)] == ["k_w"]
+    objections = objections_to(spec, theta, tests, BuildingCost.of(spec, theta, tests))
+    assert any("the law of k_w has an extremum" in clause for clause in objections) is objects
 
 
 def test_the_next_test_is_within_a_gap_of_the_commands(gapped: Choice) -> None:

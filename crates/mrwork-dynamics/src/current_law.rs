@@ -26,7 +26,7 @@ pub enum CurrentLaw {
     /// Values at several commands, and the polynomial through them, or through their logarithms where the scale of the
     /// parameter is logarithmic.
     Values(Nodes),
-    /// Values at several commands, and the polynomial through them.
+    /// Values at several commands, and the polynomial through them, or straight lines between them.
     Through(Nodes),
 }
 
@@ -46,6 +46,7 @@ impl CurrentLaw {
             Self::Exponential => "exponential",
             Self::Values(_) => "values",
             Self::Through(nodes) => match nodes.count {
+                _ if nodes.straight => "straight",
                 2 => "linear",
                 3 => "quadratic",
                 _ => "cubic",
@@ -53,7 +54,7 @@ impl CurrentLaw {
         }
     }
 
-    /// The law of a name, such as `quadratic`, `quadratic:0,0.5,1` or `values:0,0.5,1`.
+    /// The law of a name, such as `quadratic`, `quadratic:0,0.5,1`, `values:0,0.5,1` or `straight:0,0.5,1`.
     ///
     /// # Errors
     /// If there is no such law, or its commands are not as many rising numbers as it takes.
@@ -67,6 +68,7 @@ impl CurrentLaw {
         match (law, nodes.count) {
             ("values", _) => Ok(Self::Values(nodes)),
             ("linear", 2) | ("quadratic", 3) | ("cubic", 4) => Ok(Self::Through(nodes)),
+            ("straight", _) => Ok(Self::Through(nodes.with_straight_lines())),
             _ => Err(unknown()),
         }
     }
@@ -147,7 +149,7 @@ impl CurrentLaw {
     }
 }
 
-/// Commands at which a law has values, and the polynomial through values there.
+/// Commands at which a law has values, and the polynomial through values there, or straight lines between them.
 ///
 /// Beyond the first and the last command the curve continues along its tangent.
 #[derive(Clone, Debug, PartialEq)]
@@ -155,7 +157,11 @@ pub struct Nodes {
     count: usize,
     centre: f64,
     per_half: f64,
-    /// Coefficients of t^m, with t from -1 at the first command to 1 at the last, for a value of 1 at node j; row m.
+    /// The commands as t, from -1 at the first to 1 at the last.
+    places: Vec<f64>,
+    straight: bool,
+    /// Coefficients of t^m for a value of 1 at node j, row m; of straight lines the value at the first node, the first
+    /// slope, and the change of the slope at each inner node.
     basis: Vec<f64>,
 }
 
@@ -191,10 +197,30 @@ impl Nodes {
                 row[node] = coefficient;
             }
         }
-        Some(Self { count, centre, per_half, basis })
+        Some(Self { count, centre, per_half, places, straight: false, basis })
     }
 
-    /// Replaces values at the nodes by the coefficients of the polynomial through them.
+    /// The same nodes with straight lines between the values.
+    #[must_use]
+    fn with_straight_lines(mut self) -> Self {
+        let count = self.count;
+        self.straight = true;
+        self.basis = vec![0.0; count * count];
+        self.basis[0] = 1.0;
+        for (piece, ends) in self.places.windows(2).enumerate() {
+            let per_value = 1.0 / (ends[1] - ends[0]);
+            // The slope of a piece is added where it begins, and taken away where the next one does.
+            for (column, share) in [(piece, -per_value), (piece + 1, per_value)] {
+                self.basis[(piece + 1) * count + column] += share;
+                if piece + 2 < count {
+                    self.basis[(piece + 2) * count + column] -= share;
+                }
+            }
+        }
+        self
+    }
+
+    /// Replaces values at the nodes by the coefficients of the curve through them.
     #[inline(always)]
     fn prepare<R: Real>(&self, values: &mut [R]) {
         let given = values.to_vec();
@@ -206,11 +232,18 @@ impl Nodes {
         }
     }
 
-    /// The polynomial at `u`, beyond the nodes its tangent.
+    /// The curve at `u`, beyond the nodes its tangent.
     #[inline(always)]
     fn value<R: Real>(&self, coefficients: &[R], u: R) -> R {
         let one = R::splat(1.0);
         let t = (u - R::splat(self.centre)) * R::splat(self.per_half);
+        if let (true, &[first, slope, ref changes @ ..]) = (self.straight, coefficients) {
+            let mut value = slope.mul_add(t + one, first);
+            for (&change, &place) in changes.iter().zip(self.places.iter().skip(1)) {
+                value = change.mul_add(R::splat(0.0).max(t - R::splat(place)), value);
+            }
+            return value;
+        }
         let inside = one.min((-one).max(t));
         let (mut value, mut slope) = (R::splat(0.0), R::splat(0.0));
         for &coefficient in coefficients.iter().rev() {

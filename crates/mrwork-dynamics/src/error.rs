@@ -83,7 +83,7 @@ pub enum DynamicsError {
     /// A name that is none of a current law.
     #[error(
         "no current law is called {0:?}; there are constant, linear, quadratic, cubic, exponential, and values at 2 to 8 \
-         rising commands, as in values:0,0.5,1 or quadratic:0,0.5,1"
+         rising commands, as in values:0,0.5,1, quadratic:0,0.5,1 or straight:0,0.5,1"
     )]
     UnknownLaw(String),
     /// A damper that is no model of the registry, as the device of a loop.

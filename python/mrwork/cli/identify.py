@@ -61,8 +61,8 @@ def add_options(parser: CommandParser) -> None:
         _LAWS,
         "--law",
         "let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
-        "commands, values:0,0.3,1 by values at these, exponential; auto chooses the laws of all other parameters "
-        "without bounds by the fit to tests left out",
+        "commands, values:0,0.3,1 by values at these, straight:0,0.3,1 with straight lines between them, exponential; "
+        "auto chooses the laws of all other parameters without bounds by the fit to tests left out",
         _law,
         metavar="NAME=LAW",
         default={},

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 from types import ModuleType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -21,10 +21,14 @@ from mrwork.errors import UnknownChoiceError
 Array = Any
 
 LawName = str
-"""Text of a law: "constant", "linear", "quadratic", "cubic", "exponential", "quadratic:0,0.5,1" or "values:0,0.5,1"."""
+"""Text of a law: "linear", "exponential", or by values: "values:0,0.5,1", "quadratic:0,0.5,1", "straight:0,0.5,1"."""
+
+CurveForm = Literal["logarithms", "polynomial", "straight"]
+"""Curve through values: the polynomial, of a positive parameter through their logarithms, or direct; straight lines."""
+CURVE_FORMS: tuple[CurveForm, ...] = get_args(CurveForm)
 
 _POLYNOMIALS = ("constant", "linear", "quadratic", "cubic")
-_EXPONENTIAL, _VALUES = "exponential", "values"
+_EXPONENTIAL, _VALUES, _STRAIGHT = "exponential", "values", "straight"
 MOST_DEGREE = len(_POLYNOMIALS) - 1
 """Largest degree of a polynomial by its coefficients."""
 # Most commands at which a law may have values; the compiled module refuses more.
@@ -37,20 +41,21 @@ _LEAST_SHARE = 1e-3
 class CommandLaw:
     """A law by which a parameter p follows the command u: a polynomial, an exponential, or a curve through values.
 
-    A polynomial of a `degree` has its coefficients, p.0 + p.1 u + ...; degree 0 is constant. A law with `nodes` is the
-    polynomial through values at these commands, of a positive parameter through their `logarithms`, and goes on along
-    its tangents beyond them. Without a degree and nodes the law is p.0 + p.1 exp(p.2 u).
+    A polynomial of a `degree` has its coefficients, p.0 + p.1 u + ...; degree 0 is constant. A law with `nodes` is a
+    curve of this `form` through values at these commands, and goes on along its tangents beyond them. Straight lines
+    have no extremum between values. Without a degree and nodes the law is p.0 + p.1 exp(p.2 u).
     """
 
     degree: int | None = None
     nodes: tuple[float, ...] = ()
-    logarithms: bool = False
+    form: CurveForm = "polynomial"
 
     def __str__(self) -> LawName:
         """Text of the law, see `law_of`."""
         if not self.nodes:
             return _EXPONENTIAL if self.degree is None else _POLYNOMIALS[self.degree]
-        name = _VALUES if self.logarithms else _POLYNOMIALS[len(self.nodes) - 1]
+        names = {"logarithms": _VALUES, "straight": _STRAIGHT}
+        name = names.get(self.form) or _POLYNOMIALS[len(self.nodes) - 1]
         return f"{name}:{','.join(f'{node:.12g}' for node in self.nodes)}"
 
     @property
@@ -82,8 +87,9 @@ class CommandLaw:
         says whether the scale of the parameter is logarithmic.
         """
         if self.nodes:
-            log = positive and self.logarithms
-            return interpolate(self.nodes, coefficients, command, log=log, xp=xp)
+            if self.form == "straight":
+                return _straight_lines(self.nodes, coefficients, command, xp)
+            return interpolate(self.nodes, coefficients, command, log=self._takes_logarithms(positive), xp=xp)
         if self.is_exponential:
             at_zero, factor, exponent = coefficients
             return at_zero + factor * xp.exp(exponent * command)
@@ -112,7 +118,7 @@ class CommandLaw:
 
     def _values_at_nodes(self, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
         """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
-        log = parameter.is_positive and self.logarithms
+        log = self._takes_logarithms(parameter.is_positive)
         ordinates = np.log(np.maximum(column, parameter.lower)) if log else column
         degree = min(len(self.nodes), len(commands)) - 1
         values = np.polyval(np.polyfit(commands, ordinates, degree), self.nodes)
@@ -162,15 +168,16 @@ class CommandLaw:
         """The law in a line."""
         name = parameter.name
         if self.nodes:
-            what = f"ln {name}" if parameter.is_positive and self.logarithms else name
+            what = f"ln {name}" if self._takes_logarithms(parameter.is_positive) else name
             at = ", ".join(f"{node:g}" for node in self.nodes)
-            return f"{what} = polynomial in u through its values at {at} {unit}"
+            curve = "straight lines" if self.form == "straight" else "polynomial"
+            return f"{what} = {curve} in u through its values at {at} {unit}"
         if self.is_exponential:
             return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
         powers = ["", " u", " u^2", " u^3"][: self.n_coefficients]
         return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
 
-    def at_commands(self, commands: Sequence[float], *, logarithms: bool) -> CommandLaw:
+    def at_commands(self, commands: Sequence[float], form: CurveForm) -> CommandLaw:
         """A polynomial by its coefficients as the law through as many values at tested commands; another law as it is.
 
         The nodes are the commands, each taken once, that are nearest to evenly spaced ones.
@@ -182,19 +189,30 @@ class CommandLaw:
         for wanted in np.linspace(levels[0], levels[-1], self.degree + 1):
             left = [level for level in levels if level not in nodes]
             nodes.append(min(left, key=lambda level: abs(level - float(wanted))))
-        return law_through(sorted(nodes), logarithms=logarithms)
+        return law_through(sorted(nodes), form)
 
-    def other_form(self, parameter: ParamSpec) -> CommandLaw | None:
-        """The law through the same values of a positive parameter, direct or in logarithms, if there is one."""
-        if not self.nodes or not parameter.is_positive or len(self.nodes) > len(_POLYNOMIALS):
-            return None
-        return replace(self, logarithms=not self.logarithms)
+    def other_forms(self, parameter: ParamSpec) -> list[CommandLaw]:
+        """The laws of a parameter through the same values in other forms, straight lines last."""
+        polynomials = parameter.is_positive and len(self.nodes) <= len(_POLYNOMIALS)
+        return [
+            replace(self, form=form)
+            for form in CURVE_FORMS
+            if self.nodes and form != self.form and (polynomials or form == "straight")
+        ]
+
+    def _takes_logarithms(self, positive: bool) -> bool:
+        return positive and self.form == "logarithms"
 
     def rescale_command(self, coefficients: Floats, factor: float, *, positive: bool = False) -> Floats:
-        """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u)."""
+        """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u).
+
+        Straight lines keep their nodes, and agree there.
+        """
+        if self.form == "straight":
+            return np.asarray(self.values(coefficients.T[..., None], factor * np.array(self.nodes)).T)
         if self.nodes:
             there = _powers(self.nodes, factor * np.array(self.nodes)) @ _basis(self.nodes)
-            log = positive and self.logarithms
+            log = self._takes_logarithms(positive)
             node_values = np.log(coefficients) if log else coefficients
             return np.asarray(np.exp(node_values @ there.T) if log else node_values @ there.T)
         powers = np.arange(coefficients.shape[-1], dtype=np.float64)
@@ -214,15 +232,16 @@ EXPONENTIAL = CommandLaw()
 """p.0 + p.1 exp(p.2 u)."""
 
 
-def law_through(commands: Iterable[float], *, logarithms: bool = True) -> CommandLaw:
-    """The law through values at commands, given to twelve digits; beyond four values always in `logarithms`."""
+def law_through(commands: Iterable[float], form: CurveForm = "logarithms") -> CommandLaw:
+    """The law through values at commands, given to twelve digits; a polynomial beyond four values in logarithms."""
     nodes = tuple(float(f"{command:.12g}") for command in commands)
-    return CommandLaw(nodes=nodes, logarithms=logarithms or len(nodes) > len(_POLYNOMIALS))
+    too_many = form == "polynomial" and len(nodes) > len(_POLYNOMIALS)
+    return CommandLaw(nodes=nodes, form="logarithms" if too_many else form)
 
 
 @cache
 def law_of(text: LawName | CommandLaw) -> CommandLaw:
-    """The law of a text, such as "quadratic", "quadratic:0,0.5,1" or "values:0,0.5,1"; a law is returned as it is.
+    """The law of a text, such as "quadratic", "values:0,0.5,1" or "straight:0,0.5,1"; a law is returned as it is.
 
     Raises
     ------
@@ -241,14 +260,16 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
         nodes = ()
     rising = all(before < after for before, after in pairwise(nodes)) and bool(np.isfinite(nodes).all())
     polynomials = [index + 1 for index in range(1, len(_POLYNOMIALS)) if _POLYNOMIALS[index] == name]
-    counts = range(2, _MOST_NODES + 1) if name == _VALUES else polynomials
+    forms: dict[str, CurveForm] = {_VALUES: "logarithms", _STRAIGHT: "straight"}
+    counts = range(2, _MOST_NODES + 1) if name in forms else polynomials
     if not (rising and len(nodes) in counts):
-        near = suggestion(name, [*named, _VALUES]) if name == text else ""
+        near = suggestion(name, [*named, *forms]) if name == text else ""
         raise UnknownChoiceError(
             f"no current law is called {text!r}{near}; a law by values takes rising commands: two to {_MOST_NODES}, as "
-            "in values:0,0.5,1, or as many as a polynomial has coefficients, as in quadratic:0,0.5,1"
+            "in values:0,0.5,1 or straight:0,0.5,1, or as many as a polynomial has coefficients, as in "
+            "quadratic:0,0.5,1"
         )
-    return law_through(nodes, logarithms=name == _VALUES)
+    return law_through(nodes, forms.get(name, "polynomial"))
 
 
 def named_laws() -> tuple[CommandLaw, ...]:
@@ -295,6 +316,16 @@ def interpolate(
         value = value * inside + coefficients[power]
     curve = value + slope * (t - inside)
     return xp.exp(curve) if log else curve
+
+
+def _straight_lines(nodes: tuple[float, ...], values: Array, command: Array, xp: ModuleType) -> Array:
+    """Straight lines through values at the nodes, (n_nodes, ...), of which the outer ones go on."""
+    widths = np.diff(nodes).reshape(-1, *(1,) * (values.ndim - 1))
+    first, *others = slopes = (values[1:] - values[:-1]) / widths
+    curve = values[0] + first * (command - nodes[0])
+    for before, after, node in zip(slopes, others, nodes[1:], strict=False):
+        curve = curve + (after - before) * xp.maximum(command - node, 0.0)
+    return curve
 
 
 def _between(nodes: tuple[float, ...], command: Array) -> Array:

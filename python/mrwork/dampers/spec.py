@@ -41,8 +41,9 @@ class DamperSpec(Summarised):
     the plain model. With `u` the command received by the coil, a constant parameter is `p = p.0`; linear, quadratic and
     cubic laws are `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`, an exponential one `p = p.0 + p.1 exp(p.2 u)`;
     "quadratic:0,0.5,1" is the polynomial through values at these commands, "values:0,0.5,1" the one through their
-    logarithms where the scale of the parameter is logarithmic. A parameter that follows the command is limited to the
-    admissible range of the plain model. A lagged driver has `u' = -eta (u - command)`.
+    logarithms where the scale of the parameter is logarithmic; "straight:0,0.5,1" has straight lines between values. A
+    parameter that follows the command is limited to the admissible range of the plain model. A lagged driver has
+    `u' = -eta (u - command)`.
 
     `spring` names the stiffness k and the free length x0 of the accumulator; its force k (x - x0) depends on x0 through
     the product k x0 alone. `own` are the equations of a damper of the user, see `mrwork.own_damper`.
@@ -499,13 +500,19 @@ _PER_GAP = 41
 
 
 class HiddenExtremum(NamedTuple):
-    """An extremum of a law between two tested commands, and the other form of the law if that has none."""
+    """An extremum of a law between two tested commands, and a law through the same values that has none."""
 
     parameter: str
     value: float
     between: tuple[float, float]
     instead: CommandLaw | None
     in_words: str
+
+    @property
+    def warning(self) -> str:
+        """What it is, and what to do."""
+        remedy = f"give {self.parameter}={self.instead} as its law" if self.instead else "choose another law"
+        return f"{self.in_words}: test there, or {remedy}"
 
 
 def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) -> tuple[HiddenExtremum, ...]:
@@ -530,17 +537,22 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
         if share.max() <= _OVERSHOOT:
             continue
         most = int(np.argmax(share))
-        if instead := law.other_form(parameter):
-            others, values = passing(instead, parameter, row)
-            dies = values.min() < max(parameter.lower, _VANISHED * values.max())
-            if others.max() > _OVERSHOOT or dies or values.max() > parameter.upper:
-                instead = None
-        remedy = f"give {parameter.name}={instead} as its law" if instead else "choose another law"
+        others = [(other, *passing(other, parameter, row)) for other in law.other_forms(parameter)]
+        instead = next(
+            (
+                other
+                for other, passed, values in others
+                if passed.max() <= _OVERSHOOT
+                and values.max() <= parameter.upper
+                and values.min() >= max(parameter.lower, parameter.is_positive * _VANISHED * values.max())
+            ),
+            None,
+        )
         low, high = (levels[most % command.shape[1] + end] for end in (0, 1))
         at = of_unit(float(value.flat[most]), "" if parameter.unit == "1" else parameter.unit, 3)
         words = (
             f"the law of {parameter.name} has an extremum between the tested commands {low:.3g} and {high:.3g} {unit}, "
-            f"{at} at {of_unit(float(command.flat[most]), unit, 3)}, that no test shows: test there, or {remedy}"
+            f"{at} at {of_unit(float(command.flat[most]), unit, 3)}, that no test shows"
         )
         extrema.append(HiddenExtremum(parameter.name, float(value.flat[most]), (low, high), instead, words))
     return tuple(extrema)

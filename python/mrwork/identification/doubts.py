@@ -148,7 +148,8 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
     through = {
         parameter.name: form
         for parameter, law in spec.law_pairs
-        if law.logarithms and (form := law.other_form(parameter))
+        for form in law.other_forms(parameter)
+        if law.form == "logarithms" and form.form == "polynomial"
     }
     if not through:
         return ()

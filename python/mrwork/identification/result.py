@@ -197,7 +197,7 @@ def _law_warnings(spec: DamperSpec, theta: Floats, tested: OperatingRange) -> tu
         "another law"
         for neighbour in near
     )
-    return (*limits, *(extremum.in_words for extremum in hidden_extrema(spec, theta, tested.levels)))
+    return (*limits, *(extremum.warning for extremum in hidden_extrema(spec, theta, tested.levels)))
 
 
 def rms(values: Sequence[float] | Floats) -> float:

@@ -203,19 +203,23 @@ class LawSearch:
         # Of a law that has an extremum between the commands, the form that has none.
         for number, test in enumerate(self.fitted):
             extrema = hidden_extrema(test.spec, test.fit.theta[0], self.commands.tolist())
-            names = [extremum.parameter for extremum in extrema if extremum.instead]
-            self.fitted[number] = self.in_other_form(test, names)
+            instead = {extremum.parameter: extremum.instead for extremum in extrema if extremum.instead}
+            self.fitted[number] = self.in_other_form(test, instead)
 
-    def in_other_form(self, fitted: FittedLaws, names: Sequence[str]) -> FittedLaws:
-        """The candidate with these laws interpolated the other way, except where that changes the force of a test."""
-        laws = fitted.laws
-        for name in names:
-            law = laws.get(name, CONSTANT)
-            if law.fitted_degree == len(self.commands) - 1 and not self.varies:
-                laws = self._with_law(laws, name, law.fitted_degree, direct=not law.nodes)
+    def in_other_form(self, fitted: FittedLaws, instead: Laws) -> FittedLaws:
+        """The candidate with laws through the same values, except where such a law changes the force of a test."""
+        laws = fitted.laws | {
+            name: CommandLaw(law.fitted_degree) if law.form == "logarithms" else law
+            for name, law in instead.items()
+            if name in fitted.laws and self.is_through_all(law)
+        }
         spec, box = self.model(laws)
         row = replace(fitted.row, laws=self._texts(laws))
         return replace(fitted, spec=spec, box=box, laws=laws, row=row)
+
+    def is_through_all(self, law: CommandLaw) -> bool:
+        """Whether no test shows which form a law has, since it has a value at each of their commands."""
+        return law.fitted_degree == len(self.commands) - 1 and not self.varies
 
     def _is_best_sound(self) -> bool:
         """Whether no set that something speaks against predicts visibly better than the others."""
@@ -361,7 +365,7 @@ class LawSearch:
         """The laws with one of another degree; constant ones are not listed, direct ones have values themselves."""
         law = CommandLaw(degree)
         if direct:
-            law = law.at_commands(self.commands.tolist(), logarithms=False)
+            law = law.at_commands(self.commands.tolist(), "polynomial")
         return {key: entry for key, entry in sorted((laws | {name: law}).items()) if not entry.is_constant}
 
     def _count(self, laws: Laws) -> int:
@@ -523,7 +527,7 @@ def prepare_search(
     linear, levels = plain, np.zeros(len(short), dtype=np.intp)
     if varies:
         # Every law that is tried is one through values at these, in its logarithms or nearly.
-        full = CommandLaw(min(MOST_DEGREE, len(commands) - 1)).at_commands(commands.tolist(), logarithms=True)
+        full = CommandLaw(min(MOST_DEGREE, len(commands) - 1)).at_commands(commands.tolist(), "logarithms")
         commands = np.array(full.nodes)
         linear = plain.with_current_laws(dict.fromkeys(plain.names, full), unit=unit, lagged=lagged)
     else:

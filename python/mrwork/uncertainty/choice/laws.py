@@ -17,7 +17,7 @@ from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
-from mrwork.dampers.laws import LawName, law_of
+from mrwork.dampers.laws import CURVE_FORMS, LawName, law_of
 from mrwork.dampers.parameters import DRIVER_RATE
 from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
@@ -155,8 +155,8 @@ class _ChoosingLaws(Choosing):
     def _choose_others(self, ranking: Ranking) -> list[tuple[LawSearch, FittedLaws]]:
         """Of the sets that predict nearly as well, those whose forces differ most beyond the tests, best first.
 
-        They are compared under the fastest motion at each command, enlarged, and halfway to the next command. One of
-        them has the laws of the chosen one through the same values in their other form, which no test tells apart.
+        They are compared under the fastest motion at each command, enlarged, and halfway to the next command. Among
+        them are the laws of the chosen one through the same values in other forms, which no test tells apart.
         """
         chosen = ranking.chosen_standing
         near = [
@@ -167,7 +167,7 @@ class _ChoosingLaws(Choosing):
         ]
         first, *others = (self._fitted(neighbour) for neighbour in (chosen, *near))
         sets, rows = list[tuple[LawSearch, FittedLaws]](), list[Floats]()
-        for search, laws in (first, *self._other_form(*first), *others):
+        for search, laws in (first, *self._other_forms(*first), *others):
             fastest = [*fastest_at_commands(laws.spec, search.tests).values()]
             test, loading = max(fastest, key=lambda pair: float(np.abs(pair[0].velocity).max()))
             between = 0.5 * (search.commands[:-1] + search.commands[1:])
@@ -187,12 +187,23 @@ class _ChoosingLaws(Choosing):
                 rows.append(np.nan_to_num(row))
         return [sets[row] for row in sorted(farthest_apart(np.array(rows), _MOST_OTHERS, _LEAST_APART))]
 
-    def _other_form(self, search: LawSearch, chosen: FittedLaws) -> list[tuple[LawSearch, FittedLaws]]:
-        """The chosen laws in their other form, without those that die in it; empty where there are none."""
-        other = search.in_other_form(chosen, [each.name for each in chosen.spec.plain if each.scale == "log"])
-        dying = {law.parameter for law in dying_laws(other.spec, chosen.fit.theta[0], self.tests)}
-        other = search.in_other_form(other, [*dying])
-        return [(search, other)] if other.laws != chosen.laws else []
+    def _other_forms(self, search: LawSearch, chosen: FittedLaws) -> list[tuple[LawSearch, FittedLaws]]:
+        """The chosen laws all in one form, but for those that die in it; empty where there is no other form."""
+        sets = list[tuple[LawSearch, FittedLaws]]()
+        for form in CURVE_FORMS:
+            instead = {
+                parameter.name: law
+                for parameter, own in chosen.spec.law_pairs
+                for law in own.other_forms(parameter)
+                if law.form == form
+            }
+            dying = dying_laws(search.in_other_form(chosen, instead).spec, chosen.fit.theta[0], self.tests)
+            for limit in dying:
+                instead.pop(limit.parameter, None)
+            other = search.in_other_form(chosen, instead)
+            if other.laws != chosen.laws:
+                sets.append((search, other))
+        return sets
 
     def _rank(self, *, complete: bool) -> Ranking:
         """The ranking of the laws that were fitted, and of models that could not be."""

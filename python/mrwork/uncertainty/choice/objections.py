@@ -10,7 +10,7 @@ import numpy as np
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_level, levels_of_command
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
-from mrwork.dampers.spec import DamperSpec, LawLimit, law_limits
+from mrwork.dampers.spec import DamperSpec, LawLimit, hidden_extrema, law_limits
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of, range_of_tests
@@ -25,11 +25,20 @@ def objections_to(
 ) -> tuple[str, ...]:
     """Why the parameters, shape (n_params,), are not to be chosen while others are left; a clause each.
 
-    A positive parameter whose law leaves its range or vanishes within the tested commands; a force that falls when the
-    fastest motion runs faster, since what made it rise has vanished; and a damper that no building can be simulated
-    with. That an exponent is on its bound, as n = 1 of a Bouc-Wen loop, is none.
+    A positive parameter whose law leaves its range or vanishes within the tested commands, or has an extremum between
+    two constant ones, unless it has a value at each of them, through which there is a law without; a force that falls
+    when the fastest motion runs faster, since what made it rise has vanished; and a damper that no building can be
+    simulated with. That an exponent is on its bound, as n = 1 of a Bouc-Wen loop, is none.
     """
     clauses = [law.in_words for law in dying_laws(spec, theta, tests)]
+    levels = range_of_tests(tests, spec.command_unit).levels
+    hidden = () if any(test.has_varying_command for test in tests) else hidden_extrema(spec, theta, levels)
+    clauses += [
+        extremum.in_words
+        for extremum in hidden
+        if extremum.parameter in _positive(spec)
+        and spec.laws_by_name[extremum.parameter].n_coefficients < len(levels)
+    ]
     if falling := _falling_force(spec, theta, tests):
         clauses.append(falling)
     if not cost.is_possible:
@@ -41,8 +50,11 @@ def dying_laws(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> 
     """Laws of positive parameters that leave their range or vanish within the tested commands."""
     tested = range_of_tests(tests, spec.command_unit)
     limits = law_limits(spec, theta, tested.command) if tested.command is not None else ()
-    positive = {parameter.name for parameter in spec.plain if parameter.scale == "log"}
-    return tuple(limit for limit in limits if limit.parameter in positive)
+    return tuple(limit for limit in limits if limit.parameter in _positive(spec))
+
+
+def _positive(spec: DamperSpec) -> set[str]:
+    return {parameter.name for parameter in spec.plain if parameter.is_positive}
 
 
 def fastest_at_commands(

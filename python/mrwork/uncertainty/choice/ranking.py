@@ -41,8 +41,9 @@ RULES = (
     "the best within one standard error of it, no more than that of the best itself, or within "
     f"{NEGLIGIBLE:g} points; of those one that takes fewer than {MANY} integration steps a sample in a building is "
     "chosen, of these the one with the fewest parameters.",
-    "Unusable: a law vanishes or leaves its range within the tested commands, the force falls beyond the tested "
-    "velocities, or no building can be simulated with it. Such a candidate is not chosen while others are left.",
+    "Unusable: a law vanishes or leaves its range within the tested commands, or has an extremum between them that no "
+    "test shows, the force falls beyond the tested velocities, or no building can be simulated with it. Such a "
+    "candidate is not chosen while others are left.",
     "Provisional: the candidate that would be chosen, while one that could not predict a test has less than "
     f"1/{_FAR_BETTER:g} of its error on all tests. None is chosen then.",
 )
@@ -54,10 +55,10 @@ RULES_OF_LAWS = (
     "The search starts with every positive parameter quadratic in the command, then every one but offsets, and tries "
     "neighbours of the best laws, of the simplest as good, and of others as good: those that promise most when the "
     "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, of "
-    "a positive parameter through their logarithms, or direct, through the values themselves. Of two forms that no "
-    "test tells apart, one without an extremum between the tested commands is taken. Laws are fitted to cycles from "
-    "the middle of all tests, of a varying command to all cycles with fewer samples, and to all but those of each "
-    "split, from the fits of the laws before.",
+    "a positive parameter through their logarithms, or direct, through the values themselves. Of forms that no test "
+    "tells apart the first without an extremum between the tested commands is taken, straight lines last. Laws are "
+    "fitted to cycles from the middle of all tests, of a varying command to all cycles with fewer samples, and to all "
+    "but those of each split, from the fits of the laws before.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
 )
@@ -169,12 +170,15 @@ class Standing:
 
 
 def laws_in_words(laws: Mapping[str, LawName | CommandLaw]) -> str:
-    """Laws in one line; "direct" are laws through values themselves, not through their logarithms."""
+    """Laws in one line; "direct" are polynomials through values themselves, not through their logarithms."""
     return ", ".join(f"{name} {_law_in_words(law_of(law))}" for name, law in laws.items()) or "all constant"
 
 
 def _law_in_words(law: CommandLaw) -> str:
-    return f"direct {CommandLaw(law.fitted_degree)}" if law.nodes and not law.logarithms else str(law)
+    if not law.nodes or law.form == "logarithms":
+        return str(law)
+    direct = f"direct {CommandLaw(law.fitted_degree)}"
+    return direct if law.form == "polynomial" else f"straight through {len(law.nodes)} values"
 
 
 def _with_error(value: float | None, error: float | None) -> str:
