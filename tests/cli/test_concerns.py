@@ -26,7 +26,7 @@ from mrwork.records.findings import findings_for
 
 VERBS: tuple[Verb, ...] = get_args(Verb)
 # Findings of tests together, which stand in no test.
-OF_THE_SET = ("command_mislabelled", "record_repeated")
+OF_THE_SET = ("command_mislabelled", "record_repeated", "repeat_differs")
 
 
 PLAIN = mr.synthetic_test("spencer1997_fast")
@@ -63,8 +63,12 @@ def set_with(code: str) -> list[DamperTest]:
     plain = replace(PLAIN, findings=(), current=1.0)
     if code == "record_repeated":
         return [replace(plain, name="first", path="a.csv"), replace(plain, name="second", path="b.csv")]
+    weak = replace(plain, name="weak", sha256="4", force=0.5 * plain.force)
+    if code == "repeat_differs":
+        return [plain, weak]
     others = [replace(plain, name=f"{number}", sha256=f"{number}") for number in range(3)]
-    return [*others, replace(plain, name="another", sha256="4", force=0.5 * plain.force)]
+    # A motion of another period is no repeat.
+    return [*others, replace(weak, dt=1.1 * plain.dt, velocity=plain.velocity / 1.1)]
 
 
 @pytest.mark.words

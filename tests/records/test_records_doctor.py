@@ -15,12 +15,13 @@ import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest
-from mrwork.records.checks import breakaway_overshoot, clipped_share, detect_smoothing
+from mrwork.records.checks import breakaway_overshoot, clipped_share, detect_smoothing, mean_over_travel
 from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
-from mrwork.records.findings import find_mislabelled
+from mrwork.records.findings import find_mislabelled, repeats_that_differ
 from mrwork.records.motion import SmoothMotion, smooth_motion, whole_cycles
 from mrwork.records.read import examine
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
+from mrwork.records.window import cut
 
 # Models with displacement hysteresis have a corner at motion reversals; the other has none.
 CORNERED = ("bouc_wen", "normalised_bouc_wen")
@@ -113,6 +114,20 @@ def test_a_smoothed_record_tells_no_delay() -> None:
     averaged = {name: np.convolve(each, np.full(25, 0.04), mode="valid") for name, each in channels.items()}
     smoothed = replace(test, **averaged)
     assert force_delay(*with_motion(replace(smoothed, smoothing=detect_smoothing(smoothed)))) is None
+
+
+def test_a_clipped_force_tells_no_delay() -> None:
+    test = simulated("bouc_wen")
+    top = 0.7 * test.force.max()
+    assert force_delay(*with_motion(replace(test, force=test.force.clip(-top, top)))) is None
+
+
+@pytest.mark.parametrize("cycles", [3.25, 3.5, 3.75])
+def test_the_offset_of_a_record_that_ends_within_a_cycle_is_that_of_whole_cycles(cycles: float) -> None:
+    whole = simulated("bouc_wen", cycles=4)
+    part = cut(whole, end=cycles / 2.0)
+    offsets = [mean_over_travel(test.force, test.velocity) for test in (whole, part)]
+    assert offsets[1] == pytest.approx(offsets[0], abs=0.01 * np.ptp(whole.force))
 
 
 @pytest.mark.parametrize("model", [*CORNERED, SMOOTH])
@@ -242,6 +257,15 @@ def _set_of_tests() -> tuple[DamperTest, ...]:
 def test_a_set_with_right_labels_or_of_too_few_tests_raises_no_alarm() -> None:
     assert find_mislabelled(_set_of_tests()) == ()
     assert find_mislabelled(_set_of_tests()[4:6]) == ()
+
+
+def test_a_repeat_of_another_force_is_told_with_its_ratio() -> None:
+    first = simulated(SMOOTH, cycles=4, rng=1)
+    first, second = (replace(first, name=name, current=1.0) for name in ("first", "second"))
+    assert [*repeats_that_differ([first, replace(second, force=1.05 * second.force)])] == []
+    (finding,) = repeats_that_differ([first, replace(second, force=1.3 * second.force)])
+    assert "second has the motion and command of first" in finding.message
+    assert "times 1.30" in finding.message
 
 
 @pytest.mark.parametrize(("wrong", "label"), [(7, 1.0), (12, 0.5), (3, 0.5)])

@@ -110,12 +110,14 @@ def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Findin
 
 
 def mean_over_travel(force: Floats, velocity: Floats) -> float:
-    """Mean force over the distance travelled, int F |v| dt / int |v| dt [N].
+    """Mean of the mean forces over the distance travelled forth and back, each int F |v| dt / int |v| dt [N].
 
     Hysteresis, viscosity and stiffness about the middle of the stroke cancel, and rest has no weight, so that a static
-    offset remains. The mean of the peaks is no substitute, because measured loops are not symmetric there.
+    offset remains, also of a record that ends within a cycle. The mean of the peaks is no substitute, because measured
+    loops are not symmetric there.
     """
-    return float(np.average(force, weights=np.abs(velocity)))
+    ways = [way for way in (velocity.clip(min=0.0), -velocity.clip(max=0.0)) if way.any()]
+    return float(np.mean([np.average(force, weights=way) for way in ways]))
 
 
 def half_range(force: Floats) -> float:

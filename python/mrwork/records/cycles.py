@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.records.checks import half_range, mean_over_travel
+from mrwork.records.checks import clipped_share, half_range, mean_over_travel
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
@@ -163,15 +163,15 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
 
         p(s) + q2 max(s - tau, 0)^2 + q3 max(s - tau, 0)^3,    p a parabola, s the time since the turn,
 
-    in two windows that start a twentieth and a tenth of a period before the corner and end when the force has fallen
-    by 0.3 of its half range. The tau of least residual is the delay, provided that both windows agree to 0.6 % of a
-    period and no smooth curve fits as well. A force that falls smoothly with the velocity has no such corner, and
-    averaging over time removes it. If the force falls steeply with the velocity before the turn, the corner is early:
-    a lag is then underestimated, and a lead counts only if the force has passed its middle at the turn. Compliance in
-    series with the damper delays the corner in the same way as a slow channel. A varying command changes the force
-    between turns, which can then not be folded.
+    in two windows that start a twentieth and a tenth of a period before the corner and end when the force has fallen by
+    0.3 of its half range. The tau of least residual is the delay, provided that both windows agree to 0.6 % of a period
+    and no smooth curve fits as well. A force that falls smoothly with the velocity has no such corner, and averaging
+    over time removes it; a clipped force has another. If the force falls steeply with the velocity before the turn, the
+    corner is early: a lag is then underestimated, and a lead counts only if the force has passed its middle at the
+    turn. Compliance in series with the damper delays the corner in the same way as a slow channel. A varying command
+    changes the force between turns, which can then not be folded.
     """
-    if test.has_varying_command or test.smoothing is not None:
+    if test.has_varying_command or test.smoothing is not None or clipped_share(test.force) > 0.0:
         return None
     period = 1.0 / motion.frequency
     turn, direction = turning_points(motion.displacement, motion.velocity)

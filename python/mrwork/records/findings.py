@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Final
@@ -15,7 +15,8 @@ from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.finding import Finding, FindingKind, Measured, Verb
+from mrwork.records.finding import ONCE, Finding, FindingKind, Measured, Verb
+from mrwork.records.likeness import RecordedMotion, likest_of_other_force
 from mrwork.records.motion import smooth_motion
 
 _RECORD_REPEATED: Final = FindingKind(
@@ -36,6 +37,23 @@ def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
         for labels in copies.values()
         if len(labels) > 1
     )
+
+
+_REPEAT_DIFFERS: Final = FindingKind(
+    "repeat_differs",
+    "{0}",
+    "check the command of both, and the temperature, pressure and pre-load",
+    verbs=ONCE,
+)
+
+
+def repeats_that_differ(tests: Sequence[DamperTest]) -> Iterator[Finding]:
+    """Warn of tests of one motion at one command whose forces differ: no model can describe both."""
+    motions = [RecordedMotion.of(test) for test in tests]
+    for index, motion in enumerate(motions):
+        pair = likest_of_other_force(motion, motions[:index])
+        if pair is not None and pair.known_command:
+            yield _REPEAT_DIFFERS.found(pair.force_in_words)
 
 
 _FEWEST_ALIKE: Final = 3
@@ -262,5 +280,5 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
 
 
 def findings_of_set(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
-    """Findings that need several tests: wrong commands, and copies."""
-    return (*find_mislabelled(tests), *repeated_records(tests))
+    """Findings that need several tests: wrong commands, repeats of another force, and copies."""
+    return (*find_mislabelled(tests), *repeats_that_differ(tests), *repeated_records(tests))

@@ -177,13 +177,19 @@ class Likeness:
     @property
     def condition_in_words(self) -> str:
         """Difference of the force and its possible causes, in words."""
-        ratio, shift = self.force_ratio or 1.0, self.force_shift or 0.0
         # At unknown commands that may be the reason.
-        shared, command = ("motion and command", "") if self.known_command else ("motion", "command, ")
+        command = "" if self.known_command else "command, "
         return (
-            f"{self._alike(shared)}, but its force is that of the other times {ratio:.2f} {shift:+.3g} N: another "
-            f"condition: {command}temperature, pressure, pre-load? It counts as held out"
+            f"{self.force_in_words}: another condition: {command}temperature, pressure, pre-load? "
+            "It counts as held out"
         )
+
+    @property
+    def force_in_words(self) -> str:
+        """Description with the difference of the force."""
+        ratio, shift = self.force_ratio or 1.0, self.force_shift or 0.0
+        shared = "motion and command" if self.known_command else "motion"
+        return f"{self._alike(shared)}, but its force is that of the other times {ratio:.2f} {shift:+.3g} N"
 
     def _alike(self, shared: str) -> str:
         return f"{self.test} has the {shared} of {self.like} (correlation of displacements {self.correlation:.4f})"
