@@ -29,7 +29,7 @@ from mrwork.base.places import KeyPath, all_mistakes
 from mrwork.base.summary import list_names
 from mrwork.base.units import RATIOS, DriverUnit
 from mrwork.buildings.from_file import BuildingTable
-from mrwork.closed_loop.evaluation import criteria, criterion
+from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import MOST_MEMORY, Command
 from mrwork.dampers.laws import LawName
@@ -213,11 +213,6 @@ class TuneTable(Stated):
             for name in getattr(self, setting) or ():
                 if name not in names:
                     yield setting, f"no criterion is called {name!r}{suggestion(name, names)}"
-                elif setting != "constraints" and criterion(name).of_command:
-                    yield (
-                        setting,
-                        f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints",
-                    )
 
 
 Use = Literal["test", "training"]

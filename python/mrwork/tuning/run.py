@@ -7,7 +7,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import Any, Literal
+
+import numpy as np
 
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.keys import given_in
@@ -221,7 +224,19 @@ def _plan(
                 )
                 check_settings(plan)
                 plans.append(plan)
+            _check_ratios(table, objective, benches[table.robust])
     return plans, basis, constants
+
+
+def _check_ratios(table: TuneTable, objective: TuningObjective, bench: Bench) -> None:
+    """Refuse a criterion that is zero or missing under the baseline: no candidate would have a score."""
+    runs, motions = bench.baselines[objective.relative_to], bench.study.chosen_on
+    for key, names in (("criteria", objective.weights), ("objectives", table.objectives or ())):
+        for name, (index, motion) in product(names, enumerate(motions)):
+            if not np.all(runs.numbers[name][:, index] > 0.0):
+                sentence = f"{name} is 0 or missing {objective.baseline_in_words} under {motion.name}"
+                remedy = "limit it among the constraints"
+                raise InvalidSettingError(key, f"{sentence}, so no ratio to it exists; {remedy}")
 
 
 def _tables(

@@ -99,8 +99,12 @@ class TuningObjective(Summarised):
             "cvar": f"mean of the worst {100.0 * self.tail:.0f} % of all {motions}",
         }[self.risk]
         taken = "mean" if self.combine == "mean" else "largest"
-        under = "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
-        return f"{risk} of the {taken} of {names}, each over its value {under}"
+        return f"{risk} of the {taken} of {names}, each over its value {self.baseline_in_words}"
+
+    @property
+    def baseline_in_words(self) -> str:
+        """Under which command the criteria are that it is relative to."""
+        return "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
 
 
 def objective_of(table: TuneTable, command_unit: str, scales: Scales) -> TuningObjective:
