@@ -102,7 +102,8 @@ def far_worse_sentence(
     tests_shown = f"{len(worse)} of {len(tests)} tests {are} described far worse together than alone: {shown}"
     if found_again:
         return (
-            f"{tests_shown}; no start found a better minimum, so these laws of this model cannot follow the tests: "
-            f"let more parameters follow the command, give laws of a higher degree (--law auto tries both), or {other}"
+            f"{tests_shown}; no start found a better minimum: check the command, unit, zero and temperature of "
+            f"{'this test' if len(worse) == 1 else 'these tests'}; else let more parameters follow the command, give "
+            f"laws of a higher degree (--law auto tries both), or {other}"
         )
     return f"false minimum suspected: {tests_shown}; try another seed, other laws (--law auto), or {other}"
