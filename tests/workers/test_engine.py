@@ -2,6 +2,7 @@
 
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -14,6 +15,7 @@ import mrwork as mr
 from mrwork.closed_loop.simulate import LoopVariation, simulate_loop
 from mrwork.errors import SettingError, WorkerError
 from mrwork.workers.engine import Workers, cut_into_chunks, working_on
+from mrwork.workers.local import local_workers
 
 
 @pytest.fixture(scope="module")
@@ -154,3 +156,10 @@ def test_chunks_depend_on_costs_alone() -> None:
     assert cut_into_chunks([5.0], 2.0) == [slice(0, 1)]
     assert cut_into_chunks([], 2.0) == []
     assert cut_into_chunks([1.0], 2.0) == [slice(0, 1)]
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no signal masks on this system")
+def test_processes_leave_interrupts_to_the_parent_from_their_start() -> None:
+    with local_workers(1) as executor:
+        assert signal.SIGINT in executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, ()).result()
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

@@ -6,9 +6,27 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class _Pool(ProcessPoolExecutor):
+    """A pool whose processes, which start where work is submitted, begin with Ctrl-C blocked: they inherit the mask."""
+
+    def submit(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """As of any executor."""
+        if not hasattr(signal, "pthread_sigmask"):
+            return super().submit(function, *args, **kwargs)
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return super().submit(function, *args, **kwargs)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -17,9 +35,7 @@ def local_workers(count: int) -> Iterator[ProcessPoolExecutor]:
 
     The processes are spawned, since a process that has threads of JAX cannot be forked, and leave Ctrl-C to the parent.
     """
-    pool = ProcessPoolExecutor(
-        count, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_to_serve
-    )
+    pool = _Pool(count, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_to_serve)
     try:
         yield pool
     finally:
