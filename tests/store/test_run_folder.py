@@ -279,6 +279,17 @@ def test_an_empty_folder_and_a_link_may_be_written_to_and_others_may_read_it(tmp
 # What is cut off
 
 
+@pytest.mark.parametrize("resume", [True, False])
+def test_a_folder_of_empty_folders_was_left_by_a_run_that_had_not_begun(tmp_path: Path, resume: bool) -> None:
+    (tmp_path / "run" / MODELS / "dahl").mkdir(parents=True)
+    (tmp_path / "run" / ".lock").touch()
+    with RunAtWork(tmp_path / "run", FIT_RUN, resume=resume) as work:
+        assert work.run() is None
+    (tmp_path / "run" / MODELS).mkdir(parents=True, exist_ok=True)
+    (tmp_path / "run" / MODELS / "notes.txt").touch()
+    refusal(RunAtWork(tmp_path / "run", FIT_RUN, resume=resume).run, match="not a run folder")
+
+
 def again(place: Path) -> object:
     return written(place, STUDY_RUN, text="second")
 
