@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from mrwork.records import DamperTest, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Profiles
 from mrwork.uncertainty.identifiability.profile import Profile, ProfileProgress
-from mrwork.uncertainty.identifiability.walks import Point, Scaled, signed_root, walk
+from mrwork.uncertainty.identifiability.walks import Course, Point, signed_root
 
 SPEC = damper("static_hysteretic")
 
@@ -43,20 +44,14 @@ def by_name(found: Profiles) -> dict[str, Profile]:
     return {each.name: each for each in found.profiles}
 
 
-def walked(normal: NDArray[np.float64], origin: NDArray[np.float64], way: int, dof: float) -> list[Point]:
+def walked(normal: NDArray[np.float64], way: Literal[-1, 1], dof: float) -> list[Point]:
     """The points of a walk of the first parameter on a paraboloid of this curvature, of misfit 1 at its origin."""
-    n_params = origin.size
-    scaled = Scaled(
-        theta=origin,
-        free=tuple(range(n_params)),
-        log=np.zeros(n_params, dtype=np.bool_),
-        size=np.ones(n_params),
-        lower=np.full(n_params, -10.0),
-        upper=np.full(n_params, 10.0),
-    )
+    origin = np.full(len(normal), 0.5)
+    names = tuple(f"p{index}" for index in range(len(normal)))
+    box = Box(names=names, lower=(0.0,) * 3, upper=(1.0,) * 3, log=(False,) * 3)
+    errors = np.sqrt(np.diag(np.linalg.inv(normal)) / dof)
     points = [Point(position=origin, squared=1.0)]
-    error = float(np.sqrt(np.linalg.inv(normal)[0, 0] / dof))
-    going = walk(scaled, 0, 1 if way > 0 else -1, points, error=error, limit=1.96, dof=dof)
+    going = Course(box=box, first=0.5 * errors, limit=1.96, dof=dof).walk(0, way, points)
     wanted: NDArray[np.float64] | None = next(going)
     while wanted is not None:
         moved = wanted - origin
@@ -70,11 +65,9 @@ def walked(normal: NDArray[np.float64], origin: NDArray[np.float64], way: int, d
 
 
 @pytest.mark.parametrize("way", [-1, 1])
-def test_a_walk_on_a_parabola_brackets_the_limit(way: int) -> None:
-    rng = np.random.default_rng(4)
-    jacobian = rng.standard_normal((30, 3))
-    theta = np.array([0.3, -1.0, 2.0])
-    points = walked(jacobian.T @ jacobian, theta, way, dof=200.0)
+def test_a_walk_on_a_parabola_brackets_the_limit(way: Literal[-1, 1]) -> None:
+    jacobian = np.random.default_rng(4).standard_normal((30, 3))
+    points = walked(jacobian.T @ jacobian, way, dof=200.0)
     roots = [signed_root(place.squared, 1.0, 200.0) for place in points]
     assert roots == sorted(roots)
     assert roots[-2] < 1.96 < roots[-1]

@@ -18,6 +18,7 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import TableColumn, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Outcome, simulate_sensitivities
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
@@ -29,7 +30,6 @@ from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
-from mrwork.uncertainty.identifiability.walks import Scaled
 
 # Rows of a plan that a summary has.
 _SHOWN = 15
@@ -106,29 +106,30 @@ def _is_within(gap: tuple[float, float] | None, candidate: Candidate) -> bool:
 
 @array_dataclass()
 class Response:
-    """Force of a candidate [N], (n_counted,), and energy of a cycle [J], with derivatives by coordinate, (..., n_free).
+    """What a candidate tells, as matrices by unit coordinates of the free parameters, shape (n_free, n_free).
 
-    `corrected` is the derivative after nuisance parameters have been fitted.
+    A test of it adds `information` to the precision. Where the parameters have the covariance C, the variance of its
+    force is trace(`force` C), relative to the variance over time, and of the energy of a cycle trace(`energy` C),
+    relative to its square.
     """
 
     candidate: Candidate
+    information: Floats
     force: Floats
-    derivative: Floats
-    corrected: Floats
-    energy: float
-    energy_derivative: Floats
+    energy: Floats
 
 
 @array_dataclass()
 class LinearisedPosterior:
-    """Linearised posterior before the next test about `position`, (n_free,), with the inverse covariance `precision`.
+    """Linearised posterior before the next test about `theta`, (n_params,), with the inverse covariance `precision`.
 
-    A further test adds `weight` times J'J / n_counted, with the force in units of its standard deviation.
+    Precision is by unit coordinates of the free parameters of the `box`, shape (n_free, n_free). A further test adds
+    `weight` times J'J / n_counted, with the force in units of its standard deviation.
     """
 
     spec: DamperSpec
-    scaled: Scaled
-    position: Floats
+    box: Box
+    theta: Floats
     precision: Floats
     weight: float
     nuisances: Sequence[NuisanceName]
@@ -147,19 +148,18 @@ class LinearisedPosterior:
             )
         objective, spec, box = problem.objective, problem.form.spec, problem.form.box
         theta = problem.inside(fit.theta)
-        scales = scales_of(spec, box, objective.tests, theta)
-        scaled = Scaled.of(spec, box, scales, theta)
-        position = scaled.position(theta)
         slopes = Slopes.at(objective, problem.form, theta)
-        residuals, derivative = slopes.residuals, slopes.by_free.T * scaled.slope(position)
+        residuals, derivative = slopes.residuals, slopes.by_free.T * box.unit_slope(theta)
         weight = slopes.dof / float(residuals @ residuals)
-        ends = np.array([(scale.lower, scale.upper) for scale in scales]).T
-        lower, upper = map(scaled.position, ends)
+        ends = np.array(
+            [(scale.lower, scale.upper) for scale in scales_of(spec, box, objective.tests, theta)]
+        ).T
+        lower, upper = box.unit_from_theta(np.clip(ends, box.lower, box.upper))
         prior = np.diag(12.0 / (upper - lower) ** 2)
         return cls(
             spec=spec,
-            scaled=scaled,
-            position=position,
+            box=box,
+            theta=theta,
             precision=prior + weight * derivative.T @ derivative,
             weight=weight / len(objective.tests),
             nuisances=fit.nuisances,
@@ -221,9 +221,7 @@ def plan(
         )
     gains = []
     for response in possible:
-        after = float(
-            np.trace(matrix @ np.linalg.inv(posterior.precision + information(posterior, response)))
-        )
+        after = float(np.trace(matrix @ np.linalg.inv(posterior.precision + response.information)))
         gains.append(
             Gain(
                 candidate=response.candidate,
@@ -248,64 +246,51 @@ def plan(
 
 def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -> list[Response]:
     """Responses of the candidates that can be simulated, with exact derivatives."""
-    scaled, position = posterior.scaled, posterior.position
-    theta, slope = scaled.parameters(position)[None], scaled.slope(position)
+    theta, box = posterior.theta[None], posterior.box
+    slope = box.unit_slope(posterior.theta)
     responses_by_candidate = []
     for candidate in candidates:
         loading, counted = harmonic_motion(candidate, posterior.spec)
         run = simulate_sensitivities(
-            posterior.spec, theta, loading.history(), columns=scaled.free, threads=posterior.threads
+            posterior.spec, theta, loading.history(), columns=box.free, threads=posterior.threads
         )
-        # A force that never changes tells nothing, and has no deviation to divide by.
-        if run.outcome[0] != Outcome.FINISHED or not np.ptp(run.force[0, counted]) > 0.0:
-            continue
         force, derivative = run.force[:, counted], run.jacobian[..., counted] * slope[:, None]
+        # A force that never changes tells nothing, and has no deviation to divide by.
+        if run.outcome[0] != Outcome.FINISHED or not np.ptp(force) > 0.0:
+            continue
         _, corrected = linearised_without_nuisance(force, derivative, force[0], posterior.nuisances)
-        cycles = (counted.stop - counted.start) * loading.dt * candidate.frequency
+        # Columns, (n_free, n_counted), whose products with themselves are means over time.
+        scale = np.std(force) * np.sqrt(force.size)
+        of_force, of_test = derivative[0] / scale, corrected[0] / scale
         assert loading.velocity is not None
-        per_cycle = loading.velocity[counted] * loading.dt / cycles
+        velocity = loading.velocity[counted]
+        of_energy = derivative[0] @ velocity / (force[0] @ velocity)
         responses_by_candidate.append(
             Response(
                 candidate=candidate,
-                force=force[0],
-                derivative=derivative[0].T,
-                corrected=corrected[0].T,
-                energy=float(force[0] @ per_cycle),
-                energy_derivative=derivative[0] @ per_cycle,
+                information=posterior.weight * of_test @ of_test.T,
+                force=of_force @ of_force.T,
+                energy=np.outer(of_energy, of_energy),
             )
         )
     return responses_by_candidate
 
 
-def information(posterior: LinearisedPosterior, response: Response) -> Floats:
-    """Precision that a candidate adds, shape (n_free, n_free)."""
-    unit = response.corrected / (np.std(response.force) * np.sqrt(response.force.size))
-    return np.asarray(posterior.weight * unit.T @ unit)
-
-
 def band_matrix(posterior: LinearisedPosterior, targets: Sequence[Response], band: str) -> tuple[Floats, str]:
     """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
-        parts = [
-            target.derivative / (np.std(target.force) * np.sqrt(target.force.size)) for target in targets
-        ]
-        return np.mean([part.T @ part for part in parts], axis=0), "deviations of the force"
+        return np.mean([target.force for target in targets], axis=0), "deviations of the force"
     if band == "energy":
-        shares = [target.energy_derivative / target.energy for target in targets]
-        return np.mean([np.outer(share, share) for share in shares], axis=0), "of the energy of a cycle"
-    index = _column_of(posterior, band)
-    unit = np.zeros(posterior.position.size)
-    unit[index] = 1.0 if posterior.scaled.log[index] else posterior.scaled.size[index]
-    parameter = posterior.spec.parameters[posterior.scaled.free[index]]
-    return np.outer(unit, unit), "of its value" if posterior.scaled.log[index] else parameter.unit
-
-
-def _column_of(posterior: LinearisedPosterior, band: str) -> int:
-    free = [posterior.spec.names[index] for index in posterior.scaled.free]
-    if band in free:
-        return free.index(band)
-    if band in posterior.spec.names:
+        return np.mean([target.energy for target in targets], axis=0), "of the energy of a cycle"
+    box, free = posterior.box, posterior.box.free_names
+    if band not in free and band in posterior.spec.names:
         raise SettingError(f"{band} is fixed, no test narrows it; take force, energy, {', '.join(free)}")
-    raise UnknownNameError(
-        f"there is no band {band!r}{suggestion(band, ['force', 'energy', *free], otherwise='take')}"
-    )
+    if band not in free:
+        raise UnknownNameError(
+            f"there is no band {band!r}{suggestion(band, ['force', 'energy', *free], otherwise='take')}"
+        )
+    index = posterior.spec.names.index(band)
+    # A logarithmic parameter has its deviation relative to its value.
+    size = posterior.theta[index] if box.log[index] else 1.0
+    unit = np.where(np.equal(box.free, index), box.unit_slope(posterior.theta) / size, 0.0)
+    return np.outer(unit, unit), "of its value" if box.log[index] else posterior.spec.parameters[index].unit

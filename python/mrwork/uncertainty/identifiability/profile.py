@@ -24,7 +24,6 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import ParamSpec
 from mrwork.errors import SettingError
 from mrwork.identification.covariance import Slopes, covariance
 from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
@@ -36,12 +35,11 @@ from mrwork.records.damper_test import as_tests
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.identifiability.walks import (
     DIRECTIONS,
+    Course,
     End,
     Point,
-    Scaled,
     Side,
     Sides,
-    run_together,
     signed_root,
 )
 
@@ -191,43 +189,46 @@ def likelihood_threshold(level: float) -> float:
 
 
 def _profile_of(
-    parameter: ParamSpec,
-    scaled: Scaled,
+    course: Course,
     index: int,
     scale: Scale,
     sensitivity: float,
     below: Side,
     above: Side,
-    *,
     least: float,
-    threshold: float,
-    dof: float,
 ) -> Profile:
     """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict."""
+    box, origin = course.box, len(below.points) - 1
     line = [*reversed(below.points[1:]), *above.points]
-    positions = np.array([point.position for point in line])
-    position, values = positions[:, index], scaled.values(positions)[:, index]
-    roots = np.array([signed_root(point.squared, least, dof) for point in line])
-    limit, origin = float(np.sqrt(threshold)), len(below.points) - 1
-    crossings = [
-        _crossing(position[origin::-1], roots[origin::-1], limit) if below.end == "closed" else None,
-        _crossing(position[origin:], roots[origin:], limit) if above.end == "closed" else None,
-    ]
+    column = np.array([point.position[index] for point in line])
+    roots = np.array([signed_root(point.squared, least, course.dof) for point in line])
+
+    def values_at(column: Floats) -> list[float]:
+        positions = np.tile(below.points[0].position, (column.size, 1))
+        positions[:, index] = column
+        values: list[float] = box.theta_from_unit(positions)[:, box.free[index]].tolist()
+        return values
+
     lower, upper = (
-        None
-        if crossing is None
-        else float(np.exp(crossing) if scaled.log[index] else crossing * scaled.size[index])
-        for crossing in crossings
+        values_at(_crossing(column[side], roots[side], course.limit))[0]
+        if end == "closed" and roots[side].max() > course.limit
+        else None
+        for side, end in ((slice(origin, None, -1), below.end), (slice(origin, None), above.end))
     )
+    values = values_at(column)
     verdict, reason = judge_interval(
-        (lower, upper), limit, scale, sensitivity, opened=_name_open_ends(lower, upper, below.end, above.end)
+        (lower, upper),
+        course.limit,
+        scale,
+        sensitivity,
+        opened=_name_open_ends(lower, upper, below.end, above.end),
     )
     return Profile(
-        name=parameter.name,
-        unit=parameter.unit,
-        estimate=float(values[origin]),
-        log=bool(scaled.log[index]),
-        values=tuple(map(float, values)),
+        name=scale.name,
+        unit=scale.unit,
+        estimate=values[origin],
+        log=scale.log,
+        values=tuple(values),
         misfit=tuple(float(np.sqrt(point.squared)) for point in line),
         ratio=tuple(map(float, roots**2)),
         lower=lower,
@@ -239,10 +240,9 @@ def _profile_of(
     )
 
 
-def _crossing(position: Floats, roots: Floats, limit: float) -> float | None:
-    """First crossing of the limit outwards, by linear interpolation of the largest root of the ratio so far."""
-    largest = np.maximum.accumulate(roots)
-    return float(np.interp(limit, largest, position)) if largest[-1] > limit else None
+def _crossing(column: Floats, roots: Floats, limit: float) -> Floats:
+    """First crossing of the limit outwards, shape (1,), by linear interpolation of the largest root so far."""
+    return np.atleast_1d(np.interp(limit, np.maximum.accumulate(roots), column))
 
 
 def _name_open_ends(lower: float | None, upper: float | None, below: End, above: End) -> str:
@@ -262,6 +262,8 @@ _IN_WORDS: dict[End, str] = {
 }
 
 
+# Longest first step of insensitive parameters, in the logarithm or as a share of the size.
+_FIRST = 0.3
 # A decrease of the likelihood ratio by more than this means that the fit was not at its minimum.
 _BETTER = 0.5
 # Largest number of restarts about a better minimum, and of the iterations to it.
@@ -338,30 +340,34 @@ def profile(
     theta = np.clip(problem.form.from_model(np.array(fit.theta)), box.lower, box.upper)
     profiled = _profiled_indices(box, parameters)
     scales = scales_of(spec, box, objective.tests, theta)
-    scaled = Scaled.of(spec, box, scales, theta)
     slopes = Slopes.at(objective, problem.form, theta)
-    residuals, position = slopes.residuals, scaled.position(theta)
-    start = Point(position=position, squared=float(residuals @ residuals))
-    n_effective, dof = slopes.n_effective, slopes.dof
-    independent = covariance(slopes.by_free.T * scaled.slope(position), float(np.sqrt(start.squared)))
-    errors = np.sqrt(np.diag(independent) * residuals.size / n_effective)
+    residuals, by_unit = slopes.residuals, box.unit_slope(theta)
+    start = Point(position=box.unit_from_theta(theta), squared=float(residuals @ residuals))
     threshold = likelihood_threshold(level)
+    independent = covariance(slopes.by_free.T * by_unit, float(np.sqrt(start.squared)))
+    errors = np.sqrt(np.diag(independent) * residuals.size / slopes.n_effective)
+    longest = _FIRST * np.array([scales[index].size for index in box.free]) / by_unit
+    course = Course(
+        box=box,
+        # The error of a parameter that is not determined is not a number.
+        first=np.fmin(0.5 * errors, longest),
+        limit=float(np.sqrt(threshold)),
+        dof=slopes.dof,
+        spring=problem.form.mirrored,
+    )
 
     def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
         least = min(point.squared for side in sides.values() for point in side.points)
-        improvement = signed_root(start.squared, least, dof) ** 2
+        improvement = signed_root(start.squared, least, course.dof) ** 2
         made = tuple(
             _profile_of(
-                spec.parameters[box.free[index]],
-                scaled,
+                course,
                 index,
                 scales[box.free[index]],
                 float(np.linalg.norm(slopes.by_free[index])),
                 sides[index, -1],
                 sides[index, 1],
-                least=least,
-                threshold=threshold,
-                dof=dof,
+                least,
             )
             for index in profiled
         )
@@ -371,7 +377,7 @@ def profile(
             threshold=threshold,
             misfit=float(np.sqrt(least)),
             n_time=residuals.size,
-            n_effective=n_effective,
+            n_effective=slopes.n_effective,
             profiles=made,
             status=status,
             remark=""
@@ -399,24 +405,15 @@ def profile(
     with call.keeping("profiling"):
         for _ in range(_MOST_ROUNDS):
             sides = {key: Side(points=[origin]) for key in sides}
-            run_together(
-                objective,
-                box,
-                scaled,
-                sides,
-                report,
-                errors=errors,
-                limit=float(np.sqrt(threshold)),
-                dof=dof,
-            )
+            course.run(objective, sides, report)
             best = min(
                 (point for side in sides.values() for point in side.points), key=lambda point: point.squared
             )
-            if signed_root(origin.squared, best.squared, dof) ** 2 < _BETTER:
+            if signed_root(origin.squared, best.squared, course.dof) ** 2 < _BETTER:
                 break
-            better = scaled.parameters(best.position[None])
+            better = box.theta_from_unit(best.position[None])
             minimum = find_minima(objective, box, better, max_iterations=_MOST_STEPS).best
-            origin = Point(position=scaled.position(minimum.theta), squared=minimum.misfit**2)
+            origin = Point(position=box.unit_from_theta(minimum.theta), squared=minimum.misfit**2)
     return result(sides, "finished")
 
 

@@ -1,4 +1,4 @@
-"""Walks along a profile, in scaled coordinates of the free parameters.
+"""Walks along a profile, in unit coordinates of the free parameters.
 
 On one side of a profile one parameter is stepped away from the fit, and the others are fitted anew after each step. A
 walk is a generator: it yields a start and receives the minimum with the parameter held, so that the minimisations of
@@ -7,91 +7,21 @@ all walks share one batch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.objective import Objective
-from mrwork.identification.verdicts import Scale
-
-
-@array_dataclass()
-class Scaled:
-    """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size; shape (n_free,).
-
-    `spring` has the indices of the accumulator's stiffness k and free length x0, if both are free: k x0 offsets the
-    force, so k can change its sign only if x0 does too, through infinity.
-    """
-
-    theta: Floats
-    free: tuple[int, ...]
-    log: NDArray[np.bool_]
-    size: Floats
-    lower: Floats
-    upper: Floats
-    spring: tuple[int, int] | None = None
-
-    @classmethod
-    def of(cls, spec: DamperSpec, box: Box, scales: Sequence[Scale], theta: Floats) -> Scaled:
-        """Coordinates of the free parameters of `box`, about `theta`, shape (n_params,)."""
-        free = np.array(box.free, dtype=int)
-        log = np.array(box.log)[free]
-        size = np.where(log, 1.0, [scales[index].size for index in free])
-        bounds = (np.array(bound)[free] for bound in (box.lower, box.upper))
-        lower, upper = (np.where(log, np.log(np.where(log, bound, 1.0)), bound / size) for bound in bounds)
-        spring = None
-        if spec.spring_indices is not None and set(spec.spring_indices) <= set(box.free):
-            spring = (box.free.index(spec.spring_indices[0]), box.free.index(spec.spring_indices[1]))
-        return cls(theta=theta, free=box.free, log=log, size=size, lower=lower, upper=upper, spring=spring)
-
-    def position(self, theta: Floats) -> Floats:
-        """Coordinates, shape (..., n_free), of parameters, shape (..., n_params), clipped to the box."""
-        value = theta[..., np.array(self.free, dtype=int)]
-        coordinates = np.where(self.log, np.log(np.where(self.log, value, 1.0)), value / self.size)
-        return np.asarray(np.clip(coordinates, self.lower, self.upper))
-
-    def values(self, position: Floats) -> Floats:
-        """Values of the free parameters, shape (..., n_free)."""
-        return np.asarray(np.where(self.log, np.exp(np.where(self.log, position, 0.0)), position * self.size))
-
-    def parameters(self, position: Floats) -> Floats:
-        """All parameters, shape (..., n_params)."""
-        theta = np.broadcast_to(self.theta, (*position.shape[:-1], self.theta.size)).copy()
-        theta[..., np.array(self.free, dtype=int)] = self.values(position)
-        return theta
-
-    def slope(self, position: Floats) -> Floats:
-        """Derivative of each free parameter with respect to its coordinate, shape (..., n_free)."""
-        return np.asarray(np.where(self.log, self.values(position), self.size))
-
-    def on_line(self, before: Floats, here: Floats, index: int, target: float) -> Floats:
-        """Where the line through two positions has the coordinate `index` at `target`, clipped to the box.
-
-        Of a spring k and k x0 are on the line, unless x0 is the coordinate.
-        """
-        step = here[index] - before[index]
-        share = (target - here[index]) / step if step else 0.0
-        there = here + share * (here - before)
-        there[index] = target
-        if self.spring is not None and index != self.spring[1]:
-            stiffness, free = self.spring
-            if there[stiffness] != 0.0:
-                product = here[stiffness] * here[free]
-                product += share * (product - before[stiffness] * before[free])
-                there[free] = product / there[stiffness]
-        return np.asarray(np.clip(there, self.lower, self.upper))
 
 
 @array_dataclass()
 class Point:
-    """A position, shape (n_free,), with the squared misfit S there."""
+    """A position in unit coordinates, shape (n_free,), with the squared misfit S there."""
 
     position: Floats
     squared: float
@@ -103,8 +33,6 @@ End = Literal["closed", "bound", "not simulated", "too many points", "interrupte
 _RISE = 0.6
 # Limits on the ratio of successive steps.
 _SHORTEST, _LONGEST = 0.25, 2.5
-# Longest first step in the scaled coordinate, for insensitive parameters.
-_FIRST = 0.3
 # Largest distance in the root of the likelihood ratio of the two points that bracket the threshold.
 _BRACKET = 0.8
 # Overshoot of the threshold, so that the last point is not just below it.
@@ -128,70 +56,6 @@ def signed_root(squared: float, least: float, dof: float) -> float:
     return float(np.sqrt(dof * max(np.log(squared / least), 0.0)))
 
 
-def walk(
-    scaled: Scaled,
-    index: int,
-    way: Literal[-1, 1],
-    points: list[Point],
-    *,
-    error: float,
-    limit: float,
-    dof: float,
-) -> Walk:
-    """Step the free parameter `index` up or down from the first of `points`, to which each new point is appended.
-
-    The first step is half its standard `error`. The walk ends beyond `limit`, in the root of the likelihood ratio, with
-    points close to it on either side; or on the bound.
-    """
-    (origin,) = points
-    bound = float(scaled.upper[index] if way > 0 else scaled.lower[index])
-    # The error of a parameter that is not determined is not a number.
-    step = first = float(np.fmin(0.5 * error, _FIRST))
-    while len(points) < _MOST_POINTS:
-        before, last = points[-2:] if len(points) > 1 else (origin, origin)
-        here = float(last.position[index])
-        if here == bound:
-            return "bound"
-        target = here + way * step
-        if way * (bound - target) <= 0.0:
-            target = bound
-        point = yield scaled.on_line(before.position, last.position, index, target)
-        if not np.isfinite(point.squared):
-            step = _SHORTEST * abs(target - here)
-            if step < _LEAST_SHARE * first:
-                return "not simulated"
-            continue
-        points.append(point)
-        reached, after = (signed_root(point.squared, origin.squared, dof) for point in points[-2:])
-        if after > limit:
-            yield from _bracket_limit(scaled, index, points, limit, dof)
-            return "closed"
-        aimed = min(_RISE, limit + _BEYOND - after)
-        rise = after - reached
-        factor = aimed / rise if rise > 0.0 else _LONGEST
-        step = abs(target - here) * float(np.clip(factor, _SHORTEST, _LONGEST))
-    return "too many points"
-
-
-def _bracket_limit(
-    scaled: Scaled, index: int, points: list[Point], limit: float, dof: float
-) -> Generator[Floats, Point, None]:
-    for _ in range(_MOST_BETWEEN):
-        low, high = points[-2:]
-        roots = [signed_root(point.squared, points[0].squared, dof) for point in (low, high)]
-        if roots[1] - roots[0] < _BRACKET:
-            break
-        ends = (float(low.position[index]), float(high.position[index]))
-        # Away from the ends, so that the interval shrinks.
-        share = float(np.clip((limit - roots[0]) / (roots[1] - roots[0]), 0.2, 0.8))
-        target = ends[0] + share * (ends[1] - ends[0])
-        point = yield scaled.on_line(high.position, low.position, index, target)
-        if not np.isfinite(point.squared):
-            break
-        beyond = signed_root(point.squared, points[0].squared, dof) > limit
-        points[-1:] = [point] if beyond else [point, high]
-
-
 @dataclass(slots=True, kw_only=True)
 class Side:
     """One side of a profile: points from the origin outwards, and how the walk ended."""
@@ -200,55 +64,126 @@ class Side:
     end: End = "interrupted"
 
 
+Way = Literal[-1, 1]
+DIRECTIONS: tuple[Way, ...] = (-1, 1)
 # By index among the free parameters, and direction.
-Sides = dict[tuple[int, Literal[-1, 1]], Side]
-DIRECTIONS: tuple[Literal[-1, 1], ...] = (-1, 1)
+Sides = dict[tuple[int, Way], Side]
 
 
-def run_together(
-    objective: Objective,
-    box: Box,
-    scaled: Scaled,
-    sides: Sides,
-    on_batch: Callable[[Sides], None],
-    *,
-    errors: Floats,
-    limit: float,
-    dof: float,
-) -> None:
-    """Run all walks to their ends; minimisations from their next positions are one batch.
+@array_dataclass()
+class Course:
+    """What all walks of a profile share; positions and steps are in unit coordinates, shape (n_free,).
 
-    `errors` are standard errors in scaled coordinates, (n_free,); NaN for parameters that are not determined.
+    `first` are first steps. A walk ends where the root of the likelihood ratio exceeds `limit`. `spring` has the
+    indices of the accumulator's stiffness k and free length x0, if both are free and may have either sign: k x0 offsets
+    the force, so k can change its sign only if x0 does too, through infinity.
     """
-    walks = {
-        key: walk(scaled, *key, side.points, error=float(errors[key[0]]), limit=limit, dof=dof)
-        for key, side in sides.items()
-    }
-    pending: dict[tuple[int, Literal[-1, 1]], Floats] = {}
 
-    def advance(key: tuple[int, Literal[-1, 1]], point: Point | None) -> None:
-        try:
-            pending[key] = next(walks[key]) if point is None else walks[key].send(point)
-        except StopIteration as ended:
-            sides[key].end = ended.value
-            pending.pop(key, None)
+    box: Box
+    first: Floats
+    limit: float
+    dof: float
+    spring: tuple[int, ...] = ()
 
-    for key in walks:
-        advance(key, None)
-    while pending:
-        held = np.array([[index == number for number in range(len(errors))] for index, _ in pending])
-        starts = np.array([*pending.values()])
+    def on_line(self, before: Floats, here: Floats, index: int, target: float) -> Floats:
+        """Where the line through two positions has the coordinate `index` at `target`, clipped to the box.
+
+        Of a spring k and k x0 are on the line, unless x0 is the coordinate.
+        """
+        step = here[index] - before[index]
+        share = (target - here[index]) / step if step else 0.0
+        there = here + share * (here - before)
+        there[index] = target
+        if self.spring and self.box.free[index] != self.spring[1]:
+            theta = self.box.theta_from_unit(np.clip([before, here, there], 0.0, 1.0))
+            stiffness, free = theta[:, list(self.spring)].T
+            if stiffness[2] != 0.0:
+                product = stiffness * free
+                theta[2, self.spring[1]] = (product[1] + share * (product[1] - product[0])) / stiffness[2]
+                there = self.box.unit_from_theta(theta[2])
+                there[index] = target
+        return np.asarray(np.clip(there, 0.0, 1.0))
+
+    def walk(self, index: int, way: Way, points: list[Point]) -> Walk:
+        """Step the free parameter `index` up or down from the first of `points`, to which each new point is appended.
+
+        The walk ends beyond the limit with points close to it on either side; or on the bound.
+        """
+        (origin,) = points
+        bound = 1.0 if way > 0 else 0.0
+        step = first = float(self.first[index])
+        while len(points) < _MOST_POINTS:
+            before, last = points[-2:] if len(points) > 1 else (origin, origin)
+            here = float(last.position[index])
+            if here == bound:
+                return "bound"
+            target = here + way * step
+            if way * (bound - target) <= 0.0:
+                target = bound
+            point = yield self.on_line(before.position, last.position, index, target)
+            if not np.isfinite(point.squared):
+                step = _SHORTEST * abs(target - here)
+                if step < _LEAST_SHARE * first:
+                    return "not simulated"
+                continue
+            points.append(point)
+            reached, after = (signed_root(point.squared, origin.squared, self.dof) for point in points[-2:])
+            if after > self.limit:
+                yield from self._bracket_limit(index, points)
+                return "closed"
+            aimed = min(_RISE, self.limit + _BEYOND - after)
+            rise = after - reached
+            factor = aimed / rise if rise > 0.0 else _LONGEST
+            step = abs(target - here) * float(np.clip(factor, _SHORTEST, _LONGEST))
+        return "too many points"
+
+    def _bracket_limit(self, index: int, points: list[Point]) -> Generator[Floats, Point, None]:
+        for _ in range(_MOST_BETWEEN):
+            low, high = points[-2:]
+            roots = [signed_root(point.squared, points[0].squared, self.dof) for point in (low, high)]
+            if roots[1] - roots[0] < _BRACKET:
+                break
+            ends = (float(low.position[index]), float(high.position[index]))
+            # Away from the ends, so that the interval shrinks.
+            share = float(np.clip((self.limit - roots[0]) / (roots[1] - roots[0]), 0.2, 0.8))
+            target = ends[0] + share * (ends[1] - ends[0])
+            point = yield self.on_line(high.position, low.position, index, target)
+            if not np.isfinite(point.squared):
+                break
+            beyond = signed_root(point.squared, points[0].squared, self.dof) > self.limit
+            points[-1:] = [point] if beyond else [point, high]
+
+    def _minimise(self, objective: Objective, starts: Mapping[tuple[int, Way], Floats]) -> list[Point]:
+        """The minima from the starts of walks, each with the parameter of its walk held."""
+        held = np.array([index == np.arange(len(self.first)) for index, _ in starts])
+        positions = np.array([*starts.values()])
         minima = find_minima(
             objective,
-            box,
-            scaled.parameters(starts),
+            self.box,
+            self.box.theta_from_unit(positions),
             max_iterations=_MOST_ITERATIONS,
-            tolerance=_GAIN / max(dof, 1.0),
+            tolerance=_GAIN / max(self.dof, 1.0),
             held=held,
             damping=_DAMPING,
         )
         # A held parameter is exactly where the walk has put it, also on a bound.
-        positions = np.where(held, starts, scaled.position(minima.theta))
-        for key, position, misfit in zip([*pending], positions, minima.misfit.tolist(), strict=True):
-            advance(key, Point(position=position, squared=misfit**2))
-        on_batch(sides)
+        positions = np.where(held, positions, self.box.unit_from_theta(minima.theta))
+        return [
+            Point(position=position, squared=misfit**2)
+            for position, misfit in zip(positions, minima.misfit.tolist(), strict=True)
+        ]
+
+    def run(self, objective: Objective, sides: Sides, on_batch: Callable[[Sides], None]) -> None:
+        """Run all walks to their ends; minimisations from their next positions are one batch."""
+        walks = {key: self.walk(*key, side.points) for key, side in sides.items()}
+        minima: dict[tuple[int, Way], Point | None] = dict.fromkeys(walks)
+        while minima:
+            pending = dict[tuple[int, Way], Floats]()
+            for key, point in minima.items():
+                try:
+                    # The first value that a generator is sent is none.
+                    pending[key] = walks[key].send(point)  # type: ignore[arg-type] # as above
+                except StopIteration as ended:
+                    sides[key].end = ended.value
+            on_batch(sides)
+            minima = dict(zip(pending, self._minimise(objective, pending), strict=True)) if pending else {}
