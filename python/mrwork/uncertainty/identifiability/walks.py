@@ -41,7 +41,7 @@ _BEYOND = 0.05
 # first damping: a start is near its minimum.
 _GAIN = 0.003
 _MOST_ITERATIONS = 20
-_DAMPING = 1e-3
+_DAMPING = 1e-2
 _MOST_POINTS = 40
 _MOST_BETWEEN = 6
 # Smallest step as a share of the first; the walk ends where even this cannot be simulated.
