@@ -33,7 +33,13 @@ from mrwork.uncertainty.bands.band import (
     next_test_quantile,
     score,
 )
-from mrwork.uncertainty.bands.error_shape import ErrorShape, ErrorTable, even_samples
+from mrwork.uncertainty.bands.error_shape import (
+    ErrorGroup,
+    ErrorShape,
+    best_variant,
+    best_variants_without_each,
+    calibrate_shape,
+)
 from mrwork.uncertainty.bands.prediction import Prediction
 
 LEVELS = (0.5, 0.9, 0.95)
@@ -73,7 +79,7 @@ class Reach:
         for prediction in predictions:
             for one in driven(prediction.outside):
                 if not one.between and np.isfinite(one.severity):
-                    reached[side_of(one)].append((one.severity, _scores_of(prediction, shape)))
+                    reached[side_of(one)].append((one.severity, shape.scores(prediction)))
         return tuple(
             cls(
                 quantity=quantity,
@@ -93,12 +99,6 @@ def side_of(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
 def driven(outside: Outside) -> tuple[Exceedance, ...]:
     """Exceedances of motion and command, without force and power, which follow from them."""
     return tuple(exceedance for exceedance in outside.exceedances if exceedance.quantity in _DRIVEN)
-
-
-def _scores_of(prediction: Prediction, shape: ErrorShape) -> Floats:
-    """Errors of a prediction in the scale of a calibration, at evenly spaced samples."""
-    centre, scale = shape.of(prediction)
-    return np.abs(prediction.measured - centre)[even_samples(prediction)] / scale[even_samples(prediction)]
 
 
 @array_dataclass(repr=False)
@@ -285,8 +285,8 @@ def calibrate(
             f"a band is calibrated on tests that the fit has not seen, but {likenesses_in_words(seen)}; "
             "give tests at other motions or commands"
         )
-    table = ErrorTable.of(groups)
-    shape, scores = table.calibrate(table.best_variant())
+    errors = [ErrorGroup.of(members) for members in groups]
+    shape, scores = calibrate_shape(best_variant(errors), errors)
     return Calibration(
         shape=shape,
         scores=tuple(scores),
@@ -336,10 +336,12 @@ def measured_coverage(
             f"coverage is measured on tests that the calibration does not know, {count}; give at least two"
         )
     energy = [[energy_errors(member) for member in members] for members in groups]
-    table = ErrorTable.of(groups)
+    errors_of = [ErrorGroup.of(members) for members in groups]
     rows = []
-    for index, (members, variant) in enumerate(zip(groups, table.best_variants_without_each(), strict=True)):
-        shape, scores = table.calibrate(variant, (index,))
+    for index, (members, variant) in enumerate(
+        zip(groups, best_variants_without_each(errors_of), strict=True)
+    ):
+        shape, scores = calibrate_shape(variant, [*errors_of[:index], *errors_of[index + 1 :]])
         others = [np.concatenate(errors) for number, errors in enumerate(energy) if number != index]
         others = [other for other in others if other.size]
         multiples = [next_test_quantile(scores, level) for level in levels]

@@ -1,23 +1,21 @@
 """Scale and mean of the errors of predictions: which terms they have is chosen by tests that are left out.
 
 Cross-validation of a calibration leaves out every test, and within that every other one: with n tests n(n - 1)/2
-calibrations of each variant of the shape. What these share is computed once: normal equations and mean errors of each
-group of tests, of which sums over groups are taken.
+calibrations of each variant of the shape. What these share is found once for each group of tests: its part of the
+normal equations, and its mean error over the cycle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import combinations, product
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.arguments import NotNegative
-from mrwork.base.values import Floats
-from mrwork.uncertainty.bands.band import weighted_quantile
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.uncertainty.bands.band import pooled_quantile
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
 
 # Bins of the phase for the mean error; level at which variants of the shape are compared, and groups that takes.
@@ -26,6 +24,7 @@ _COMPARED_AT = 0.9
 _LEAST_TO_CHOOSE = 4
 # Largest number of evenly spaced samples of each test.
 _SAMPLES = 1000
+_CENTRES = -np.pi + (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,21 +39,32 @@ class ErrorShape:
     floor: NotNegative = 0.0
     bias: tuple[float, ...] = ()
 
+    def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
+        """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
+        centre = prediction.force
+        if self.bias and has_regular_cycles(prediction.test):
+            centre = centre + prediction.deviation * _over_cycle(prediction.phase, self.bias)
+        return centre, self.scale(prediction.deviation, prediction.steepness)
+
     def scale(self, deviation: Floats | float, steepness: Floats) -> Floats:
         """Scale of the error [N], shape of `steepness`."""
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
-    def of(self, prediction: Prediction) -> tuple[Floats, Floats]:
-        """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
-        deviation = prediction.deviation
-        centre = prediction.force
-        if self.bias and has_regular_cycles(prediction.test):
-            mean = np.interp(prediction.phase, _CENTRES, self.bias, period=2.0 * np.pi)
-            centre = centre + deviation * mean
-        return centre, self.scale(deviation, prediction.steepness)
+    def scores(self, prediction: Prediction) -> Floats:
+        """Absolute errors of a prediction in their scale, at evenly spaced samples."""
+        every = even_samples(prediction)
+        centre, scale = self.of(prediction)
+        return np.abs(prediction.measured - centre)[every] / scale[every]
 
 
-_CENTRES = -np.pi + (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
+def _over_cycle(phase: Floats, bias: Sequence[float]) -> Floats:
+    """Mean error at each phase, by linear interpolation between the centres of bins."""
+    return np.interp(phase, _CENTRES, bias, period=2.0 * np.pi)
+
+
+def even_samples(prediction: Prediction) -> slice:
+    """Evenly spaced samples of a prediction, of which there are not too many."""
+    return slice(None, None, max(1, prediction.force.size // _SAMPLES))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,12 +86,13 @@ def _variants(*, biased: bool) -> list[Variant]:
     ]
 
 
-@dataclass(slots=True, kw_only=True)
-class ErrorTable:
-    """Errors of all groups of tests, at evenly spaced samples; a group is one test, or tests that are alike.
+@array_dataclass()
+class ErrorGroup:
+    """Errors of a test, or of tests that are alike, at evenly spaced samples.
 
     Arrays have shape (n_samples,): `error` [N], `deviation` and `measured`, the standard deviations of the model's and
-    the measured force [N], and the group of each sample, all samples of a group in a row.
+    the measured force [N]. `normal` and `right` are of the least squares for the terms of the scale, and `curve`,
+    (n_bins,), is the mean error over the cycle [deviations].
     """
 
     error: Floats
@@ -89,147 +100,114 @@ class ErrorTable:
     phase: Floats
     deviation: Floats
     measured: Floats
-    group: NDArray[np.intp]
-    periodic: NDArray[np.bool_]
-    _slices: list[slice] = field(init=False)
-    _share: Floats = field(init=False)
-    _normal: Floats = field(init=False)
-    _right: Floats = field(init=False)
-    _curves: Floats = field(init=False)
-    _place: tuple[NDArray[np.intp], NDArray[np.intp], Floats] = field(init=False)
+    periodic: bool
+    normal: Floats
+    right: Floats
+    curve: Floats
 
     @classmethod
-    def of(cls, groups: Sequence[Sequence[Prediction]]) -> ErrorTable:
-        """Sample the errors of the predictions of each group."""
-        columns: list[tuple[NDArray[Any], ...]] = []
-        for number, members in enumerate(groups):
-            for member in members:
-                every = even_samples(member)
-                error = member.residual[every]
-                constant = (member.deviation, np.std(member.measured), number)
-                same = (np.full(error.size, value) for value in constant)
-                columns.append((error, member.steepness[every], member.phase[every], *same))
-        error, steepness, phase, deviation, measured, group = map(np.concatenate, zip(*columns, strict=True))
+    def of(cls, members: Sequence[Prediction]) -> ErrorGroup:
+        """Sample the errors of the predictions of alike tests."""
+        columns = []
+        for member in members:
+            every = even_samples(member)
+            rows = [member.residual[every], member.steepness[every], member.phase[every]]
+            constant = [np.full(rows[0].size, value) for value in (member.deviation, np.std(member.measured))]
+            columns.append(np.array([*rows, *constant]))
+        error, steepness, phase, deviation, measured = np.concatenate(columns, axis=1)
+        terms = np.stack([deviation, deviation * steepness, np.ones_like(error)])
+        weight = 1.0 / error.size / measured**2
+        index = np.minimum(((phase + np.pi) / (2.0 * np.pi) * _BINS).astype(int), _BINS - 1)
+        total = np.bincount(index, weights=error / deviation, minlength=_BINS)
         return cls(
             error=error,
             steepness=steepness,
             phase=phase,
             deviation=deviation,
             measured=measured,
-            group=group,
-            periodic=np.array(
-                [all(has_regular_cycles(member.test) for member in members) for members in groups]
-            ),
+            periodic=all(has_regular_cycles(member.test) for member in members),
+            normal=terms * weight @ terms.T,
+            right=terms @ (weight * np.abs(error)),
+            curve=total / np.maximum(np.bincount(index, minlength=_BINS), 1),
         )
 
-    def __post_init__(self) -> None:
-        sizes = np.bincount(self.group)
-        ends = np.cumsum(sizes)
-        self._slices = [slice(int(end - size), int(end)) for size, end in zip(sizes, ends, strict=True)]
-        self._share = 1.0 / sizes[self.group]
-        columns = np.stack([self.deviation, self.deviation * self.steepness, np.ones_like(self.error)])
-        weight = self._share / self.measured**2
-        size = np.abs(self.error)
-        self._normal = np.array([columns[:, cut] * weight[cut] @ columns[:, cut].T for cut in self._slices])
-        self._right = np.array([columns[:, cut] @ (weight[cut] * size[cut]) for cut in self._slices])
-        index = np.minimum(((self.phase + np.pi) / (2.0 * np.pi) * _BINS).astype(int), _BINS - 1)
-        shape = (len(sizes), _BINS)
-        cell = self.group * _BINS + index
-        count = np.bincount(cell, minlength=shape[0] * shape[1])
-        total = np.bincount(cell, weights=self.error / self.deviation, minlength=count.size)
-        self._curves = (total / np.maximum(count, 1)).reshape(shape)
-        # Linear interpolation between the centres of two bins, over the end of the cycle too.
-        position = (self.phase + np.pi) / (2.0 * np.pi) * _BINS - 0.5
-        before = np.floor(position).astype(np.intp)
-        self._place = before % _BINS, (before + 1) % _BINS, position - before
+    def scores(self, shape: ErrorShape) -> tuple[Floats, Floats]:
+        """Absolute errors in the scale of a shape, about its mean over the cycle, and that scale [N]."""
+        error, scale = self.error, shape.scale(self.deviation, self.steepness)
+        if shape.bias:
+            error = error - self.deviation * _over_cycle(self.phase, shape.bias)
+        return np.abs(error) / scale, scale
 
-    @property
-    def n_groups(self) -> int:
-        """Number of groups."""
-        return len(self._slices)
 
-    def calibrate(self, variant: Variant, without: Sequence[int] = ()) -> tuple[ErrorShape, list[Floats]]:
-        """Shape fitted without some groups, and the absolute errors of each other group in its scale."""
-        shape, scores, _ = self._fit_shape(variant, without)
-        return shape, [scores[cut] for index, cut in enumerate(self._slices) if index not in without]
+def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[ErrorShape, list[Floats]]:
+    """Shape fitted to groups of tests, and the absolute errors of each in its scale, about the bias of the others."""
+    shape = _fit_scale(variant, groups)
+    shapes = [shape] * len(groups)
+    if variant.biased:
+        total = np.sum([group.curve for group in groups], axis=0)
+        others = [(total - group.curve) / max(len(groups) - 1, 1) for group in groups]
+        shapes = [replace(shape, bias=tuple(bias.tolist())) for bias in others]
+        shape = replace(shape, bias=tuple((total / len(groups)).tolist()))
+    return shape, [group.scores(own)[0] for group, own in zip(groups, shapes, strict=True)]
 
-    def best_variant(self) -> Variant:
-        """The variant with the least interval score of each group by the calibration without it."""
-        if self.n_groups < _LEAST_TO_CHOOSE:
-            return PLAIN
-        variants = _variants(biased=bool(self.periodic.all()))
-        alone = [(index,) for index in range(self.n_groups)]
-        return min(
-            variants, key=lambda variant: sum(self._scores_left_out(variant, without)[0] for without in alone)
-        )
 
-    def best_variants_without_each(self) -> list[Variant]:
-        """For each group, the variant that `best_variant` would choose without it."""
-        n = self.n_groups
-        if n - 1 < _LEAST_TO_CHOOSE:
-            return [PLAIN] * n
-        irregular = set(np.flatnonzero(~self.periodic).tolist())
-        variants = _variants(biased=len(irregular) <= 1)
-        totals = np.zeros((len(variants), n))
-        for number, variant in enumerate(variants):
-            for pair in combinations(range(n), 2):
-                if variant.biased and not irregular <= set(pair):
-                    continue
-                # The score of either is part of the choice without the other.
-                totals[number, pair] += self._scores_left_out(variant, pair)[::-1]
-            if variant.biased:
-                totals[number, [not irregular <= {index} for index in range(n)]] = np.inf
-        return [variants[int(best)] for best in np.argmin(totals, axis=0)]
+def best_variant(groups: Sequence[ErrorGroup]) -> Variant:
+    """The variant with the least interval score of each group by the calibration without it."""
+    if len(groups) < _LEAST_TO_CHOOSE:
+        return PLAIN
+    return min(
+        _variants(biased=all(group.periodic for group in groups)),
+        key=lambda variant: sum(
+            _scores_left_out(variant, groups, (index,))[0] for index in range(len(groups))
+        ),
+    )
 
-    def _scores_left_out(self, variant: Variant, without: tuple[int, ...]) -> list[float]:
-        """Interval score of each group left out, per deviation of the force, by the calibration on the others."""
-        _, scores, scale = self._fit_shape(variant, without)
-        half = weighted_quantile(scores, self._weights(without), _COMPARED_AT)
-        result = []
-        for index in without:
-            cut = self._slices[index]
-            outside = np.maximum(scores[cut] - half, 0.0)
-            width = (2.0 * half + 2.0 / (1.0 - _COMPARED_AT) * outside) * scale[cut]
-            result.append(float(np.mean(width / self.measured[cut])))
-        return result
 
-    def _weights(self, without: Sequence[int]) -> Floats:
-        weights = self._share / (self.n_groups - len(without))
-        for index in without:
-            weights[self._slices[index]] = 0.0
-        return weights
-
-    def _fit_shape(self, variant: Variant, without: Sequence[int]) -> tuple[ErrorShape, Floats, Floats]:
-        """Shape fitted without some groups; absolute errors in its scale, and the scale [N], of all samples."""
-        inside = np.ones(self.n_groups, dtype=bool)
-        inside[list(without)] = False
-        n_inside = int(np.count_nonzero(inside))
-        shape = self._scale(variant, inside)
-        scale = shape.scale(self.deviation, self.steepness)
-        about = self.error
+def best_variants_without_each(groups: Sequence[ErrorGroup]) -> list[Variant]:
+    """For each group, the variant that `best_variant` would choose without it."""
+    n = len(groups)
+    if n - 1 < _LEAST_TO_CHOOSE:
+        return [PLAIN] * n
+    irregular = {index for index, group in enumerate(groups) if not group.periodic}
+    variants = _variants(biased=len(irregular) <= 1)
+    totals = np.zeros((len(variants), n))
+    for number, variant in enumerate(variants):
+        for pair in combinations(range(n), 2):
+            if variant.biased and not irregular <= set(pair):
+                continue
+            # The score of either is part of the choice without the other.
+            totals[number, pair] += _scores_left_out(variant, groups, pair)[::-1]
         if variant.biased:
-            total = self._curves[inside].sum(axis=0)
-            shape = replace(shape, bias=tuple(total / n_inside))
-            others = np.where(
-                inside[:, np.newaxis], (total - self._curves) / max(n_inside - 1, 1), total / n_inside
-            )
-            before, after, share = self._place
-            bias = (1.0 - share) * others[self.group, before] + share * others[self.group, after]
-            about = about - self.deviation * bias
-        return shape, np.abs(about) / scale, scale
+            totals[number, [not irregular <= {index} for index in range(n)]] = np.inf
+    return [variants[int(best)] for best in np.argmin(totals, axis=0)]
 
-    def _scale(self, variant: Variant, inside: NDArray[np.bool_]) -> ErrorShape:
-        """Shape by non-negative least squares on the absolute errors, relative to each test's force."""
-        if not (variant.steep or variant.floored):
-            return ErrorShape()
-        chosen = np.flatnonzero([True, variant.steep, variant.floored])
-        normal = self._normal[inside].sum(axis=0)[np.ix_(chosen, chosen)]
-        right = self._right[inside].sum(axis=0)[chosen]
-        values = np.zeros(3)
-        values[chosen] = _non_negative(normal, right)
-        shape = ErrorShape(level=float(values[0]), slope=float(values[1]), floor=float(values[2]))
-        # With steepness alone the band would have no width where the force is constant.
-        return shape if shape.level + shape.floor > 0.0 else ErrorShape()
+
+def _scores_left_out(variant: Variant, groups: Sequence[ErrorGroup], without: tuple[int, ...]) -> list[float]:
+    """Interval score of each group left out, per deviation of the force, by the calibration on the others."""
+    shape, scores = calibrate_shape(
+        variant, [group for index, group in enumerate(groups) if index not in without]
+    )
+    half = pooled_quantile(scores, _COMPARED_AT)
+    result = []
+    for index in without:
+        own, scale = groups[index].scores(shape)
+        width = (2.0 * half + 2.0 / (1.0 - _COMPARED_AT) * np.maximum(own - half, 0.0)) * scale
+        result.append(float(np.mean(width / groups[index].measured)))
+    return result
+
+
+def _fit_scale(variant: Variant, groups: Sequence[ErrorGroup]) -> ErrorShape:
+    """Shape by non-negative least squares on the absolute errors, relative to each test's force."""
+    if not (variant.steep or variant.floored):
+        return ErrorShape()
+    chosen = np.flatnonzero([True, variant.steep, variant.floored])
+    normal = np.sum([group.normal for group in groups], axis=0)[np.ix_(chosen, chosen)]
+    right = np.sum([group.right for group in groups], axis=0)[chosen]
+    values = np.zeros(3)
+    values[chosen] = _non_negative(normal, right)
+    shape = ErrorShape(level=float(values[0]), slope=float(values[1]), floor=float(values[2]))
+    # With steepness alone the band would have no width where the force is constant.
+    return shape if shape.level + shape.floor > 0.0 else ErrorShape()
 
 
 def _non_negative(normal: Floats, right: Floats) -> Floats:
@@ -241,8 +219,3 @@ def _non_negative(normal: Floats, right: Floats) -> Floats:
     values, vectors = np.linalg.eigh(normal / np.outer(size, size))
     root = np.sqrt(np.maximum(values, 1e-12 * values[-1]))
     return np.asarray(nnls((vectors * root).T, vectors.T @ (right / size) / root)[0] / size)
-
-
-def even_samples(prediction: Prediction) -> slice:
-    """Evenly spaced samples of a prediction, of which there are not too many."""
-    return slice(None, None, max(1, prediction.force.size // _SAMPLES))
