@@ -367,15 +367,13 @@ def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
     return test.part(0, middle), replace(test, n_settle=middle)
 
 
-def later_cycle_errors(test: DamperTest, fit: Fit) -> tuple[float, ...]:
-    """NRMSE of each cycle of the second half of a test, by the fit to the first."""
-    _, second = halves(test)
-    prediction = predict_test(fit, second)
-    start = second.n_settle
+def cycle_errors(test: DamperTest, fit: Fit) -> tuple[float, ...]:
+    """NRMSE of each counted cycle of a test, per standard deviation of all its counted force."""
+    prediction = predict_test(fit, test)
     cycles = [
-        slice(cycle.start - start, cycle.stop - start)
+        slice(cycle.start - test.n_settle, cycle.stop - test.n_settle)
         for cycle in whole_cycles(test.displacement)
-        if cycle.start >= start
+        if cycle.start >= test.n_settle
     ]
     deviation = float(np.std(prediction.measured))
     if not cycles:

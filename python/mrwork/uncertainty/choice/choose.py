@@ -38,16 +38,14 @@ from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
-from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings, Fold
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.collapse import find_collapses, residuals_of
-from mrwork.uncertainty.choice.objections import objections_to
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
-from mrwork.uncertainty.choice.splits import LeftOut, Splits, left_out_of
+from mrwork.uncertainty.choice.splits import Splits, splits_of
 from mrwork.workers.engine import Workers, on_executor, present_workers
 
 T = TypeVar("T")
@@ -116,10 +114,10 @@ def refuse_unknown(what: str, names: Iterable[str], known: Collection[str]) -> N
 
 
 def _refuse_few_commands(
-    compared: Sequence[DamperSpec], tests: tuple[DamperTest, ...], splits: LeftOut
+    compared: Sequence[DamperSpec], tests: tuple[DamperTest, ...], splits: Splits
 ) -> None:
     """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
-    rests = splits.rests(tests) if isinstance(splits, Splits) else []
+    rests = splits.rests if len(tests) > 1 else []
     for spec in filter(lambda spec: spec.command_unit is not None, compared):
         n_levels, needed = count_levels(spec, tests), levels_needed(spec)
         refuse_few_levels(spec, n_levels)
@@ -197,7 +195,7 @@ class Choosing(LongCall[ChoiceProgress, Choice]):
 
     tests: tuple[DamperTest, ...]
     models: tuple[DamperSpec, ...]
-    splits: LeftOut
+    splits: Splits
     remarks: tuple[str, ...]
     threads: int
     journal_of: JournalOf | None
@@ -268,7 +266,7 @@ class _ChoosingModel(Choosing):
                 step=f"{family.name}/{f'left_out_{fold}' if fold else 'fit'}",
             )
             for family in self.models
-            for fold, part in enumerate([self.tests, *self.splits.rests(self.tests)])
+            for fold, part in enumerate([self.tests, *self.splits.rests])
         ]
         return FitBatch(
             tasks=tasks,
@@ -290,22 +288,22 @@ class _ChoosingModel(Choosing):
             self.candidates[model] = self.failing(family)
             return
         for number in range(n_splits):
-            errors = np.full(len(self.splits.names(self.tests, number)), np.inf)
+            errors = np.full(len(self.splits.members[number]), np.inf)
             with self.recording_failure(model):
                 rest = batch.fit(first + 1 + number)
                 seconds += rest.seconds
-                errors = self.splits.predict(self.tests, number, rest)
+                errors = self.splits.predict(number, rest)
             nrmse.append(errors)
         row = replace(
-            self.failing(family).predicting(nrmse, self.splits, self.tests),
+            self.failing(family),
             n_params=len(identifiable_form(fit.spec, fit.settings.bounds).box.free),
             status=fit.status,
             seconds=fit.seconds + seconds,
             fit_percent=fit.fit_percent,
         )
-        cost = BuildingCost.of(fit.spec, fit.theta, self.tests)
-        objections = objections_to(fit.spec, np.array(fit.theta), self.tests, cost)
-        self.candidates[model], self.fits[model] = row.costing(cost, objections), fit
+        theta = np.array(fit.theta)
+        self.candidates[model] = row.scored(nrmse, self.splits, fit.spec, theta, self.tests)
+        self.fits[model] = fit
 
     def choice(self) -> Choice:
         """The choice among the families that are done."""
@@ -436,7 +434,7 @@ def choose_model(
     compared, remarks = families(
         models, tests, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds
     )
-    splits = left_out_of(tests, leave_out)
+    splits = splits_of(tests, leave_out)
     _refuse_few_commands(compared, tests, splits)
     about_commands = command_warning(tests, compared)
     for sentence in about_commands:

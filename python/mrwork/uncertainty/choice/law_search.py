@@ -35,13 +35,13 @@ from mrwork.identification.excerpts import middle_excerpt, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.objective import Objective
-from mrwork.identification.result import BuildingCost
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
 from mrwork.records.repairs import NONE
 from mrwork.store.long_call import LongCall, interruptible
+from mrwork.uncertainty.bands.prediction import rests_of
 from mrwork.uncertainty.choice.law_promise import LinearisedTests, plain_curves
-from mrwork.uncertainty.choice.objections import dying_laws, objections_to
+from mrwork.uncertainty.choice.objections import dying_laws
 from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_from, laws_in_words
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 
@@ -397,7 +397,6 @@ class LawSearch:
         predicted = self.call.step("predictions", _Predictions, partial(interruptible, predict), boxes, theta)
         ends = np.cumsum([len(split.members) for split in self.splits.splits])[:-1]
         for laws, (spec, box), fit, nrmse in zip(proposals, models, fits, predicted.nrmse, strict=True):
-            cost = BuildingCost.of(spec, fit.theta[0], self.tests)
             row = Standing(
                 model=self.name,
                 title=self.plain.title,
@@ -405,8 +404,7 @@ class LawSearch:
                 n_params=len(box.free),
                 fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared))), NOT_PREDICTED)),
             )
-            row = row.predicting(np.split(nrmse, ends), self.splits, self.tests)
-            row = row.costing(cost, objections_to(spec, fit.theta[0], self.tests, cost))
+            row = row.scored(np.split(nrmse, ends), self.splits, spec, fit.theta[0], self.tests)
             self.fitted.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, row=row))
 
     def _fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
@@ -514,7 +512,7 @@ def prepare_search(
     refuse_few_levels(spec, len(commands))
     splits = replace(splits_of(tests, leave_out), parts=parts)
     # A split beyond the rest keeps a test at every command, and lowers no degree.
-    rests = zip(splits.splits, splits.rests(short), strict=True)
+    rests = zip(splits.splits, rests_of(short, splits.members), strict=True)
     n_levels = min(
         (len(tested_commands(spec, rest)) for split, rest in rests if not split.beyond), default=len(commands)
     )

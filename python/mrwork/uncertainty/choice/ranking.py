@@ -21,11 +21,13 @@ from mrwork.base.table import Table, TableColumn, declared, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.laws import CommandLaw, LawName, law_of
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.identification.result import MANY, BuildingCost
 from mrwork.records import DamperTest
-from mrwork.uncertainty.choice.splits import LeftOut
+from mrwork.uncertainty.choice.objections import objections_to
+from mrwork.uncertainty.choice.splits import Splits
 
 # A candidate that failed is far better where the error of the chosen one on all tests is above this multiple of its.
 _FAR_BETTER = 2.0
@@ -100,17 +102,28 @@ class Standing:
     is_costly: bool = False
     same_as: str = ""
 
-    def predicting(self, nrmse: Sequence[Floats], splits: LeftOut, tests: Sequence[DamperTest]) -> Standing:
-        """The candidate with the NRMSE of what each split predicts, infinite where that could not be simulated."""
+    def scored(
+        self,
+        nrmse: Sequence[Floats],
+        splits: Splits,
+        spec: DamperSpec,
+        theta: Floats,
+        tests: Sequence[DamperTest],
+    ) -> Standing:
+        """The candidate with the NRMSE of what each split predicts, infinite where that could not be simulated.
+
+        Of its parameters on all tests, shape (n_params,), it has what they cost in a building, and what speaks against.
+        """
         left_out = [np.minimum(errors, NOT_PREDICTED) for errors in nrmse]
         single = np.concatenate(left_out)
         inside, outside = (None if mean is None else 100.0 * (1.0 - mean) for mean in splits.means(left_out))
         failed = {
-            name: None
-            for number, errors in enumerate(nrmse)
-            for name, error in zip(splits.names(tests, number), errors, strict=False)
+            splits.tests[index].name: None
+            for members, errors in zip(splits.members, nrmse, strict=True)
+            for index, error in zip(members, errors, strict=False)
             if not np.isfinite(error)
         }
+        cost = BuildingCost.of(spec, theta, tests)
         return replace(
             self,
             left_out=tuple(splits.errors(left_out).tolist()),
@@ -119,12 +132,10 @@ class Standing:
             median_percent=100.0 * (1.0 - float(np.median(single))),
             worst_percent=100.0 * (1.0 - float(single.max())),
             not_predicted=tuple(failed),
+            steps=cost.steps if cost.is_possible else None,
+            is_costly=cost.is_high,
+            objection="; ".join(objections_to(spec, theta, tests, cost)),
         )
-
-    def costing(self, cost: BuildingCost, objections: Sequence[str]) -> Standing:
-        """The candidate with what it costs in a building, and what speaks against it."""
-        steps = cost.steps if cost.is_possible else None
-        return replace(self, steps=steps, is_costly=cost.is_high, objection="; ".join(objections))
 
     @property
     def has_predicted(self) -> bool:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
@@ -26,9 +25,9 @@ from mrwork.uncertainty.bands.prediction import (
     LATER_CYCLES,
     ONE_TEST,
     alike_remark,
+    cycle_errors,
     folds_of,
     halves,
-    later_cycle_errors,
     predict_test,
     rests_of,
 )
@@ -46,35 +45,6 @@ _MOTIONS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LaterCycles:
-    """The later half of the cycles of a single test, predicted by a fit to the earlier half."""
-
-    in_words: str = LATER_CYCLES
-    remarks: tuple[str, ...] = (ONE_TEST,)
-    n_splits: int = 1
-
-    def rests(self, tests: Sequence[DamperTest]) -> list[tuple[DamperTest, ...]]:
-        """The first half of the test."""
-        return [halves(tests[0])[:1]]
-
-    def predict(self, tests: Sequence[DamperTest], number: int, fit: Fit) -> Floats:
-        """NRMSE of each later cycle."""
-        return np.array(later_cycle_errors(tests[0], fit))
-
-    def names(self, tests: Sequence[DamperTest], number: int) -> list[str]:
-        """The test."""
-        return [tests[0].name]
-
-    def errors(self, nrmse: Sequence[Floats]) -> Floats:
-        """Those of the cycles."""
-        return np.concatenate(nrmse)
-
-    def means(self, nrmse: Sequence[Floats]) -> tuple[float | None, float | None]:
-        """Neither kind."""
-        return None, None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Split:
     """Indices of the tests that are left out together; `beyond` says of what they are the end, empty if of nothing."""
 
@@ -84,15 +54,17 @@ class Split:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Splits:
-    """Splits of one choice, each selection once, the unit of each test, and why splits were dropped.
+    """Splits of the tests of one choice, each selection once, the unit of each test, and why splits were dropped.
 
     The unit is the motion, because splits repeat motions and tests of one motion err alike; the fold, where there are
-    fewer than three motions. `parts` are what the tests are, in words.
+    fewer than three motions. `parts` are what the tests are, in words. A single test, which has no `fold`, is its two
+    halves, of which the first predicts every cycle of the second.
     """
 
+    tests: tuple[DamperTest, ...]
     splits: tuple[Split, ...]
     units: tuple[int, ...]
-    fold: Fold
+    fold: Fold | None
     remarks: tuple[str, ...] = ()
     parts: str = "tests"
 
@@ -109,27 +81,30 @@ class Splits:
     @property
     def in_words(self) -> str:
         """What is predicted, after the number of tests."""
+        if self.fold is None:
+            return LATER_CYCLES
         ends = list_names([end for split in self.splits for end in split.beyond])
         beyond = f", and the {ends} motions without every test at or beyond them" if ends else ""
         return f"{len(self.units)} {self.parts}, {IN_WORDS[self.fold]}{beyond}"
 
-    def rests(self, tests: Sequence[DamperTest]) -> list[tuple[DamperTest, ...]]:
+    @property
+    def rests(self) -> list[tuple[DamperTest, ...]]:
         """The tests that remain without each split."""
-        return rests_of(tests, self.members)
+        return rests_of(self.tests, self.members)
 
-    def predict(self, tests: Sequence[DamperTest], number: int, fit: Fit) -> Floats:
-        """NRMSE of the tests of a split."""
-        return np.array([predict_test(fit, tests[index]).nrmse for index in self.splits[number].members])
-
-    def names(self, tests: Sequence[DamperTest], number: int) -> list[str]:
-        """Names of the tests of a split."""
-        return [tests[index].name for index in self.splits[number].members]
+    def predict(self, number: int, fit: Fit) -> Floats:
+        """NRMSE of the tests of a split, of a single test of each later cycle."""
+        if self.fold is None:
+            return np.array(cycle_errors(self.tests[1], fit))
+        return np.array([predict_test(fit, self.tests[index]).nrmse for index in self.splits[number].members])
 
     def errors(self, nrmse: Sequence[Floats]) -> Floats:
         """Errors of each unit, shape (n_units,), whose mean is the error of the choice, from the errors of each split.
 
         Of the tests of a unit in a split the NRMSE has its geometric mean, in which relative changes weigh the same.
         """
+        if self.fold is None:
+            return np.concatenate(nrmse)
         inside, outside = self._kinds(nrmse)
         weights = (1.0 - _OUTSIDE, _OUTSIDE) if inside and outside else (1.0, 1.0)
         n_units = len(set(self.units))
@@ -141,6 +116,8 @@ class Splits:
 
     def means(self, nrmse: Sequence[Floats]) -> tuple[float | None, float | None]:
         """Mean errors inside and outside of the tests that remain, `None` where there is no such split."""
+        if self.fold is None:
+            return None, None
         inside, outside = self._kinds(nrmse)
         return (
             float(np.mean([*inside.values()])) if inside else None,
@@ -160,17 +137,11 @@ class Splits:
         return inside, outside
 
 
-LeftOut: TypeAlias = Splits | LaterCycles
-"""What a choice leaves out of fits and predicts."""
-
-
-def left_out_of(tests: Sequence[DamperTest], fold: Fold | None) -> LeftOut:
-    """What a choice leaves out: by `fold` or the default one; of a single test its later cycles."""
-    return LaterCycles() if len(tests) == 1 else splits_of(tests, fold)
-
-
 def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
     """Splits of the tests by `fold`, or the default one, and those beyond the rest, which keep every command."""
+    if len(tests) == 1:
+        later = (Split(members=(1,)),)
+        return Splits(tests=halves(tests[0]), splits=later, units=(0, 1), fold=None, remarks=(ONE_TEST,))
     fold = fold or default_fold(tests)
     folds = folds_of(tests, fold)
     alike = alike_remark(tests)
@@ -181,6 +152,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
         motions = []
     if len(motions) < _ONE_IN:
         return Splits(
+            tests=tuple(tests),
             splits=tuple(Split(members=tuple(sorted(fold))) for fold in folds),
             units=_units(folds, len(tests)),
             fold=fold,
@@ -206,6 +178,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
         remarks.append(f"the {end} motion is not left out with every test at or beyond it: {reason}")
     inside = [members for fold in folds if (members := tuple(sorted(fold))) not in ends]
     return Splits(
+        tests=tuple(tests),
         splits=(
             *(Split(members=members) for members in inside),
             *(Split(members=members, beyond=beyond) for members, beyond in ends.items()),
