@@ -23,7 +23,7 @@ from mrwork.records import DamperTest
 from mrwork.uncertainty import Choice, choose_model
 from mrwork.uncertainty.bands.prediction import halves
 from mrwork.uncertainty.choice.choose import ChoiceProgress
-from mrwork.uncertainty.choice.collapse import Collapse, find_collapses, residuals_of
+from mrwork.uncertainty.choice.collapse import with_collapses
 from mrwork.uncertainty.choice.ranking import Standing, rank
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
@@ -173,13 +173,19 @@ def fits_of(test: DamperTest) -> dict[str, Fit]:
     return {model: identify(model, test, search=FEW.search, threads=1) for model in (SIMPLE, RICH)}
 
 
-def collapses(fits: dict[str, Fit], test: DamperTest) -> dict[str, Collapse]:
-    return find_collapses(
-        fits,
-        {model: residuals_of(fit, (test,)) for model, fit in fits.items()},
-        N_FREE,
-        (test,),
-    )
+def collapsed(fits: dict[str, Fit], test: DamperTest) -> list[Standing]:
+    rows = [
+        Standing(
+            model=model,
+            title=fit.spec.title,
+            n_params=N_FREE[model],
+            status=fit.status,
+            fit_percent=fit.fit_percent,
+            left_out=(left_out,),
+        )
+        for (model, fit), left_out in zip(fits.items(), (0.06, 0.05), strict=True)
+    ]
+    return with_collapses(rows, fits, (test,))
 
 
 @pytest.fixture(scope="module")
@@ -193,43 +199,23 @@ def fits(test: DamperTest) -> dict[str, Fit]:
     return fits_of(test)
 
 
-def test_residuals_are_those_of_the_fit(fits: dict[str, Fit], test: DamperTest) -> None:
-    for fit in fits.values():
-        (residual,) = residuals_of(fit, (test,))
-        assert residual.size == fit.n_time
-        assert np.sqrt(np.mean(residual**2)) == pytest.approx(fit.nrmse, rel=1e-6)
-
-
 def test_a_fit_with_the_force_of_a_simpler_family_and_doubtful_parameters_has_collapsed(
     fits: dict[str, Fit], test: DamperTest
 ) -> None:
-    assert {model: each.model for model, each in collapses(fits, test).items()} == {RICH: SIMPLE}
-    residuals = {model: residuals_of(fit, (test,)) for model, fit in fits.items()}
+    simple, rich = collapsed(fits, test)
+    assert (simple.same_as, simple.reason, rich.same_as) == ("", "", SIMPLE)
+    assert rich.reason.startswith("its force is that of")
     # Another force, though the parameters are as doubtful, is no collapse.
-    away = tuple(each + 0.1 * np.sin(np.arange(each.size)) for each in residuals[RICH])
-    residuals[RICH] = away
-    assert find_collapses(fits, residuals, N_FREE, (test,)) == {}
+    away = fits[RICH].forces[0] + 0.1 * np.std(test.force) * np.sin(np.arange(test.n_time))
+    moved = fits | {RICH: replace(fits[RICH], forces=(away,))}
+    assert [each.same_as for each in collapsed(moved, test)] == ["", ""]
 
 
 def test_it_is_not_chosen_though_it_would_be_without_the_rule(fits: dict[str, Fit], test: DamperTest) -> None:
-    same = collapses(fits, test)
-    evidence = [
-        Standing(
-            model=model,
-            title=fit.spec.title,
-            n_params=N_FREE[model],
-            status=fit.status,
-            seconds=1.0,
-            fit_percent=fit.fit_percent,
-            left_out=(left_out,),
-        )
-        for (model, fit), left_out in zip(fits.items(), (0.06, 0.05), strict=True)
-    ]
-    without = rank(evidence)
+    rows = collapsed(fits, test)
+    without = rank([replace(each, same_as="") for each in rows])
     assert [(each.model, each.verdict) for each in without] == [(RICH, "chosen"), (SIMPLE, "behind")]
-    simpler = {model: each.model for model, each in same.items()}
-    ranked = rank([replace(each, same_as=simpler.get(each.model, "")) for each in evidence])
-    assert [(each.model, each.verdict, each.same_as) for each in ranked] == [
+    assert [(each.model, each.verdict, each.same_as) for each in rank(rows)] == [
         (SIMPLE, "chosen", ""),
         (RICH, "collapsed", SIMPLE),
     ]
@@ -241,4 +227,4 @@ def test_a_richer_family_that_the_data_need_has_not_collapsed() -> None:
     needed = sinusoidal_test(RICH, tuple(values.values()), (0.01, 1.0), noise=0.005, rng=2)
     fits = fits_of(needed)
     assert fits[SIMPLE].nrmse > 2.0 * fits[RICH].nrmse
-    assert collapses(fits, needed) == {}
+    assert [each.same_as for each in collapsed(fits, needed)] == ["", ""]

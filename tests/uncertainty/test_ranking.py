@@ -155,7 +155,8 @@ FOLDS = np.array([0.070, 0.071, 0.072, 0.073])
 
 
 def costing(family: Standing, steps: float) -> Standing:
-    return family.costing(BuildingCost(steps=steps), ())
+    cost = BuildingCost(steps=steps)
+    return replace(family, steps=steps if cost.is_possible else None, is_costly=cost.is_high)
 
 
 def remarks(*families: Standing) -> tuple[str, ...]:

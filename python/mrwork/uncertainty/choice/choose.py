@@ -43,7 +43,7 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.uncertainty.choice.collapse import find_collapses, residuals_of
+from mrwork.uncertainty.choice.collapse import with_collapses
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
 from mrwork.uncertainty.choice.splits import Splits, splits_of
 from mrwork.workers.engine import Workers, on_executor, present_workers
@@ -307,15 +307,7 @@ class _ChoosingModel(Choosing):
 
     def choice(self) -> Choice:
         """The choice among the families that are done."""
-        residuals = {model: residuals_of(fit, self.tests) for model, fit in self.fits.items()}
-        n_params = {model: self.candidates[model].n_params for model in self.fits}
-        same = find_collapses(self.fits, residuals, n_params, self.tests) if self.fits else {}
-        rows = [
-            replace(candidate, same_as=same[model].model, reason=same[model].reason)
-            if model in same
-            else candidate
-            for model, candidate in self.candidates.items()
-        ]
+        rows = with_collapses([*self.candidates.values()], self.fits, self.tests)
         ranking = self.ranked(rows, remarks=self.remarks)
         order = [standing.model for standing in ranking.standings if standing.model in self.fits]
         fits = tuple(self.fits[model] for model in order)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -13,70 +14,64 @@ from mrwork.identification.covariance import effective_samples
 from mrwork.identification.fit import Fit
 from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
-from mrwork.uncertainty.noise import NOISES
-from mrwork.uncertainty.posterior.target import target_of
-
-# Residuals of each test, in deviations of its force, shape (n_counted,).
-Residuals = Sequence[Floats]
+from mrwork.uncertainty.bands.prediction import predictions_of
+from mrwork.uncertainty.choice.ranking import Standing
 
 # Gain in the log-likelihood ratio, for each further parameter, that is not more than chance (Akaike's criterion).
 _CHANCE = 2.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Collapse:
-    """The simpler family, `model`, that gives the same force, and the reason in words."""
-
-    model: str
-    reason: str
-
-
-def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Floats, ...]:
-    """Residuals of a fit, test by test, in deviations of the test's measured force, shape (n_counted,)."""
-    target, theta = target_of(fit, tests, NOISES["iid"], tempering=1.0)
-    return tuple(residual[0] for residual, _ in target.residuals(theta[None]))
-
-
-def find_collapses(
-    fits: Mapping[str, Fit],
-    residuals: Mapping[str, Residuals],
-    n_params: Mapping[str, int],
-    tests: tuple[DamperTest, ...],
-) -> dict[str, Collapse]:
-    """Families, by model, with the simplest family that has the same fit.
+def with_collapses(
+    rows: Sequence[Standing], fits: Mapping[str, Fit], tests: tuple[DamperTest, ...]
+) -> list[Standing]:
+    """The rows, of which those that collapse name the simplest family that has the same fit, and the reason.
 
     The forces are the same up to chance: the mean square of the difference of the residuals, and the gain in the
     log-likelihood, `n_eff ln(S_simpler/S)`, are at most 2 for each further parameter (Akaike's criterion), with the
     effective samples of the best fit. And more of its parameters are on a bound or undetermined, that is with a
     standard error above their value or half their range.
     """
+    if not fits:
+        return [*rows]
+    residuals = {model: _residuals_of(fit, tests) for model, fit in fits.items()}
     n_effective = effective_samples(residuals[min(fits, key=lambda model: fits[model].nrmse)])
+    joined = {model: np.concatenate(parts) for model, parts in residuals.items()}
     doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
-    n_doubtful = {model: sum(map(len, states.values())) for model, states in doubtful.items()}
-    joined = {model: np.concatenate(residuals[model]) for model in fits}
-    collapses: dict[str, Collapse] = {}
-    for model in fits:
-        simpler = sorted(
-            (fit for fit in fits if n_params[fit] < n_params[model]), key=lambda fit: n_params[fit]
+    by_size = sorted((row for row in rows if row.model in fits), key=attrgetter("n_params"))
+
+    def reason_for(row: Standing, simpler: Standing) -> str:
+        """Why a family counts as a simpler one; empty where it does not."""
+        model, other = row.model, simpler.model
+        chance = _CHANCE * (row.n_params - simpler.n_params) / n_effective
+        squared, theirs = (float(np.mean(joined[name] ** 2)) for name in (model, other))
+        difference = float(np.mean((joined[model] - joined[other]) ** 2))
+        same = difference <= chance * theirs and theirs <= squared * np.exp(chance)
+        n_doubtful, n_theirs = (sum(map(len, doubtful[name].values())) for name in (model, other))
+        if not same or n_doubtful <= n_theirs:
+            return ""
+        states = [
+            f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {state}"
+            for state, names in doubtful[model].items()
+            if names
+        ]
+        return (
+            f"its force is that of {simpler.title} to {100.0 * np.sqrt(difference):.2g} % of the force's deviation, "
+            f"and {' and '.join(states)}"
         )
-        for other in simpler:
-            chance = _CHANCE * (n_params[model] - n_params[other]) / n_effective
-            squared, theirs = (float(np.mean(joined[name] ** 2)) for name in (model, other))
-            difference = float(np.mean((joined[model] - joined[other]) ** 2))
-            same = difference <= chance * theirs and theirs <= squared * np.exp(chance)
-            if same and n_doubtful[model] > n_doubtful[other]:
-                states = [
-                    f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} {state}"
-                    for state, names in doubtful[model].items()
-                    if names
-                ]
-                collapses[model] = Collapse(
-                    model=other,
-                    reason=f"its force is that of {fits[other].spec.title} to {100.0 * np.sqrt(difference):.2g} % of "
-                    f"the force's deviation, and {' and '.join(states)}",
-                )
-                break
-    return collapses
+
+    def judged(row: Standing) -> Standing:
+        for simpler in by_size if row.model in fits else []:
+            if simpler.n_params < row.n_params and (reason := reason_for(row, simpler)):
+                return replace(row, same_as=simpler.model, reason=reason)
+        return row
+
+    return [judged(row) for row in rows]
+
+
+def _residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> list[Floats]:
+    """Residuals of each test, in deviations of its measured force, shape (n_counted,)."""
+    predictions = predictions_of(fit, tests)
+    return [prediction.residual / np.std(prediction.measured) for prediction in predictions]
 
 
 def _doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> dict[str, list[str]]:
