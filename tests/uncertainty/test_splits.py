@@ -45,7 +45,7 @@ def test_three_motions_that_are_all_ends_keep_the_degrees_of_all_commands() -> N
     assert all(split.beyond for split in splits_of(tests, "motion").splits)
     plain = damper("viscous_dahl").without_laws
     search = prepare_search(plain, tests, {}, "A", None, FitSettings(), threads=1)
-    assert (search.splits.fold, search.most) == ("motion", 2)
+    assert (search.folds.splits.fold, search.most) == ("motion", 2)
 
 
 def test_an_end_that_takes_too_much_is_dropped_and_said() -> None:

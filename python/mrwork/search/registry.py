@@ -122,15 +122,6 @@ class FrontResult(Summarised):
     constraints: Floats
 
 
-@array_dataclass()
-class _Generation:
-    objectives: Floats
-
-
-def _simulate_points(objectives: SeveralObjectives, points: Floats) -> _Generation:
-    return _Generation(objectives=objectives(points))
-
-
 def run_front(
     objectives: SeveralObjectives,
     *,
@@ -172,8 +163,7 @@ def run_front(
     while len(units) + population <= max(budget, population):
         asked = algorithm.ask()
         points = np.clip(np.asarray(asked.get("X"), dtype=np.float64), 0.0, 1.0)
-        simulate = partial(_simulate_points, objectives, points)
-        returned = call.step("front generation", _Generation, simulate, points).objectives
+        returned = call.array("front generation", partial(objectives, points), points)
         if returned.shape != (len(points), n_objectives + n_constraints):
             raise SettingError(
                 f"the columns have the shape {returned.shape}; give ({len(points)}, {n_objectives + n_constraints}), "

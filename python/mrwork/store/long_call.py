@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import Interrupted
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
@@ -48,6 +49,11 @@ def wait_for(thread: threading.Thread) -> None:
         thread.join(_POLL_SECONDS)
 
 
+@array_dataclass()
+class _Numbers:
+    values: Floats
+
+
 @dataclass(slots=True, kw_only=True, eq=False)
 class LongCall(Generic[Report, SoFar]):
     """A computation that can be resumed, watched and stopped.
@@ -81,6 +87,10 @@ class LongCall(Generic[Report, SoFar]):
         if self.journal is None:
             return compute()
         return self.journal.once(name, digest_of(*inputs), kind, compute)
+
+    def array(self, name: str, compute: Callable[[], Floats], *inputs: object) -> Floats:
+        """The result of a step as above that is an array."""
+        return self.step(name, _Numbers, lambda: _Numbers(values=compute()), *inputs).values
 
     def report(self, progress: Report) -> None:
         """Report progress, but not of steps that are recalled."""

@@ -12,11 +12,10 @@ from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.numbers import counted
 from mrwork.base.units import CommandUnit
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, CommandLaw, LawName
 from mrwork.dampers.parameters import DRIVER_RATE, Scale
@@ -33,17 +32,16 @@ from mrwork.identification.commands import (
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
 from mrwork.identification.excerpts import middle_excerpt, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
 from mrwork.records.repairs import NONE
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import rests_of
-from mrwork.uncertainty.choice.law_promise import LinearisedTests, plain_curves
+from mrwork.uncertainty.choice.law_folds import FoldedFit, LawFolds, Linearised
 from mrwork.uncertainty.choice.objections import dying_laws
 from mrwork.uncertainty.choice.ranking import NOT_PREDICTED, Standing, choose_from, laws_in_words
-from mrwork.uncertainty.choice.splits import Splits, splits_of
+from mrwork.uncertainty.choice.splits import splits_of
 
 Laws = dict[str, CommandLaw]
 _Key: TypeAlias = tuple[tuple[str, CommandLaw], ...]
@@ -61,37 +59,9 @@ _ALIVE = 10.0
 _EXPANDED = 4
 # Single changes, the most promising ones, of which pairs are considered.
 _PAIRED = 6
-# Convergence of the fits: relative decrease of the squared misfit in an iteration; largest number of iterations.
-_TOLERANCE = 1e-5
-_ITERATIONS = 30
 # Forces are the same where their squared NRMSE in every test agree up to this share, or up to what is no error.
 _SAME = 1e-4
 _EXACT = 1e-10
-
-
-@array_dataclass()
-class FoldedFit:
-    """Parameters of each row, (n_rows, n_params), and squared NRMSE of tests by the first, (n_tests,).
-
-    The first row is fitted to all tests, the others to those that remain without each split.
-    """
-
-    theta: Floats
-    squared: Floats
-
-
-@array_dataclass()
-class _Promises:
-    """Errors of predictions that the linearised model promises for each set of laws, in their order."""
-
-    errors: Floats
-
-
-@array_dataclass()
-class _Predictions:
-    """NRMSE of the whole tests of each split by the fits without them, shape (n_sets, n_pairs); may be infinite."""
-
-    nrmse: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,46 +80,30 @@ class FittedLaws:
         return dict(zip(self.spec.names, self.fit.theta[0].tolist(), strict=True))
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
-class _Neighbourhood:
-    """What laws near the `current` ones promise, by their key, from the tests that are linearised there."""
-
-    current: FittedLaws
-    tests: LinearisedTests | None = None
-    errors: dict[_Key, float] = field(default_factory=dict)
-
-
 def _key_of(laws: Laws) -> _Key:
     return tuple(sorted(laws.items()))
 
 
 @dataclass(slots=True, kw_only=True)
 class LawSearch:
-    """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of the `whole` records.
+    """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of tests left out.
 
-    Laws are fitted to the `excerpts` of the same tests. Each row of `shares`, (1 + n_splits, n_tests), weighs these for
-    all tests, then without each split. Tests are linearised in the parameters of
-    `linear`: the plain model or, where a command varies within a test, the model with every law by values.
+    Laws near others are compared by what the `linearised` tests promise for them; both are kept by the identity of the
+    laws that they are about.
     """
 
     plain: DamperSpec
-    linear: DamperSpec
     tests: tuple[DamperTest, ...]
-    whole: Objective
-    excerpts: Objective
-    shares: Floats
-    commands: Floats
-    levels: NDArray[np.intp]
-    splits: Splits
+    folds: LawFolds
     settings: FitSettings
-    unit: CommandUnit
     given: Laws
     free: tuple[str, ...]
     most: int
     call: LongCall[Any, Any] = field(default_factory=LongCall)
     report: Callable[[str], None] = lambda task: None
     fitted: list[FittedLaws] = field(default_factory=list)
-    neighbourhoods: dict[int, _Neighbourhood] = field(default_factory=dict)
+    linearised: dict[int, Linearised] = field(default_factory=dict)
+    promised: dict[tuple[int, _Key], float] = field(default_factory=dict)
     models: dict[_Key, tuple[DamperSpec, Box]] = field(default_factory=dict)
 
     @property
@@ -167,14 +121,10 @@ class LawSearch:
         """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         return self._laws_of("log")
 
-    @property
-    def varies(self) -> bool:
-        """Whether a command varies within a test, which then shows the laws at all commands."""
-        return self.linear.command_unit is not None
-
     def leave_lag_out(self) -> None:
         """Go on without the lag of the driver."""
-        self.linear = with_changed_laws(self.linear, lagged=False)
+        excerpts = self.folds.excerpts.with_laws(with_changed_laws(self.folds.model, lagged=False))
+        self.folds = replace(self.folds, excerpts=excerpts)
         self.models.clear()
 
     def _laws_of(self, *scales: Scale) -> Laws:
@@ -184,7 +134,7 @@ class LawSearch:
 
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`, until the neighbours of the frontier are tried."""
-        starts = np.repeat(np.array(first.theta)[None], 1 + len(self.splits.splits), axis=0)
+        starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds.splits.splits), axis=0)
         self._fit_laws([self.first_laws], [starts])
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
             self._move_to(self.fitted[0], wider)
@@ -202,7 +152,7 @@ class LawSearch:
                 self._move_to(current, *proposals)
         # Of a law that has an extremum between the commands, the form that has none.
         for number, test in enumerate(self.fitted):
-            extrema = hidden_extrema(test.spec, test.fit.theta[0], self.commands.tolist())
+            extrema = hidden_extrema(test.spec, test.fit.theta[0], self.folds.commands.tolist())
             instead = {extremum.parameter: extremum.instead for extremum in extrema if extremum.instead}
             self.fitted[number] = self.in_other_form(test, instead)
 
@@ -219,7 +169,7 @@ class LawSearch:
 
     def is_through_all(self, law: CommandLaw) -> bool:
         """Whether no test shows which form a law has, since it has a value at each of their commands."""
-        return law.fitted_degree == len(self.commands) - 1 and not self.varies
+        return law.fitted_degree == len(self.folds.commands) - 1 and not self.folds.varies
 
     def _is_best_sound(self) -> bool:
         """Whether no set that something speaks against predicts visibly better than the others."""
@@ -274,11 +224,7 @@ class LawSearch:
         The most promising change of one law or two; the same of those with fewer parameters; and the end of a chain of
         simpler laws, each the most promising one after the one before, while no more is lost than is negligible.
         """
-        around = self.neighbourhoods.setdefault(id(current), _Neighbourhood(current=current))
-
-        def promised(candidates: Sequence[Laws]) -> Floats:
-            return self._promised(around, candidates)
-
+        promised = partial(self._promised, current)
         done = [test.laws for test in self.fitted]
         single = self._changes(current.laws)
         if not single:
@@ -310,37 +256,28 @@ class LawSearch:
             proposals.append(chain)
         return proposals
 
-    def _promised(self, around: _Neighbourhood, candidates: Sequence[Laws]) -> Floats:
-        """Errors of predictions that laws near the present ones promise; each is found once."""
-        new = [laws for laws in candidates if _key_of(laws) not in around.errors]
+    def _promised(self, current: FittedLaws, candidates: Sequence[Laws]) -> Floats:
+        """Errors of predictions that laws near the current ones promise; each is found once."""
+        keys = [(id(current), _key_of(laws)) for laws in candidates]
+        new = [laws for key, laws in zip(keys, candidates, strict=True) if key not in self.promised]
         if new:
-            promises = self.call.step(
-                "promise",
-                _Promises,
-                lambda: interruptible(lambda: self._promise(around, new)),
-                around.current.fit.theta,
-                new,
-            )
-            around.errors |= zip(map(_key_of, new), promises.errors.tolist(), strict=True)
-        return np.array([around.errors[_key_of(laws)] for laws in candidates])
+            work = partial(interruptible, partial(self._promise, current, new))
+            errors = self.call.array("promise", work, current.fit.theta, new)
+            self.promised |= {
+                (id(current), _key_of(laws)): error for laws, error in zip(new, errors.tolist(), strict=True)
+            }
+        return np.array([self.promised[key] for key in keys])
 
-    def _promise(self, around: _Neighbourhood, candidates: Sequence[Laws]) -> _Promises:
-        tests = around.tests = around.tests or self._linearise(around.current)
-        errors = []
-        for laws in candidates:
-            spec, box = self.model(laws)
-            errors.append(tests.error_of(spec, box, self.transfer_starts(around.current, spec, box)))
-        return _Promises(errors=np.array(errors))
-
-    def _linearise(self, current: FittedLaws) -> LinearisedTests:
-        return LinearisedTests.about(
-            current.spec,
-            current.fit.theta,
-            self.excerpts.with_laws(self.linear),
-            self.shares,
-            commands=self.commands,
-            levels=self.levels,
-            splits=self.splits,
+    def _promise(self, current: FittedLaws, candidates: Sequence[Laws]) -> Floats:
+        if id(current) not in self.linearised:
+            self.linearised[id(current)] = self.folds.linearise(current.spec, current.fit.theta)
+        about = self.linearised[id(current)]
+        models = map(self.model, candidates)
+        return np.array(
+            [
+                self.folds.promise(about, spec, box, self.transfer_starts(current, spec, box))
+                for spec, box in models
+            ]
         )
 
     def _changes(self, laws: Laws) -> list[tuple[str, Laws]]:
@@ -352,7 +289,11 @@ class LawSearch:
             law = laws.get(parameter.name, CONSTANT)
             degree, is_direct = law.fitted_degree, bool(law.nodes)
             wanted = [(near, is_direct and near > 0) for near in (degree - 1, degree + 1)]
-            if parameter.scale == "log" and degree > 0 and (self.varies or degree < len(self.commands) - 1):
+            if (
+                parameter.scale == "log"
+                and degree > 0
+                and (self.folds.varies or degree < len(self.folds.commands) - 1)
+            ):
                 wanted.append((degree, not is_direct))
             changed += [
                 (parameter.name, self._with_law(laws, parameter.name, near, direct=direct))
@@ -365,7 +306,7 @@ class LawSearch:
         """The laws with one of another degree; constant ones are not listed, direct ones have values themselves."""
         law = CommandLaw(degree)
         if direct:
-            law = law.at_commands(self.commands.tolist(), "polynomial")
+            law = law.at_commands(self.folds.commands.tolist(), "polynomial")
         return {key: entry for key, entry in sorted((laws | {name: law}).items()) if not entry.is_constant}
 
     def _count(self, laws: Laws) -> int:
@@ -385,18 +326,17 @@ class LawSearch:
 
     def _fit_laws(self, proposals: Sequence[Laws], starts: Sequence[Floats]) -> None:
         """Fit sets of laws to all tests and without each split, and predict the tests left out by all of them."""
-        models = [self.model(laws) for laws in proposals]
-        fits = []
+        models, fits = [self.model(laws) for laws in proposals], list[FoldedFit]()
         for laws, (spec, box), start in zip(proposals, models, starts, strict=True):
             self.report(f"fitting {laws_in_words(laws)}")
-            work = partial(interruptible, partial(self._fit, spec, box, start))
+            work = partial(interruptible, partial(self.folds.fit, spec, box, start))
             fits.append(self.call.step("laws", FoldedFit, work, box, start))
-        theta = [fit.theta for fit in fits]
-        predict = partial(self._predict_left_out, [spec for spec, _ in models], theta)
-        boxes = [box for _, box in models]
-        predicted = self.call.step("predictions", _Predictions, partial(interruptible, predict), boxes, theta)
-        ends = np.cumsum([len(split.members) for split in self.splits.splits])[:-1]
-        for laws, (spec, box), fit, nrmse in zip(proposals, models, fits, predicted.nrmse, strict=True):
+        theta, boxes = [fit.theta for fit in fits], [box for _, box in models]
+        sets = [(spec, fit.theta) for (spec, _), fit in zip(models, fits, strict=True)]
+        predict = partial(interruptible, partial(self.folds.predict, sets))
+        predicted = self.call.array("predictions", predict, boxes, theta)
+        ends = np.cumsum([len(members) for members in self.folds.splits.members])[:-1]
+        for laws, (spec, box), fit, nrmse in zip(proposals, models, fits, predicted, strict=True):
             row = Standing(
                 model=self.name,
                 title=self.plain.title,
@@ -404,64 +344,25 @@ class LawSearch:
                 n_params=len(box.free),
                 fit_percent=100.0 * (1.0 - min(float(np.sqrt(np.mean(fit.squared))), NOT_PREDICTED)),
             )
-            row = row.scored(np.split(nrmse, ends), self.splits, spec, fit.theta[0], self.tests)
+            row = row.scored(np.split(nrmse, ends), self.folds.splits, spec, fit.theta[0], self.tests)
             self.fitted.append(FittedLaws(spec=spec, box=box, laws=laws, fit=fit, row=row))
-
-    def _fit(self, spec: DamperSpec, box: Box, starts: Floats) -> FoldedFit:
-        """Fit every row; rows that no simulation could start from begin at the best of the others."""
-        objective = self.excerpts.with_laws(spec)
-
-        def minimise(starts: Floats) -> LocalMinima:
-            return find_minima(
-                objective, box, starts, max_iterations=_ITERATIONS, tolerance=_TOLERANCE, shares=self.shares
-            )
-
-        minima = minimise(starts)
-        failed = ~np.isfinite(minima.misfit)
-        if failed.any() and not failed.all():
-            minima = minimise(np.where(failed[:, None], minima.best.theta, minima.theta))
-        (squared,) = objective.squared_nrmse(minima.theta[:1])
-        return FoldedFit(theta=minima.theta, squared=squared)
-
-    def _predict_left_out(self, specs: Sequence[DamperSpec], theta: Sequence[Floats]) -> _Predictions:
-        """Predict the whole tests of each split by the fits of several sets of laws without them.
-
-        At its constant command each test is of the plain model, so that all sets are one batch.
-        """
-        sets = list(zip(specs, theta, strict=True))
-        pairs = [(row, test) for row, members in enumerate(self.splits.members, start=1) for test in members]
-        rows, tests = np.array(pairs).T
-        included = np.arange(len(self.tests)) == tests[:, None]
-        if self.varies:
-            parts = [
-                self.whole.with_laws(spec).squared_nrmse(fitted[rows], included) for spec, fitted in sets
-            ]
-            squared = np.concatenate(parts)
-        else:
-            plain = [plain_curves(*law_set, self.whole_commands)[rows, tests] for law_set in sets]
-            squared = self.whole.squared_nrmse(np.concatenate(plain), np.tile(included, (len(sets), 1)))
-        own = squared.reshape(len(sets), len(pairs), -1)[:, included]
-        return _Predictions(nrmse=np.sqrt(own))
-
-    @property
-    def whole_commands(self) -> Floats:
-        """Constant command of each whole test, shape (n_tests,)."""
-        return np.array([np.mean(test.command_in(self.unit) or 0.0) for test in self.whole.tests])
 
     def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
         if (key := _key_of(laws)) not in self.models:
             lawful = self.plain.with_current_laws(
-                self.given | laws, unit=self.unit, lagged=self.linear.lagged
+                self.given | laws, unit=self.folds.unit, lagged=self.folds.model.lagged
             )
-            spec = spec_by_values(lawful, self.commands)
+            spec = spec_by_values(lawful, self.folds.commands)
             form = identifiable_form(spec, self.settings.bounds)
-            self.models[key] = spec, joint_box(form, self.tests, self.commands)
+            self.models[key] = spec, joint_box(form, self.tests, self.folds.commands)
         return self.models[key]
 
     def transfer_starts(self, current: FittedLaws, spec: DamperSpec, box: Box) -> Floats:
         """Parameters of each row of the present laws as a start of other laws, on the curves of the present ones."""
-        rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
+        rows = [
+            with_other_laws(current.spec, theta, spec, self.folds.commands) for theta in current.fit.theta
+        ]
         return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
 
 
@@ -534,18 +435,20 @@ def prepare_search(
     shares = np.tile(excerpts.shares, (1 + splits.n_splits, 1))
     for row, members in enumerate(splits.members, start=1):
         shares[row, members] = 0.0
-    return LawSearch(
-        plain=plain,
-        linear=linear,
-        tests=short,
+    folds = LawFolds(
         whole=Objective.of(spec, tests, settings, threads=threads).with_laws(plain),
-        excerpts=excerpts,
+        excerpts=excerpts.with_laws(linear),
         shares=shares / shares.sum(axis=1, keepdims=True),
         commands=commands,
         levels=levels,
         splits=splits,
-        settings=settings,
         unit=unit,
+    )
+    return LawSearch(
+        plain=plain,
+        tests=short,
+        folds=folds,
+        settings=settings,
         given=given,
         free=tuple(name for name in plain.names if name not in {**given, **settings.bounds}),
         most=most,

@@ -71,7 +71,7 @@ class _ChoosingLaws(Choosing):
         with self._failing_alone(search):
             first = self.run(f"{search.name}/first", partial(self._first_fit, search))
             self.firsts[search.name] = first
-            if search.linear.lagged and not first.spec.lagged:
+            if search.folds.model.lagged and not first.spec.lagged:
                 search.leave_lag_out()
                 self.remarks += (f"{search.name} shows no lag of the driver, which is left out of its laws",)
             self.run(f"{search.name}/laws", partial(self._try_laws, search))
@@ -83,7 +83,7 @@ class _ChoosingLaws(Choosing):
             search, laws = self._fitted(ranking.chosen_standing)
             with self._failing_alone(search):
                 fit = self.run(f"{search.name}/fit", partial(self._final_fit, search, laws))
-                if search.varies and len(self.searches) == 1:
+                if search.folds.varies and len(self.searches) == 1:
                     left = structure_warning(fit.rmse_n, fit.tests)
                     fit = replace(fit, warnings=(*fit.warnings, *left))
                 others = [self._fit_to_excerpts(*other) for other in self._choose_others(ranking)]
@@ -122,7 +122,7 @@ class _ChoosingLaws(Choosing):
             spec, _ = search.model(search.first_laws)
             facts = fingerprint_of(Problem.of(spec, search.tests, search.excerpt_settings))
             texts = {name: str(law) for name, law in search.given.items()}
-            journal.agree("choice of laws", facts | {"leave_out": search.splits.fold, "given": texts})
+            journal.agree("choice of laws", facts | {"leave_out": search.folds.splits.fold, "given": texts})
         search.run(self.firsts[search.name])
 
     def _final_fit(self, search: LawSearch, laws: FittedLaws, journal: Journal | None) -> Fit:
@@ -170,7 +170,7 @@ class _ChoosingLaws(Choosing):
         for search, laws in (first, *self._other_forms(*first), *others):
             fastest = [*fastest_at_commands(laws.spec, search.tests).values()]
             test, loading = max(fastest, key=lambda pair: float(np.abs(pair[0].velocity).max()))
-            between = 0.5 * (search.commands[:-1] + search.commands[1:])
+            between = 0.5 * (search.folds.commands[:-1] + search.folds.commands[1:])
             motions = [*fastest, *((test, replace(loading, command=command)) for command in between.tolist())]
             forces = []
             for test, loading in motions:
@@ -327,7 +327,7 @@ def choose_laws(
             threads,
             lagged=lagged,
         )
-    splits = searches[specs[0].name].splits
+    splits = searches[specs[0].name].folds.splits
     running = _ChoosingLaws(
         tests=tests,
         models=specs,
