@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -22,7 +23,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
-from mrwork.uncertainty.posterior.target import Target, in_chunks, target_of
+from mrwork.uncertainty.posterior.target import target_of
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -90,8 +91,6 @@ def inference_data(
         )
     noise = noise_model(draws.noise_model)
     target, start = target_of(fit, as_tests(tests), noise, tempering=draws.temper, threads=threads)
-    # As the fit observes them: a moving average leaves out the ends of a record.
-    own_tests = target.objective.tests
     n_walkers, n_kept = draws.densities.shape
     stride = -(-n_kept * n_walkers // max(most_draws, n_walkers))
     thinned = replace(
@@ -102,142 +101,77 @@ def inference_data(
     )
     theta = np.asarray(target.form.from_model(thinned.theta))
     stream = np.random.default_rng(rng)
-    names = [test.name for test in own_tests]
+    names = [test.name for test in target.objective.tests]
     # Names that are there already have their number.
     labels = [name if name not in names[:at] else f"{name} ({at + 1})" for at, name in enumerate(names)]
     tree = thinned.as_datatree()
     tree["sample_stats"]["lp"].attrs |= {"units": "1", "long_name": "log posterior, up to a constant"}
+    shape, axis = thinned.densities.shape, pointwise.removesuffix("s")
+    chains = {"chain": NamedArray.of(range(shape[0])), "draw": NamedArray.of(range(shape[1]))}
+    densities, test_of, starts = list[Floats](), list[str](), list[float]()
+    times, measured, predicted = (dict[str, NamedArray]() for _ in range(3))
+    for number, (label, test, deviation, (residual, failed), (at_fit, _)) in enumerate(
+        zip(
+            labels,
+            target.objective.compared,
+            target.deviations,
+            target.residuals(theta),
+            target.residuals(start[None]),
+            strict=True,
+        ),
+        start=1,
+    ):
+        time = test.test.time[test.counted]
+        density = target.temper * noise.log_densities(residual, thinned.noise)
+        density[failed] = -np.inf
+        firsts: Sequence[int] = range(time.size)
+        if pointwise == "blocks":
+            firsts = _starts_of_blocks(test.test, autocorrelation_time(at_fit[0]))
+            blocks = pairwise([*firsts, time.size])
+            density = np.stack([density[:, first:last].sum(axis=1) for first, last in blocks], axis=1)
+        densities.append(density)
+        test_of += [label] * len(firsts)
+        starts += time[firsts].tolist()
+        noisy = residual + noise.draw(time.size, thinned.noise, stream)
+        force = (test.measured + noisy * deviation).reshape(*shape, -1)
+        time_axis = "time" if len(names) == 1 else f"time_{number}"
+        times[time_axis] = NamedArray.of(time, unit="s", long_name="time")
+        measured[label] = NamedArray.of(test.measured, time_axis, unit="N", long_name="measured force")
+        predicted[label] = NamedArray.of(
+            force, *chains, time_axis, unit="N", long_name="force of the model with noise"
+        )
+    words = f"log density of the force of each {axis} in its deviations, times {draws.temper:g}"
+    density = np.concatenate(densities, axis=1).reshape(*shape, -1)
     groups = {
-        "log_likelihood": _log_likelihood(target, theta, start, thinned, labels, pointwise),
-        "observed_data": NamedArrays(
-            title="Measured force of the samples that are compared",
-            rows=(),
-            labels=_times(own_tests),
-            arrays={
-                label: NamedArray.of(test.force[test.counted], axis, unit="N", long_name="measured force")
-                for label, axis, test in zip(labels, _time_axes(own_tests), own_tests, strict=True)
+        "log_likelihood": NamedArrays(
+            title=f"Log density of each {axis}, times {draws.temper:g}",
+            rows=(*chains,),
+            labels=chains | {axis: NamedArray.of(range(len(test_of)))},
+            arrays={"force": NamedArray.of(density, *chains, axis, unit="1", long_name=words)},
+            along={
+                "test": NamedArray.of(test_of, axis, long_name="test"),
+                "start": NamedArray.of(starts, axis, unit="s", long_name=f"first instant of the {axis}"),
             },
         ),
-        "posterior_predictive": _predictive(target, theta, thinned, own_tests, labels, stream),
+        "observed_data": NamedArrays(
+            title="Measured force of the samples that are compared", rows=(), labels=times, arrays=measured
+        ),
+        "posterior_predictive": NamedArrays(
+            title="Predicted force of each draw", rows=(*chains,), labels=chains | times, arrays=predicted
+        ),
     }
     for name, group in groups.items():
         tree[name] = type(tree)(dataset=group.to_xarray())
     return tree
 
 
-def _log_likelihood(
-    target: Target, theta: Floats, start: Floats, draws: Draws, labels: Sequence[str], pointwise: Pointwise
-) -> NamedArrays:
-    """Tempered log densities of blocks or samples of all tests, one after the other."""
-    residuals = [residual[0] for residual, _ in target.residuals(start[None])]
-    if pointwise == "blocks":
-        blocks = [
-            _blocks_of(test.test, autocorrelation_time(residual))
-            for test, residual in zip(target.objective.compared, residuals, strict=True)
-        ]
-    else:
-        blocks = [tuple(slice(index, index + 1) for index in range(residual.size)) for residual in residuals]
-    density = _block_densities(target, theta, draws.noise, blocks)
-    shape = draws.densities.shape
-    axis = pointwise.removesuffix("s")
-    times = [
-        test.test.time[test.test.counted][block.start]
-        for test, of_test in zip(target.objective.compared, blocks, strict=True)
-        for block in of_test
-    ]
-    tests = [label for label, of_test in zip(labels, blocks, strict=True) for _ in of_test]
-    return NamedArrays(
-        title=f"Log density of each {axis}, times {draws.temper:g}",
-        rows=("chain", "draw"),
-        labels=_chain_labels(shape) | {axis: NamedArray.of(range(len(tests)))},
-        arrays={
-            "force": NamedArray.of(
-                density.reshape(*shape, -1),
-                *("chain", "draw", axis),
-                unit="1",
-                long_name=f"log density of the force of each {axis} in its deviations, times {draws.temper:g}",
-            )
-        },
-        along={
-            "test": NamedArray.of(tests, axis, long_name="test"),
-            "start": NamedArray.of(times, axis, unit="s", long_name=f"first instant of the {axis}"),
-        },
-    )
-
-
-def _block_densities(
-    target: Target, theta: Floats, noise: Floats, blocks: Sequence[Sequence[slice]]
-) -> Floats:
-    """Tempered log density of the blocks of all tests, (n_draws, n_blocks), under draws in the target's form."""
-
-    def of_rows(theta: Floats, noise: Floats) -> Floats:
-        columns = []
-        for (residual, failed), of_test in zip(target.residuals(theta), blocks, strict=True):
-            density = target.temper * target.noise.log_densities(residual, noise)
-            density[failed] = -np.inf
-            columns += [density[:, block].sum(axis=1) for block in of_test]
-        return np.stack(columns, axis=1)
-
-    return in_chunks(of_rows, theta, noise)
-
-
-def _blocks_of(test: DamperTest, least: float) -> tuple[slice, ...]:
-    """Adjacent blocks of whole cycles, of at least `least` counted samples; the ends belong to the outer blocks."""
+def _starts_of_blocks(test: DamperTest, least: float) -> list[int]:
+    """First samples of adjacent blocks of whole cycles, of at least `least`; the ends belong to the outer blocks."""
     displacement = test.displacement[test.counted]
     cycles = whole_cycles(displacement)
-    edges = [cycle.start for cycle in cycles[1:]]
     end = cycles[-1].stop if cycles else displacement.size
-    cuts = [0]
-    for edge in edges:
-        if edge - cuts[-1] >= least and end - edge >= least:
-            cuts.append(edge)
-    return tuple(slice(first, last) for first, last in zip(cuts, [*cuts[1:], displacement.size], strict=True))
-
-
-def _predictive(
-    target: Target,
-    theta: Floats,
-    draws: Draws,
-    tests: Sequence[DamperTest],
-    labels: Sequence[str],
-    stream: np.random.Generator,
-) -> NamedArrays:
-    shape = draws.densities.shape
-    forces = {}
-    for label, axis, test, deviation, (residual, _) in zip(
-        labels,
-        _time_axes(tests),
-        target.objective.compared,
-        target.deviations,
-        target.residuals(theta),
-        strict=True,
-    ):
-        noise = target.noise.draw(test.measured.size, draws.noise, stream)
-        noisy = test.measured + (residual + noise) * deviation
-        forces[label] = NamedArray.of(
-            noisy.reshape(*shape, -1),
-            *("chain", "draw", axis),
-            unit="N",
-            long_name="force of the model with noise",
-        )
-    return NamedArrays(
-        title="Predicted force of each draw",
-        rows=("chain", "draw"),
-        labels=_chain_labels(shape) | _times(tests),
-        arrays=forces,
-    )
-
-
-def _chain_labels(shape: tuple[int, ...]) -> dict[str, NamedArray]:
-    return {"chain": NamedArray.of(range(shape[0])), "draw": NamedArray.of(range(shape[1]))}
-
-
-def _time_axes(tests: Sequence[DamperTest]) -> list[str]:
-    return ["time"] if len(tests) == 1 else [f"time_{number}" for number in range(1, len(tests) + 1)]
-
-
-def _times(tests: Sequence[DamperTest]) -> dict[str, NamedArray]:
-    return {
-        axis: NamedArray.of(test.time[test.counted], unit="s", long_name="time")
-        for axis, test in zip(_time_axes(tests), tests, strict=True)
-    }
+    starts = [0]
+    for cycle in cycles[1:]:
+        if cycle.start - starts[-1] >= least and end - cycle.start >= least:
+            starts.append(cycle.start)
+    return starts
