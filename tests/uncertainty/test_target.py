@@ -32,7 +32,7 @@ def rng() -> np.random.Generator:
 
 def positions(rng: np.random.Generator, n: int = 6) -> np.ndarray:
     sampling = small_sampling()
-    return first_walkers(sampling.target, sampling.start, n, rng)
+    return first_walkers(sampling.target, sampling.target.start, n, rng)
 
 
 def space(**priors: Normal | Lognormal) -> Space:
@@ -108,7 +108,7 @@ def test_the_likelihood_of_independent_noise_is_that_of_its_residuals(rng: np.ra
 @pytest.mark.parametrize("name", NOISES)
 def test_a_row_has_the_same_density_alone_and_in_a_batch(name: str, rng: np.random.Generator) -> None:
     sampling = small_sampling(name)
-    position = first_walkers(sampling.target, sampling.start, 5, rng)
+    position = first_walkers(sampling.target, sampling.target.start, 5, rng)
     position[3, 1] = 1.5
     together = sampling.target(position)
     assert np.isneginf(together[3])
@@ -153,7 +153,7 @@ def test_correlated_residuals_are_worth_what_theory_says(phi: float) -> None:
 
 def test_walkers_start_where_the_fisher_information_says(rng: np.random.Generator) -> None:
     sampling = small_sampling()
-    position = first_walkers(sampling.target, sampling.start, 400, rng)
+    position = first_walkers(sampling.target, sampling.target.start, 400, rng)
     theta = np.asarray(sampling.target.space.values(position)[0])[:, :4]
     errors = independent_errors(small_fit())
     for index, estimate in enumerate(small_fit().estimates):
@@ -180,9 +180,9 @@ def test_a_chain_starts_at_the_mode_whatever_weights_the_fit_had() -> None:
             threads=1,
         )
         target = sampling.target
-        mode = mode_near(target, sampling.start)
+        mode = mode_near(target, sampling.target.start)
         at_start, at_mode = target(
-            np.stack([target.position_of(sampling.start), target.position_of(mode)])
+            np.stack([target.position_of(sampling.target.start), target.position_of(mode)])
         ).tolist()
         behind[exponent] = at_mode - at_start
         # From the mode there is nowhere to go.

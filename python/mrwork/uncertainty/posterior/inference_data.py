@@ -23,7 +23,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
-from mrwork.uncertainty.posterior.target import target_of
+from mrwork.uncertainty.posterior.target import Target
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -90,7 +90,7 @@ def inference_data(
             f"the draws are of {draws.model} and the fit is of {fit.model}; give the draws of the fit"
         )
     noise = noise_model(draws.noise_model)
-    target, start = target_of(fit, as_tests(tests), noise, tempering=draws.temper, threads=threads)
+    target = Target.of_fit(fit, as_tests(tests), noise, tempering=draws.temper, threads=threads)
     n_walkers, n_kept = draws.densities.shape
     stride = -(-n_kept * n_walkers // max(most_draws, n_walkers))
     thinned = replace(
@@ -116,7 +116,7 @@ def inference_data(
             target.objective.compared,
             target.deviations,
             target.residuals(theta),
-            target.residuals(start[None]),
+            target.residuals(target.start[None]),
             strict=True,
         ),
         start=1,

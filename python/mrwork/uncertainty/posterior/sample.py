@@ -40,7 +40,7 @@ from mrwork.uncertainty.posterior.draws import (
     summary_of,
 )
 from mrwork.uncertainty.posterior.laplace import first_walkers, mode_near
-from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers, target_of
+from mrwork.uncertainty.posterior.target import Prior, Steps, Target, Tempering, Walkers
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.posterior.ensemble import Ensemble
@@ -53,12 +53,11 @@ _MOST_ROWS = 1000
 
 @array_dataclass()
 class SamplingProblem:
-    """Target and settings of a sampling run; `start`, shape (n_params,), is in the form that is sampled."""
+    """Target and settings of a sampling run."""
 
     spec: DamperSpec
     target: Target
     priors: Mapping[str, Prior]
-    start: Floats
     walkers: int
     rng: int
 
@@ -76,10 +75,10 @@ class SamplingProblem:
         threads: int,
     ) -> SamplingProblem:
         """The problem that `sample` solves, from the same arguments."""
-        target, start = target_of(
+        target = Target.of_fit(
             fit, tests, noise_model(noise), tempering=tempering, priors=priors, threads=threads
         )
-        if not np.isfinite(target.objective(start[None])[0]):
+        if not np.isfinite(target.objective(target.start[None])[0]):
             raise SettingError(
                 f"the fit of {fit.model} cannot be simulated on these tests; give the tests of the fit"
             )
@@ -89,7 +88,7 @@ class SamplingProblem:
                 f"`walkers` is {walkers} for {n_dim} parameters of model and noise; "
                 f"give an even number, at least {2 * n_dim}"
             )
-        return cls(spec=fit.spec, target=target, priors=priors, start=start, walkers=walkers, rng=rng)
+        return cls(spec=fit.spec, target=target, priors=priors, walkers=walkers, rng=rng)
 
     def fingerprint(self) -> dict[str, Any]:
         """All inputs that determine the chain to the bit; a stored chain is resumed only if they agree."""
@@ -107,7 +106,7 @@ class SamplingProblem:
             },
             "nuisances": list(objective.settings.nuisances),
             "temper": self.target.temper,
-            "start": digest_of(self.start),
+            "start": digest_of(self.target.start),
             "walkers": self.walkers,
             "seed": self.rng,
             "test": [
@@ -159,7 +158,7 @@ class SamplingProblem:
             thinning=thin,
             seconds=seconds,
             provenance=provenance_with(
-                self.fingerprint() | {"nrmse": float(self.target.objective(self.start[None])[0])},
+                self.fingerprint() | {"nrmse": float(self.target.objective(self.target.start[None])[0])},
                 self.target.objective.tests,
                 packages=_PACKAGES,
                 rng=self.rng,
@@ -188,11 +187,11 @@ class SamplingProblem:
             )
             for index, name in enumerate(names)
         ]
-        theta = np.asarray(self.target.form.to_model(self.start))
+        theta = np.asarray(self.target.form.to_model(self.target.start))
         objective = self.target.objective
         scales = scales_of(self.spec, box, objective.tests, theta)
         sensitivity = np.linalg.norm(
-            Slopes.at(objective, self.target.form, self.start).by_model(), axis=0
+            Slopes.at(objective, self.target.form, self.target.start).by_model(), axis=0
         ).tolist()
         judged = [
             summary
@@ -299,7 +298,7 @@ def sample(
         k and its free length x0, uniform in k and k x0.
     tempering
         Factor of the log-likelihood, or "effective": the ratio of effective to all samples at the fit; by default
-        "effective", and 1 for "ar1". With it correlated residuals are not counted as independent; see `Target.of`.
+        "effective", and 1 for "ar1". With it correlated residuals are not counted as independent; see `Target.of_fit`.
     walkers
         Number of walkers, even and at least twice the number of parameters of model and noise.
     most_steps
@@ -365,7 +364,7 @@ def sample(
             # Tables are written in a tenth of the time of lists.
             return np.asarray(call.array("step", lambda: problem.target(positions)[None], positions)[0])
 
-    mode = mode_near(problem.target, problem.start)
+    mode = mode_near(problem.target, problem.target.start)
     origins = first_walkers(problem.target, mode, walkers, np.random.default_rng(rng))
     # emcee takes half a second to load.
     from mrwork.uncertainty.posterior.ensemble import Ensemble

@@ -277,7 +277,8 @@ class Target(Summarised):
     """Log posterior density of positions of a `space`, up to a constant, with the log-likelihood times `temper`.
 
     Residuals are of a free run, in units of the standard deviation of each test's force, `deviations` [N];
-    nuisance parameters take their least-squares values for each candidate.
+    nuisance parameters take their least-squares values for each candidate. `start`, shape (n_params,), is the fit in
+    the form that is sampled.
     """
 
     _made_by: ClassVar[str] = "mr.sample(fit, test)"
@@ -288,37 +289,41 @@ class Target(Summarised):
     objective: Objective
     noise: Noise
     space: Space
+    start: Floats
     deviations: tuple[float, ...]
     temper: float
 
     @classmethod
-    def of(
+    def of_fit(
         cls,
-        form: Form,
-        objective: Objective,
+        fit: Fit,
+        tests: tuple[DamperTest, ...],
         noise: Noise,
         *,
-        start: Floats,
-        priors: Mapping[str, Prior],
         tempering: Tempering | None,
+        priors: Mapping[str, Prior] | None = None,
+        threads: int = 0,
     ) -> Target:
-        """The target with tempering from the residuals at `start`, shape (n_params,), see `sample`.
+        """The posterior of a fit's family on tests, with tempering from the residuals of the fit, see `sample`.
 
         Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count as some
         tens of independent observations, and intervals would be far too narrow if all were counted.
         """
+        problem = Problem.of_fit(fit, tests, threads=threads)
+        form, objective = problem.form, problem.objective
         target = cls(
             form=form,
             objective=objective,
             noise=noise,
-            space=Space.of(form, noise, priors),
+            space=Space.of(form, noise, priors or {}),
+            start=problem.inside(fit.theta),
             deviations=tuple(test.deviation for test in objective.compared),
             temper=1.0,
         )
         if tempering is None:
             tempering = 1.0 if noise.correlated else "effective"
         if tempering == "effective":
-            residuals = [residual[0] for residual, _ in target.residuals(start[None])]
+            residuals = [residual[0] for residual, _ in target.residuals(target.start[None])]
             share = effective_samples(residuals) / objective.n_time
         else:
             share = float(tempering)
@@ -344,7 +349,13 @@ class Target(Summarised):
             counts = np.array([test.measured.size for test in self.objective.compared])
             squared = self.objective.squared_nrmse(theta) @ counts
             return self.noise.log_likelihood_of_sum(squared, self.objective.n_time, noise)
-        return in_chunks(self._of_histories, theta, noise)
+        chunks = range(0, len(theta), _ROWS)
+        return np.concatenate(
+            [
+                self._of_histories(theta[first : first + _ROWS], noise[first : first + _ROWS])
+                for first in chunks
+            ]
+        )
 
     def _of_histories(self, theta: Floats, noise: Floats) -> Floats:
         total = np.zeros(len(theta))
@@ -369,28 +380,3 @@ class Target(Summarised):
         noise = np.mean([self.noise.estimate(residual[0]) for residual, _ in runs], axis=0)
         values = np.concatenate([theta, noise])
         return np.asarray(self.space.position(self.space.box.inside(values)))
-
-
-def target_of(
-    fit: Fit,
-    tests: tuple[DamperTest, ...],
-    noise: Noise,
-    *,
-    tempering: Tempering | None,
-    priors: Mapping[str, Prior] | None = None,
-    threads: int = 0,
-) -> tuple[Target, Floats]:
-    """Posterior of a fit's family on tests, see `sample`, and the fit in the target's form, shape (n_params,)."""
-    problem = Problem.of_fit(fit, tests, threads=threads)
-    start = problem.inside(fit.theta)
-    target = Target.of(
-        problem.form, problem.objective, noise, start=start, priors=priors or {}, tempering=tempering
-    )
-    return target, start
-
-
-def in_chunks(function: Callable[[Floats, Floats], Floats], theta: Floats, noise: Floats) -> Floats:
-    """Results of `function` for rows of parameters and noise, computed in chunks to limit memory."""
-    chunks = -(-len(theta) // _ROWS)
-    pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)
-    return np.concatenate([function(np.ascontiguousarray(rows), noise_rows) for rows, noise_rows in pairs])
