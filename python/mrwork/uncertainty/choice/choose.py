@@ -5,7 +5,7 @@ A family is a model with the laws and bounds that apply to its parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -16,6 +16,7 @@ import numpy as np
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.blas import on_one_blas_thread
+from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArrays, WithAxes
 from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport
@@ -29,10 +30,9 @@ from mrwork.errors import (
     MrworkWarning,
     OutputError,
     SettingError,
-    UnknownNameError,
     WorkerError,
 )
-from mrwork.identification.batch import FitBatch, FitTask, JournalOf, with_journal
+from mrwork.identification.batch import FitBatch, FitTask, JournalOf
 from mrwork.identification.commands import count_levels, refuse_few_levels, spec_by_values, tested_commands
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
@@ -41,7 +41,6 @@ from mrwork.identification.progress import Progress
 from mrwork.identification.settings import FitSettings, Fold
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
-from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.collapse import with_collapses
 from mrwork.uncertainty.choice.ranking import Ranking, Standing
@@ -69,8 +68,8 @@ def families(
         }
         followed = spec.with_current_laws(family_laws, unit=unit, lagged=lagged) if family_laws else spec
         lawful.append(spec_by_values(followed, tested_commands(followed, tests)) if family_laws else spec)
-    refuse_unknown("law", laws, {parameter.name for spec in specs for parameter in spec.plain})
-    refuse_unknown("bound", bounds, {name for spec in lawful for name in spec.names})
+    refuse_unknown("law", laws, [parameter.name for spec in specs for parameter in spec.plain])
+    refuse_unknown("bound", bounds, [name for spec in lawful for name in spec.names])
     plain = [spec.name for spec in lawful if spec.command_unit is None]
     if laws and plain:
         remarks += (f"none of the parameters that follow the command is one of {', '.join(plain)}",)
@@ -104,13 +103,11 @@ def compared_models(
     return specs, ()
 
 
-def refuse_unknown(what: str, names: Iterable[str], known: Collection[str]) -> None:
+def refuse_unknown(what: str, names: Iterable[str], known: Iterable[str]) -> None:
     """Refuse a law or bound, in words `what`, of a parameter that is not `known`."""
     for name in names:
-        if name not in known:
-            raise UnknownNameError(
-                f"a {what} was given for {name!r}, which none of the models has as a parameter"
-            )
+        sentence = f"a {what} was given for {name!r}, which none of the models has as a parameter"
+        check_known(name, dict.fromkeys(known), sentence, otherwise="they have")
 
 
 def _refuse_few_commands(
@@ -200,10 +197,6 @@ class Choosing(LongCall[ChoiceProgress, Choice]):
     threads: int
     journal_of: JournalOf | None
     failed: dict[str, str] = field(default_factory=dict)
-
-    def run(self, name: str, work: Callable[[Journal | None], T]) -> T:
-        """Do the work of a step with its own journal, if any."""
-        return with_journal(self.journal_of, name, work)
 
     @contextmanager
     def recording_failure(self, model: str) -> Iterator[None]:

@@ -18,7 +18,7 @@ from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, CommandLaw, LawName
-from mrwork.dampers.parameters import DRIVER_RATE, Scale
+from mrwork.dampers.parameters import Scale
 from mrwork.dampers.spec import DamperSpec, hidden_extrema, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.commands import (
@@ -383,13 +383,6 @@ def prepare_search(
     if settings.starts or settings.engine != "lanes":
         raise SettingError(
             "the choice of laws takes no starts and the engine `lanes`; leave these settings out"
-        )
-    allowed = (*plain.names, DRIVER_RATE.name) if lagged else plain.names
-    unknown = [name for name in settings.bounds if name not in allowed]
-    if unknown:
-        raise SettingError(
-            f"bounds are given for {unknown[0]!r}; where laws are chosen, give them for parameters of {plain.name} "
-            f"({', '.join(plain.names)}), which then remain constant"
         )
     spec = plain.with_current_laws(given, unit=unit)
     typed = laws_to_type(plain, given, tested_commands(spec, tests))

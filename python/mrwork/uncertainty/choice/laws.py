@@ -21,7 +21,7 @@ from mrwork.dampers.laws import CURVE_FORMS, LawName, law_of
 from mrwork.dampers.parameters import DRIVER_RATE
 from mrwork.dampers.simulation import simulate_forces
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.batch import JournalOf
+from mrwork.identification.batch import JournalOf, with_journal
 from mrwork.identification.fit import Fit, FitStatus
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import Problem, fingerprint_of
@@ -69,12 +69,12 @@ class _ChoosingLaws(Choosing):
     def evaluate(self, search: LawSearch) -> None:
         """Try the laws of a model."""
         with self._failing_alone(search):
-            first = self.run(f"{search.name}/first", partial(self._first_fit, search))
+            first = with_journal(self.journal_of, f"{search.name}/first", partial(self._first_fit, search))
             self.firsts[search.name] = first
             if search.folds.model.lagged and not first.spec.lagged:
                 search.leave_lag_out()
                 self.remarks += (f"{search.name} shows no lag of the driver, which is left out of its laws",)
-            self.run(f"{search.name}/laws", partial(self._try_laws, search))
+            with_journal(self.journal_of, f"{search.name}/laws", partial(self._try_laws, search))
 
     def choice(self) -> Choice:
         """The choice, with the fit of the chosen laws to the whole tests, without models that cannot be fitted."""
@@ -82,7 +82,9 @@ class _ChoosingLaws(Choosing):
             ranking = self._rank(complete=True)
             search, laws = self._fitted(ranking.chosen_standing)
             with self._failing_alone(search):
-                fit = self.run(f"{search.name}/fit", partial(self._final_fit, search, laws))
+                fit = with_journal(
+                    self.journal_of, f"{search.name}/fit", partial(self._final_fit, search, laws)
+                )
                 if search.folds.varies and len(self.searches) == 1:
                     left = structure_warning(fit.rmse_n, fit.tests)
                     fit = replace(fit, warnings=(*fit.warnings, *left))
@@ -306,27 +308,24 @@ def choose_laws(
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
     specs, remarks = compared_models(model)
     laws = dict(laws or {})
-    several = len(specs) > 1
-    if several:
-        names = {name for spec in specs for name in spec.names}
-        refuse_unknown("law", laws, names)
-        refuse_unknown("bound", settings.bounds, {*names, DRIVER_RATE.name} if lagged else names)
-    searches = {}
-    for spec in specs:
-        # A single model refuses what is given for parameters that it has not.
-        bounds = select_known(settings.bounds, spec.with_current_laws({}, lagged=lagged))
-        model_settings = replace(settings, bounds=bounds) if several else settings
-        own_laws = select_known(laws, spec) if several else laws
-        searches[spec.name] = prepare_search(
+    names = [name for spec in specs for name in spec.names]
+    refuse_unknown("law", laws, names)
+    refuse_unknown("bound", settings.bounds, [*names, DRIVER_RATE.name] if lagged else names)
+    searches = {
+        spec.name: prepare_search(
             spec,
             tests,
-            {name: law_of(law) for name, law in own_laws.items()},
+            {name: law_of(law) for name, law in select_known(laws, spec).items()},
             unit,
             leave_out,
-            model_settings,
+            replace(
+                settings, bounds=select_known(settings.bounds, spec.with_current_laws({}, lagged=lagged))
+            ),
             threads,
             lagged=lagged,
         )
+        for spec in specs
+    }
     splits = searches[specs[0].name].folds.splits
     running = _ChoosingLaws(
         tests=tests,
