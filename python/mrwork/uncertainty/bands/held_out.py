@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.records.rig_table import Use
@@ -22,7 +21,7 @@ from mrwork.uncertainty.bands.calibration_files import (
     stored_calibration,
 )
 from mrwork.uncertainty.bands.conformal import Calibration
-from mrwork.uncertainty.bands.prediction import Prediction, folds_of
+from mrwork.uncertainty.bands.prediction import Prediction, groups_of
 from mrwork.uncertainty.bands.predictions import Predictions
 
 
@@ -98,10 +97,7 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     three is kept for test and one in three for calibration, of a single one for test. Tests that are alike share
     their use. With fewer than two motions, or with extremes only, every test is fitted.
     """
-    try:
-        folds = folds_of(tests, "motion")
-    except SettingError:
-        return tuple("fit" for _ in tests)
+    folds = groups_of(tests, "motion")
     speeds = [float(np.abs(test.velocity).max()) for test in tests]
     strokes = [float(np.ptp(test.displacement)) for test in tests]
     speed, stroke = (
@@ -117,8 +113,8 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     offset = 1 if len(between) < _THIRDS else 0
     fold_uses: dict[int, Use] = {
         fold: use
-        for path, fold in enumerate(between, start=offset)
-        if (use := _IN_TURN[path % _THIRDS]) is not None
+        for turn, fold in enumerate(between, start=offset)
+        if (use := _IN_TURN[turn % _THIRDS]) is not None
     }
     uses: dict[int, Use] = {
         index: fold_uses.get(number, "fit") for number, fold in enumerate(folds) for index in fold

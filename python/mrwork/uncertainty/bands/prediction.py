@@ -305,7 +305,7 @@ def predict_beyond(tests: Sequence[DamperTest], identify_rest: IdentifyRest) -> 
     return tuple(predictions)
 
 
-def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
+def groups_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
     """Indices of the tests of each fold; tests that are alike, as versions of one record are, share their fold."""
     folds: list[list[int]] = []
     for group in alike_groups([RecordedMotion.of(test) for test in tests]):
@@ -315,6 +315,12 @@ def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
                 break
         else:
             folds.append(group)
+    return folds
+
+
+def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
+    """Indices of the tests of each fold, of which there must be two."""
+    folds = groups_of(tests, fold)
     if len(folds) < 2:
         raise SettingError(
             f"to leave one {fold} out there must be two, the {len(tests)} tests given have one {fold} in common; "

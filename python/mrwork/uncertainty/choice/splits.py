@@ -15,7 +15,6 @@ import numpy as np
 
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.errors import SettingError
 from mrwork.identification.commands import command_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.settings import Fold
@@ -27,6 +26,7 @@ from mrwork.uncertainty.bands.prediction import (
     alike_remark,
     cycle_errors,
     folds_of,
+    groups_of,
     halves,
     predict_test,
     rests_of,
@@ -40,7 +40,7 @@ _ONE_IN = 3
 _AT = 0.1
 # Floor of the NRMSE, for synthetic tests without noise.
 _EXACT = 1e-9
-# Number of motions from which on a motion is left out by default, and not a test.
+# Number of motions from which on motions are left out by default, and those beyond the rest.
 _MOTIONS = 3
 
 
@@ -144,23 +144,13 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
         return Splits(tests=halves(tests[0]), splits=later, units=(0, 1), fold=None, remarks=(ONE_TEST,))
     fold = fold or default_fold(tests)
     folds = folds_of(tests, fold)
+    motions = groups_of(tests, "motion")
+    by_motion = len(motions) >= _MOTIONS
     alike = alike_remark(tests)
     remarks = [alike] if alike else []
-    try:
-        motions = folds_of(tests, "motion")
-    except SettingError:
-        motions = []
-    if len(motions) < _ONE_IN:
-        return Splits(
-            tests=tuple(tests),
-            splits=tuple(Split(members=tuple(sorted(fold))) for fold in folds),
-            units=_units(folds, len(tests)),
-            fold=fold,
-            remarks=tuple(remarks),
-        )
     levels = [command_of(test, "varies") for test in tests]
     ends: dict[tuple[int, ...], tuple[str, ...]] = {}
-    for end, size in _ENDS.items():
+    for end, size in _ENDS.items() if by_motion else ():
         sizes = np.array([size(test) for test in tests])
         most = max(float(np.median(sizes[motion])) for motion in motions)
         extreme = next(motion for motion in motions if float(np.median(sizes[motion])) == most)
@@ -183,7 +173,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
             *(Split(members=members) for members in inside),
             *(Split(members=members, beyond=beyond) for members, beyond in ends.items()),
         ),
-        units=_units(motions, len(tests)),
+        units=_units(motions if by_motion else folds, len(tests)),
         fold=fold,
         remarks=tuple(remarks),
     )
@@ -191,20 +181,14 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
 
 def default_fold(tests: Sequence[DamperTest]) -> Fold:
     """What is left out together: a motion where there are three or more, else a test."""
-    try:
-        motions = len(folds_of(tests, "motion"))
-    except SettingError:
-        motions = 1
-    return "motion" if motions >= _MOTIONS else "test"
+    return "motion" if len(groups_of(tests, "motion")) >= _MOTIONS else "test"
 
 
 def can_leave_out(tests: Sequence[DamperTest]) -> bool:
     """Whether the tests run at two commands without any that are left out together."""
-    try:
-        folds = folds_of(tests, default_fold(tests))
-    except SettingError:
-        return False
-    return all(len({test.command_in_words for test in rest}) > 1 for rest in rests_of(tests, folds))
+    folds = groups_of(tests, default_fold(tests))
+    rests = rests_of(tests, folds)
+    return len(folds) > 1 and all(len({test.command_in_words for test in rest}) > 1 for rest in rests)
 
 
 def _units(groups: Sequence[Sequence[int]], n_tests: int) -> tuple[int, ...]:
