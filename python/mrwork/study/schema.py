@@ -589,8 +589,8 @@ class MotionTable(Stated):
 class PlacesTable:
     """Places of equal dampers that `mrwork tune` compares, each with its best constant command, before it tunes laws.
 
-    All placements, up to 60, are ranked on the training motions; the best, and the one of the study itself, are judged
-    on the test motions. Laws are tuned at the best one.
+    All placements, up to 60, are ranked on the training motions and judged on the test motions. Laws are tuned at the
+    best one.
     """
 
     dampers: int | None = optional(

@@ -6,9 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from itertools import islice
 from typing import Any, Final
+
+import numpy as np
 
 from mrwork.base.numbers import counted
 from mrwork.base.places import keyed
@@ -18,16 +20,13 @@ from mrwork.study.constant import ConstantSearch
 from mrwork.study.dampers import chosen_damper, equip_building
 from mrwork.study.loop_runs import simulate_criteria, unobserved
 from mrwork.study.reading import with_dampers
-from mrwork.study.runs import Runs
-from mrwork.study.schema import DamperTable, Use
-from mrwork.study.study import Arrangement, Study, constant_commands
+from mrwork.study.schema import DamperTable
+from mrwork.study.study import Study, constant_commands
 from mrwork.tuning.results import Placement
 
 Placed = Mapping[str, int]
 """Number of [[damper]] in each storey that has any, by its name."""
-# Most placements, and the best that are judged on the test motions, beside the study's own.
 _MOST: Final = 60
-_JUDGED: Final = 5
 
 
 def placements_of(study: Study) -> tuple[Placed, list[Placed]]:
@@ -98,37 +97,29 @@ def compare_places(
     own, placements = placements_of(study)
     first, hardware = study.table.damper[0], unobserved(study.hardware)
     one = chosen_damper(first, study.folder, study.identified)
-    testing = tuple(motion.ground for motion in study.motions if motion.use == "test")
-
-    def at(placed: Placed) -> Arrangement:
-        tables = placed_tables(study, placed)
-        building, devices = equip_building(study.building, tables, [one] * len(tables))
-        return replace(study.at_zero, building=building, devices=devices, law=None)
-
-    def runs_of(arrangement: Arrangement, command: float, use: Use) -> Runs:
-        law = constant_commands([command] * len(arrangement.devices))
-        motions = testing if use == "test" else study.chosen_on
-        return simulate_criteria(replace(arrangement, law=law), motions, hardware, threads=threads)
-
-    @cache
-    def bare(use: Use) -> Runs:
-        return runs_of(study.arrangements[0], 0.0, use)
+    testing = [motion.ground for motion in study.motions if motion.use == "test"]
+    motions = [*study.chosen_on, *(testing if len(testing) < len(study.motions) else [])]
+    bare = simulate_criteria(study.arrangements[0], motions, hardware, threads=threads)
 
     def best_of(placed: Placed) -> Placement:
-        best, runs = ConstantSearch(
-            arrangement=at(placed), motions=study.chosen_on, hardware=hardware, threads=threads
-        ).scan()
+        tables = placed_tables(study, placed)
+        building, devices = equip_building(study.building, tables, [one] * len(tables))
+        there = replace(study.at_zero, building=building, devices=devices, law=None)
+        search = ConstantSearch(
+            arrangement=there, motions=study.chosen_on, hardware=hardware, threads=threads
+        )
+        commands = search.scan()[0].commands
+        law = constant_commands(commands)
+        runs = simulate_criteria(replace(there, law=law), motions, hardware, threads=threads)
+        train, test = np.split(runs.scores(bare)[0, :, 0], [len(study.chosen_on)])
         return Placement(
             storeys=dict(placed),
-            command=best.commands[0],
-            train=float(runs.scores(bare("training")).mean()),
+            command=commands[0],
+            train=float(train.mean()),
+            test=float(test.mean()) if test.size else None,
             given=placed == own,
             count=first.count,
         )
-
-    def judged(placement: Placement) -> Placement:
-        runs = runs_of(at(placement.storeys), placement.command, "test")
-        return replace(placement, test=float(runs.scores(bare("test")).mean()))
 
     ranked: list[Placement] = []
     compared = placements if own in placements else [*placements, own]
@@ -136,10 +127,6 @@ def compare_places(
         ranked.append(call.step("placement", Placement, partial(best_of, placed), [*placed.items()]))
         on_compared(len(ranked), len(compared), min(placement.train for placement in ranked))
     # The study's own placement comes last where it may not be chosen.
-    ranked.sort(key=lambda entry: (entry.storeys not in placements, math.isnan(entry.train), entry.train))
-    held_out = 0 < len(testing) < len(study.motions)
-    for number, placement in enumerate(ranked if held_out else ()):
-        if number < _JUDGED or placement.given:
-            inputs = [*placement.storeys.items()], placement.command
-            ranked[number] = call.step("judged placement", Placement, partial(judged, placement), *inputs)
-    return ranked
+    return sorted(
+        ranked, key=lambda entry: (entry.storeys not in placements, math.isnan(entry.train), entry.train)
+    )

@@ -108,7 +108,7 @@ class Placement:
     """Dampers by storey, their best constant command, and its scores over the building without dampers.
 
     A score is the mean over motions of peak and rms drift and acceleration over those without dampers, which do not
-    depend on the placement; `test` is `None` where it was not judged. `given` says that the study has its dampers so.
+    depend on the placement; `test` is `None` where no motion is held out. `given` says that the study has them so.
     `storeys` has the number of [[damper]] in each, of which each is `count` dampers.
     """
 
