@@ -53,7 +53,7 @@ def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
 
 
 def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> None:
-    bench = Bench.of(tuning_samples.small_study(), None, threads=1)
+    bench = Bench.of(tuning_samples.small_study(), threads=1)
     shapes = [(0.0, np.inf), (0.002, np.inf), (0.01, 40.0), (0.0, 40.0), (0.05, np.inf)]
     for name, settings in (
         ("clipped_optimal", {"drifts": 1.0, "control_weight": 1e-12}),
@@ -75,7 +75,7 @@ def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> Non
 
 def test_they_are_searched_only_where_asked() -> None:
     study = tuning_samples.small_study()
-    bench = Bench.of(study, None, threads=1)
+    bench = Bench.of(study, threads=1)
     magnitudes = magnitudes_of(bench)
 
     def names(table: TuneTable) -> list[str]:

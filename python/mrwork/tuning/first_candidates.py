@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
+from mrwork.closed_loop.evaluation import SCORE, searched
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
 from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, plain_weight
 from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import SettingError
-from mrwork.study.constant import LEVELS
+from mrwork.study.constant import LEVELS, BestConstant, ConstantSearch
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON, TuneTable
 from mrwork.study.study import Kind
-from mrwork.tuning.problem import STUDY_SCORE, Bench, constant_candidate
+from mrwork.tuning.problem import Bench, constant_candidate
 from mrwork.tuning.results import TunedLaw
 from mrwork.tuning.space import (
     BUDGET_SCALE,
@@ -65,18 +65,18 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
     Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under the
     stationary ground of the training motions, with the damper's force as budget; a peak counts as three times the rms.
     """
-    convex = list[Mapping[str, Any]]()
+    convex, problem = list[Mapping[str, Any]](), bench.study.problem
     drift = {"rms_drift": round_to(magnitudes.drift / PEAK_FACTOR)}
     limits = (drift, {**drift, "rms_acceleration": round_to(magnitudes.acceleration / PEAK_FACTOR)})
     # A building with an undamped mode has no such weights, motions that are too short no ground.
     for limit in limits:
         with suppress(SettingError):
             designed = design_weights(
-                bench.problem.building,
-                bench.problem.devices,
+                problem.building,
+                problem.devices,
                 limits=limit,
                 budget=magnitudes.force / PEAK_FACTOR,
-                spectrum=ground_of(bench.problem).spectrum,
+                spectrum=ground_of(problem).spectrum,
             )
             convex.append({name: _round_all(value) for name, value in designed.settings().items()})
     return Basis(bench=bench, magnitudes=magnitudes, limits=limits, convex=tuple(convex))
@@ -155,17 +155,40 @@ def _sizes(
     return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
 
 
-def constant_commands(bench: Bench) -> Iterator[TunedLaw]:
+def constant_commands(bench: Bench) -> tuple[TunedLaw, ...]:
     """References at a constant command: none, the best by the score of a study, and the largest."""
-    constant = partial(constant_candidate, bench.problem.devices)
-    best = f"best of {LEVELS} on the training motions"
-    rows: tuple[tuple[str, Kind, list[LawCandidate], str], ...] = (
-        (PASSIVE_OFF, "passive_off", [constant(0.0)], "no command"),
-        (OPTIMAL_PASSIVE, "best_passive", [*map(constant, np.linspace(0.0, 1.0, LEVELS).tolist())], best),
-        (PASSIVE_ON, "passive", [constant(1.0)], "largest command"),
+    study, began = bench.study, time.perf_counter()
+    search = ConstantSearch(
+        arrangement=replace(study.at_zero, law=None),
+        motions=study.chosen_on,
+        hardware=study.hardware,
+        threads=bench.threads,
     )
-    for label, kind, candidates, origin in rows:
-        yield _reference(bench, STUDY_SCORE, "passive", candidates, label=label, kind=kind, origin=origin)
+    found = bench.call.step("constant commands", BestConstant, lambda: search.scan()[0])
+    scores = searched(np.array(found.scores))
+    best = f"best of {LEVELS} on the training motions"
+    rows: tuple[tuple[str, Kind, int, str], ...] = (
+        (PASSIVE_OFF, "passive_off", 0, "no command"),
+        (OPTIMAL_PASSIVE, "best_passive", int(np.argmin(scores)), best),
+        (PASSIVE_ON, "passive", LEVELS - 1, "largest command"),
+    )
+    shares = np.linspace(0.0, 1.0, LEVELS).tolist()
+    candidates = [constant_candidate(study.problem.devices, shares[level]) for _, _, level, _ in rows]
+    return tuple(
+        TunedLaw(
+            law="passive",
+            label=label,
+            kind=kind,
+            settings=dict(candidate.settings),
+            origin=origin,
+            objective=TuningObjective(weights=dict.fromkeys(SCORE, 1.0)),
+            least=float(scores[level]),
+            candidates=LEVELS if kind == "best_passive" else 1,
+            seconds=time.perf_counter() - began,
+            certificate=bench.certificate("passive", candidate),
+        )
+        for (label, kind, level, origin), candidate in zip(rows, candidates, strict=True)
+    )
 
 
 def weights_of_regulators(basis: Basis, objective: TuningObjective) -> Iterator[TunedLaw]:
@@ -173,8 +196,8 @@ def weights_of_regulators(basis: Basis, objective: TuningObjective) -> Iterator[
 
     They are compared to i = 0, also where laws are compared to the best constant command, and without realisations.
     """
-    objective, law = replace(objective, relative_to="passive_off"), "clipped_optimal"
-    taken = {row.label for row in basis.bench.study.rows if row.kind == "controller"}
+    objective, law, bench = replace(objective, relative_to="passive_off"), "clipped_optimal", basis.bench
+    taken = {row.label for row in bench.study.rows if row.kind == "controller"}
     shapes: dict[str, list[LawCandidate]] = {}
     for candidate in first_candidates(space_of(TuneTable(laws=(law,)), law, basis.magnitudes), basis):
         shapes.setdefault(candidate.origin, []).append(candidate)
@@ -182,46 +205,23 @@ def weights_of_regulators(basis: Basis, objective: TuningObjective) -> Iterator[
     for origin in (EQUAL, CONVEX, DASHPOTS, SEMI_ACTIVE):
         if origin not in shapes:
             continue
+        candidates, began = shapes[origin], time.perf_counter()
         scanned, choices = of_budget if origin == SEMI_ACTIVE else of_R
         label = f"{origin[:1].upper()}{origin[1:]}, {scanned}"
-        yield _reference(
-            basis.bench,
-            objective,
-            law,
-            shapes[origin],
+        scores = bench.scores(objective, law, candidates, "reference")
+        best = candidates[scores.best]
+        yield TunedLaw(
+            law=law,
             label=f"{label}, reference" if label in taken else label,
-            kind="controller",
-            origin=f"{origin}, best of {len(shapes[origin])} {choices} on the training motions",
+            settings=dict(best.settings),
+            origin=f"{origin}, best of {len(candidates)} {choices} on the training motions",
+            objective=objective,
+            least=float(scores.objective[scores.best]),
+            violation=float(scores.violation[scores.best]),
+            candidates=len(candidates),
+            seconds=time.perf_counter() - began,
+            certificate=bench.certificate(law, best),
         )
-
-
-def _reference(
-    bench: Bench,
-    objective: TuningObjective,
-    law: str,
-    candidates: Sequence[LawCandidate],
-    *,
-    label: str,
-    kind: Kind,
-    origin: str,
-) -> TunedLaw:
-    """The best of the candidates of a law on the training motions."""
-    began = time.perf_counter()
-    scores = bench.recalled_scores("reference", objective, law, candidates)
-    best = candidates[scores.best]
-    return TunedLaw(
-        law=law,
-        label=label,
-        kind=kind,
-        settings=dict(best.settings),
-        origin=origin,
-        objective=objective,
-        least=float(scores.objective[scores.best]),
-        violation=float(scores.violation[scores.best]),
-        candidates=len(candidates),
-        seconds=time.perf_counter() - began,
-        certificate=bench.certificate(law, best),
-    )
 
 
 def distinct(candidates: Iterable[LawCandidate]) -> tuple[LawCandidate, ...]:

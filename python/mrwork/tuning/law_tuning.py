@@ -94,7 +94,7 @@ def check_settings(plan: LawPlan) -> None:
     candidate = plan.space.candidate(plan.space.start)
     try:
         with keyed("settings"):
-            design_law(plan.law, plan.bench.problem, settings_of(plan.law, candidate.of_law))
+            design_law(plan.law, plan.bench.study.problem, settings_of(plan.law, candidate.of_law))
     except InvalidSettingError:
         raise
     except SettingError:
@@ -111,7 +111,7 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
     firsts = first_candidates(space, basis)
     if not space.continuous:
         firsts = tuple(replace(entry, origin="all levels") for entry in space.every())
-    scores = bench.recalled_scores("first candidates", plan.objective, plan.law, firsts)
+    scores = bench.scores(plan.objective, plan.law, firsts, "first candidates")
     best, count = firsts[scores.best], len(firsts)
     least = float(scores.penalised_scores[scores.best])
     most = count + (table.budget if space.continuous else 0)
@@ -150,10 +150,10 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
                 tuned.settings,
             )
             last = space.candidate(end.unit)
-            scores = bench.recalled_scores("finish", plan.objective, plan.law, [last])
+            scores = bench.scores(plan.objective, plan.law, [last], "finish")
             origin = f"search, then {end.gradients} gradients"
             tuned = _after(tuned, tuned.candidates + 1, float(scores.penalised_scores[0]), last, origin)
-    scores = bench.recalled_scores("chosen", plan.objective, plan.law, [tuned.candidate])
+    scores = bench.scores(plan.objective, plan.law, [tuned.candidate], "chosen")
     return replace(
         tuned,
         least=float(scores.objective[0]),

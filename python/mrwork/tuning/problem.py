@@ -14,7 +14,6 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
 from mrwork.buildings.matrices import Device
-from mrwork.closed_loop.evaluation import SCORE
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, design_law, settings_of
@@ -25,12 +24,9 @@ from mrwork.study.loop_runs import simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.realisations import Realisations, nominal
 from mrwork.study.runs import Runs, candidate_axes, study_criteria
-from mrwork.study.schema import Baseline, TuneTable
+from mrwork.study.schema import TuneTable
 from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective
-
-STUDY_SCORE = TuningObjective(weights=dict.fromkeys(SCORE, 1.0))
-"""The score of a study, whatever a table minimises, so that all laws are compared by one number."""
 
 
 @array_dataclass(repr=False)
@@ -53,49 +49,40 @@ class Scores(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Bench(Summarised):
-    """Training motions and realisations under which candidates are simulated, and the criteria of baselines under them.
+    """Realisations of a study under which candidates are simulated on its training motions, and baselines under them.
 
-    `baselines` are the criteria at i = 0, and under the best constant command where an objective takes them.
+    `baselines` are the criteria at i = 0 and under the best constant command.
     """
 
     study: Study
-    problem: DesignProblem
     realisations: Realisations
     call: LongCall[Any, Any]
     threads: int
-    baselines: Mapping[Baseline, Runs]
+    baselines: Mapping[str, Runs]
 
     @staticmethod
-    def of(
-        study: Study,
-        realisations: Realisations | None,
-        call: LongCall[Any, Any] | None = None,
-        threads: int = 0,
-    ) -> Bench:
-        """The bench of a study with these realisations, by default the nominal one; i = 0 is simulated on it."""
-        check_controllable(study)
-        bench = Bench(
+    def of(study: Study, call: LongCall[Any, Any] | None = None, threads: int = 0) -> Bench:
+        """The bench of the nominal study, without baselines."""
+        return Bench(
             study=study,
-            problem=study.problem,
-            realisations=nominal(study.devices) if realisations is None else realisations,
+            realisations=nominal(study.devices),
             call=LongCall() if call is None else call,
             threads=threads,
             baselines={},
         )
-        return bench.relative_to("passive_off", constant_candidate(bench.problem.devices, 0.0))
 
-    def relative_to(self, baseline: Baseline, constant: LawCandidate) -> Bench:
-        """The bench with the criteria under a constant command as a further baseline."""
-        runs = self.recalled("baseline", "passive", [constant])
-        return replace(self, baselines={**self.baselines, baseline: runs})
+    def with_baselines(self, constants: Mapping[str, LawCandidate]) -> Bench:
+        """The bench with the criteria under constant commands as baselines."""
+        runs = self.recalled("baselines", "passive", [*constants.values()])
+        return replace(self, baselines={name: runs.of_row(row) for row, name in enumerate(constants)})
 
     def run(self, law: str, candidates: Sequence[LawCandidate]) -> Runs:
         """Criteria of candidates, none for those that make no law."""
         runs = self._empty(len(candidates))
         for members, together in self._batches(law, candidates):
-            problem = (
-                self.problem if together else self.problem.limited_to(candidates[members[0]].largest_command)
-            )
+            problem = self.study.problem
+            if not together:
+                problem = problem.limited_to(candidates[members[0]].largest_command)
             designed = design_candidates(
                 law, problem, [settings_of(law, candidates[n].of_law) for n in members]
             )
@@ -145,21 +132,21 @@ class Bench(Summarised):
         axes = candidate_axes(n_candidates, self.study.chosen_on, len(self.realisations))
         return Runs.empty(axes, study_criteria(self.study.command_unit))
 
-    def scores(self, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]) -> Scores:
-        """The scores of candidates."""
-        return self.scores_of(objective, self.run(law, candidates))
+    def scores(
+        self, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate], step: str = ""
+    ) -> Scores:
+        """The scores of candidates; of a `step`, from the journal if it has them."""
+
+        def compute() -> Scores:
+            return self.scores_of(objective, self.run(law, candidates))
+
+        return self.call.step(step, Scores, compute, law, candidates) if step else compute()
 
     def scores_of(self, objective: TuningObjective, runs: Runs) -> Scores:
         """The scores of candidates whose criteria are known."""
         value = objective.value(objective.run_scores(runs, self.baselines[objective.relative_to]))
         violation = objective.violation(runs)
         return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
-
-    def recalled_scores(
-        self, step: str, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate]
-    ) -> Scores:
-        """The scores of candidates, from the journal if it has them."""
-        return self.call.step(step, Scores, lambda: self.scores(objective, law, candidates), law, candidates)
 
     def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
         """Indices of candidates that are simulated together, and whether their largest commands may differ.
@@ -182,7 +169,7 @@ class Bench(Summarised):
         """Stability certificate of a law with these settings, in words."""
         try:
             return settings_of(law, candidate.of_law).certificate(
-                self.problem.limited_to(candidate.largest_command)
+                self.study.problem.limited_to(candidate.largest_command)
             )
         except SettingError:
             return NO_CERTIFICATE
@@ -231,18 +218,15 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
     Those under the best constant command are found where one of the `laws` chooses among commands.
     """
     study = bench.study
-    on = bench.run("passive", [constant_candidate(bench.problem.devices, 1.0)])
+    off, on = (
+        bench.run("passive", [constant_candidate(study.problem.devices, share)]) for share in (0.0, 1.0)
+    )
     constant = None
-    if bench.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
+    if study.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
         # Of the frame of the default model.
-        constant = bench.problem.reference_peaks(True)
+        constant = study.problem.reference_peaks(True)
     return magnitudes_of_runs(
-        study.building,
-        study.chosen_on,
-        bench.baselines["passive_off"],
-        on,
-        devices=study.devices,
-        constant=constant,
+        study.building, study.chosen_on, off, on, devices=study.devices, constant=constant
     )
 
 

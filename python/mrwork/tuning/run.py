@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from mrwork.search.registry import library
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.named_laws import designed
-from mrwork.study.schema import Risk, TuneTable
+from mrwork.study.schema import Baseline, Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.first_candidates import Basis, basis_of, constant_commands, weights_of_regulators
 from mrwork.tuning.law_tuning import TuningProgress, check_settings, front_of, tune_law
@@ -191,20 +191,18 @@ def _plan(
     call: LongCall[Any, Any],
     threads: int,
     place: Place,
-) -> tuple[list[LawPlan], Basis, list[TunedLaw]]:
+) -> tuple[list[LawPlan], Basis, tuple[TunedLaw, ...]]:
     """The laws of tables, the basis of their first candidates, and the references at a constant command.
 
     What is refused of a table begins with its place in the study.
     """
-    bench = Bench.of(study, None, call, threads)
-    basis = basis_of(bench, magnitudes_of(bench, [law for table in tables for law in table.laws]))
-    constants = [*constant_commands(bench)]
-    benches = [bench]
-    if any(table.robust for table in tables):
-        benches.append(Bench.of(study, study.realisations, call, threads))
-    if any(objective.relative_to == "best_passive" for objective in objectives):
-        best = next(constant for constant in constants if constant.kind == "best_passive")
-        benches = [bench.relative_to("best_passive", best.candidate) for bench in benches]
+    bench = Bench.of(study, call, threads)
+    constants = constant_commands(bench)
+    baselines = {law.kind: law.candidate for law in constants if law.kind in get_args(Baseline)}
+    benches = [bench.with_baselines(baselines)]
+    if study.realisations is not None and any(table.robust for table in tables):
+        benches.append(replace(bench, realisations=study.realisations).with_baselines(baselines))
+    basis = basis_of(benches[0], magnitudes_of(bench, [law for table in tables for law in table.laws]))
     plans, labels = list[LawPlan](), {arrangement.row.label for arrangement in study.arrangements}
     for number, (table, objective) in enumerate(zip(tables, objectives, strict=True)):
         with place.prefix_errors(), keyed("tune", number):

@@ -97,7 +97,7 @@ def _move(plan: LawPlan, unit: Floats) -> tuple[DesignProblem, ControlLaw, Float
     """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
     space, name = plan.space, plan.law
     largest = space.candidate(unit, exact=True).largest_command
-    problem = plan.bench.problem.limited_to(largest)
+    problem = plan.bench.study.problem.limited_to(largest)
     points, weights = [unit], []
     for index in _places(plan):
         nodes, node_weights = _differences(space.free[index], float(unit[index]))
