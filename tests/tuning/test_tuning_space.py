@@ -16,8 +16,7 @@ from mrwork.control.laws.law_problem import Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates
 from mrwork.study import TuneTable
 from mrwork.study.runs import Runs, numbered, study_criteria
-from mrwork.tuning.problem import Scores
-from mrwork.tuning.space import LARGEST, TuningObjective, objective_of, space_of
+from mrwork.tuning.space import LARGEST, Scores, TuningObjective, objective_of, space_of
 
 MAGNITUDES = Magnitudes(
     drift=5e-3,

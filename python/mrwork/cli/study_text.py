@@ -52,13 +52,18 @@ def run_on_study(
     verb_of: Callable[[Study, RunAtWork], StudyVerb[Results]],
     *,
     use: Use | Literal["all"] = "all",
+    check: Callable[[Study], object] = lambda study: None,
 ) -> int:
-    """Run a verb on the motions of a `use` of its study: compute, write the folder, print; return the exit status."""
+    """Run a verb on the motions of a `use` of its study: compute, write the folder, print; return the exit status.
+
+    A `check` refuses the study before its laws are designed.
+    """
     began = time.perf_counter()
     with progress_line(quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
         line(StudyProgress(label="reading the study and designing its laws"))
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
+    check(study)
     frame = Frame(options=options, work=work_of(options, kind, default), kept=kept)
     with frame.work as work:
         journal = work.journal()

@@ -61,9 +61,13 @@ def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
     # Results and simulation are slow to load.
     from mrwork.cli.study_text import run_on_study
+    from mrwork.tuning.run import check_tables, tables_of
 
-    default = f"{options.study.stem}-tuned"
-    return run_on_study(options, TUNING_RUN, default, "what was found", partial(_verb, options))
+    def check(study: Study) -> None:
+        check_tables(study, tables_of(study, _tables(study, options)))
+
+    default, verb_of = f"{options.study.stem}-tuned", partial(_verb, options)
+    return run_on_study(options, TUNING_RUN, default, "what was found", verb_of, check=check)
 
 
 def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVerb[TunedStudy]:

@@ -132,8 +132,8 @@ def _value_of(
     if against is None:
         return math.nan, math.nan
     both = results.labelled.part([row, against], list(motions), slice(-count, None) if count else slice(1))
-    value = objective.value(objective.run_scores(both.of_row(0), both.of_row(1)))
-    return float(value[0]), float(objective.violation(both.of_row(0))[0])
+    scores = objective.scores(both.of_row(0), {objective.relative_to: both.of_row(1)})
+    return float(scores.objective[0]), float(scores.violation[0])
 
 
 @checked

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,10 +23,10 @@ from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.study.runs import Runs
 from mrwork.tuning.first_candidates import Basis, distinct, first_candidates
-from mrwork.tuning.problem import LawPlan, Scores
+from mrwork.tuning.problem import LawPlan
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
 from mrwork.tuning.score_slopes import check_slopes, slopes_at
-from mrwork.tuning.space import PENALTY, LawCandidate
+from mrwork.tuning.space import LawCandidate, Scores
 
 # A search ends where its least objective has not fallen by the tolerance within this number of generations.
 _STALL, _TOLERANCE = 12, 1e-4
@@ -43,9 +43,9 @@ _ENDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuningProgress(ProgressReport):
-    """Progress of a tuning: the present law, its candidates and most of them, its least objective, laws done.
+    """Progress of a tuning: the present search, its candidates and most of them, its least objective, searches done.
 
-    `share` is the part of all candidates that is done, also before a tuning was resumed; `seconds` are of this process.
+    A search is of the placements, of a law, or of its front. `seconds` are of this process.
     """
 
     label: str
@@ -55,14 +55,18 @@ class TuningProgress(ProgressReport):
     done: int
     total: int
     seconds: float
-    share: float = field()
+
+    @property
+    def share(self) -> float:
+        """The part of all candidates that is done, also before a tuning was resumed."""
+        return (self.done + min(self.candidates / self.budget, 1.0)) / self.total
 
     @property
     def in_words(self) -> str:
-        """Progress in one line: the present law, its candidates, its least objective, laws done."""
+        """Progress in one line: the present search, its candidates, its least objective, searches done."""
         return (
             f"{self.label}: {self.candidates} of {self.budget} candidates, least objective {self.least:.4f}, "
-            f"{self.done} of {self.total} laws done, {duration_in_words(self.seconds)}"
+            f"{self.done} of {self.total} searches done, {duration_in_words(self.seconds)}"
         )
 
 
@@ -232,14 +236,12 @@ def front_of(plan: LawPlan, basis: Basis, *, rng: int, report: Callable[[int, in
     table, space, bench = plan.table, plan.space, plan.bench
     parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
 
-    def ratios(runs: Runs) -> Floats:
-        return np.column_stack(
-            [part.value(part.run_scores(runs, bench.baselines[part.relative_to])) for part in parts]
-        )
+    def scores(runs: Runs) -> list[Scores]:
+        return [part.scores(runs, bench.baselines) for part in parts]
 
     def objectives(units: Floats) -> Floats:
         runs = bench.run(plan.law, [space.candidate(unit) for unit in units])
-        return ratios(runs) + PENALTY * parts[0].violation(runs)[:, None]
+        return np.column_stack([score.penalised_scores for score in scores(runs)])
 
     starts = [
         unit for candidate in first_candidates(space, basis) if (unit := space.unit(candidate)) is not None
@@ -256,14 +258,14 @@ def front_of(plan: LawPlan, basis: Basis, *, rng: int, report: Callable[[int, in
         on_generation=lambda evaluations: report(evaluations, table.budget),
     )
     candidates = distinct([space.candidate(unit) for unit in result.units])
-    train = ratios(bench.recalled("front", plan.law, candidates)).tolist()
+    train = [score.objective.tolist() for score in scores(bench.recalled("front", plan.law, candidates))]
     points = (
         FrontPoint(
             settings=dict(candidate.settings),
             train=dict(zip(table.objectives, values, strict=True)),
             certificate=bench.certificate(plan.law, candidate),
         )
-        for candidate, values in zip(candidates, train, strict=True)
+        for candidate, *values in zip(candidates, *train, strict=True)
     )
     return Front(
         law=plan.law,

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.buildings.groups import largest_command
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws.control_law import ControlLaw, control_law
@@ -26,25 +26,7 @@ from mrwork.study.realisations import Realisations, nominal
 from mrwork.study.runs import Runs, candidate_axes, study_criteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Arrangement, Row, Study
-from mrwork.tuning.space import LARGEST, PENALTY, LawCandidate, SettingSpace, TuningObjective
-
-
-@array_dataclass(repr=False)
-class Scores(Summarised):
-    """Objective of candidates, by how much they exceed their limits, and both together, shape (n,) each."""
-
-    objective: Floats
-    violation: Floats
-
-    @property
-    def penalised_scores(self) -> Floats:
-        """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
-        return np.asarray(self.objective + PENALTY * self.violation)
-
-    @property
-    def best(self) -> int:
-        """The candidate of the least penalised objective; the first of equal ones."""
-        return int(np.argmin(self.penalised_scores))
+from mrwork.tuning.space import LARGEST, LawCandidate, Scores, SettingSpace, TuningObjective
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -138,15 +120,9 @@ class Bench(Summarised):
         """The scores of candidates; of a `step`, from the journal if it has them."""
 
         def compute() -> Scores:
-            return self.scores_of(objective, self.run(law, candidates))
+            return objective.scores(self.run(law, candidates), self.baselines)
 
         return self.call.step(step, Scores, compute, law, candidates) if step else compute()
-
-    def scores_of(self, objective: TuningObjective, runs: Runs) -> Scores:
-        """The scores of candidates whose criteria are known."""
-        value = objective.value(objective.run_scores(runs, self.baselines[objective.relative_to]))
-        violation = objective.violation(runs)
-        return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 
     def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
         """Indices of candidates that are simulated together, and whether their largest commands may differ.

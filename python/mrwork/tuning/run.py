@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -29,9 +29,9 @@ from mrwork.tuning.first_candidates import Basis, basis_of, constant_commands, w
 from mrwork.tuning.law_tuning import TuningProgress, check_settings, front_of, tune_law
 from mrwork.tuning.placing import compare_places, placed_study, placements_of
 from mrwork.tuning.problem import Bench, LawPlan, check_controllable, magnitudes_of
-from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
+from mrwork.tuning.results import TunedLaw, TuningResults
 from mrwork.tuning.score_slopes import without_gradient
-from mrwork.tuning.space import TuningObjective, objective_of, space_of
+from mrwork.tuning.space import LawCandidate, TuningObjective, objective_of, space_of
 from mrwork.workers.engine import Workers, by_whom, on_executor
 
 
@@ -97,90 +97,72 @@ def tune(
     >>> tuned.laws[0].settings["largest_command"]  # doctest: +SKIP
     1.316
     """
-    check_controllable(study)
-    if study.table.places is not None:
-        with study.place.prefix_errors():
-            placements_of(study)
+    tables = tables_of(study, tables, laws=laws, risk=risk, budget=budget)
+    objectives = check_tables(study, tables)
     study = designed(study, journal=journal)
-    tables = _tables(study, tables, laws, risk, budget)
-    place = study.place if tables == study.tunes else Place()
-
-    def objective_of_table(number: int) -> TuningObjective:
-        with keyed("tune", number):
-            return _check_table(tables[number], study)
-
-    with place.prefix_errors():
-        objectives = read_each(objective_of_table, range(len(tables)))
     if journal is not None:
         stated = {"tune": [*map(given_in, tables)], "places": study.table.places, "rng": rng}
         journal.agree("tuning", {**fingerprint_of(study), **stated})
-    tuned: list[TunedLaw] = []
-    fronts: list[Front] = []
-    places: list[Placement] = []
-    references: list[TunedLaw] = []
-    # The law whose settings are being searched.
-    present: list[TunedLaw] = []
-
-    def results(status: Literal["finished", "interrupted"]) -> TuningResults:
-        return TuningResults(
-            title=study.title,
-            status=status,
-            laws=(*tuned, *present),
-            references=tuple(references),
-            training=tuple(motion.name for motion in study.chosen_on),
-            command_unit=study.command_unit,
-            seconds=call.seconds,
-            fronts=tuple(fronts),
-            places=tuple(places),
-        )
-
-    call = LongCall[TuningProgress, TuningResults](
-        journal=journal, on_progress=on_progress, so_far=lambda: results("interrupted")
+    found = TuningResults(
+        title=study.title,
+        status="interrupted",
+        laws=(),
+        references=(),
+        training=tuple(motion.name for motion in study.chosen_on),
+        command_unit=study.command_unit,
     )
+    call = LongCall[TuningProgress, TuningResults](
+        journal=journal, on_progress=on_progress, so_far=lambda: replace(found, seconds=call.seconds)
+    )
+    total = sum(len(table.laws) for table in tables)
 
-    def report(label: str, searches: int, candidates: int, most: int, least: float) -> None:
+    done, total = 0, sum((1 + bool(table.objectives)) * len(table.laws) for table in tables)
+    total += study.table.places is not None
+
+    def report(label: str, candidates: int, most: int, least: float) -> None:
         call.report(
             TuningProgress(
                 label=f"{label}{by_whom()}",
                 candidates=candidates,
                 budget=most,
                 least=least,
-                done=len(tuned),
-                total=sum(len(table.laws) for table in tables),
+                done=done,
+                total=total,
                 seconds=call.seconds,
-                share=(len(tuned) + len(fronts) + min(candidates / most, 1.0)) / searches,
             )
         )
 
     with call.keeping("tuning"):
         if study.table.places is not None:
-            compare = partial(report, "placements", 1)
-            places.extend(compare_places(study, call=call, threads=threads, on_compared=compare))
+            compare = partial(report, "placements")
+            places = compare_places(study, call=call, threads=threads, on_compared=compare)
+            found, done = replace(found, places=tuple(places)), 1
             study = placed_study(study, places[0].storeys)
-        plans, basis, constants = _plan(study, tables, objectives, call, threads, place)
-        references.extend(constants)
+        plans, basis, constants = _plan(study, tables, objectives, call, threads)
+        found = replace(found, references=constants)
         if plans:
-            references.extend(weights_of_regulators(basis, objectives[0]))
-        searches = sum(1 + bool(plan.table.objectives) for plan in plans)
+            weighed = weights_of_regulators(basis, objectives[0])
+            found = replace(found, references=(*constants, *weighed))
         for plan in plans:
+            before = found.laws
 
-            def advance(law: TunedLaw, most: int, label: str = plan.label) -> None:
-                present[:] = [law]
-                report(label, searches, law.candidates, most, law.least)
+            def advance(law: TunedLaw, most: int, before: tuple[TunedLaw, ...] = before) -> None:
+                nonlocal found
+                found = replace(found, laws=(*before, law))
+                report(law.label, law.candidates, most, law.least)
 
             law = tune_law(plan, basis, rng=rng, advance=advance)
-            present.clear()
-            tuned.append(law)
+            found, done = replace(found, laws=(*before, law)), done + 1
             if plan.table.objectives:
-                of_front = partial(report, plan.label, searches, least=math.nan)
-                fronts.append(front_of(plan, basis, rng=rng, report=of_front))
-    return results("finished")
+                of_front = partial(report, plan.label, least=math.nan)
+                front = front_of(plan, basis, rng=rng, report=of_front)
+                found, done = replace(found, fronts=(*found.fronts, front)), done + 1
+    return replace(found, status="finished", seconds=call.seconds)
 
 
 def plan_of(study: Study, table: TuneTable, threads: int) -> LawPlan:
     """The one law of a table as `tune` plans it."""
-    check_controllable(study)
-    plans, _, _ = _plan(study, [table], [_check_table(table, study)], LongCall(), threads, Place())
+    plans, _, _ = _plan(study, [table], check_tables(study, [table]), LongCall(), threads)
     return plans[0]
 
 
@@ -190,22 +172,19 @@ def _plan(
     objectives: Sequence[TuningObjective],
     call: LongCall[Any, Any],
     threads: int,
-    place: Place,
 ) -> tuple[list[LawPlan], Basis, tuple[TunedLaw, ...]]:
-    """The laws of tables, the basis of their first candidates, and the references at a constant command.
-
-    What is refused of a table begins with its place in the study.
-    """
+    """The laws of tables, the basis of their first candidates, and the references at a constant command."""
     bench = Bench.of(study, call, threads)
     constants = constant_commands(bench)
-    baselines = {law.kind: law.candidate for law in constants if law.kind in get_args(Baseline)}
+    known = get_args(Baseline)
+    baselines: dict[str, LawCandidate] = {law.kind: law.candidate for law in constants if law.kind in known}
     benches = [bench.with_baselines(baselines)]
     if study.realisations is not None and any(table.robust for table in tables):
         benches.append(replace(bench, realisations=study.realisations).with_baselines(baselines))
     basis = basis_of(benches[0], magnitudes_of(bench, [law for table in tables for law in table.laws]))
     plans, labels = list[LawPlan](), {arrangement.row.label for arrangement in study.arrangements}
     for number, (table, objective) in enumerate(zip(tables, objectives, strict=True)):
-        with place.prefix_errors(), keyed("tune", number):
+        with _place_of(study, tables).prefix_errors(), keyed("tune", number):
             for law in table.laws:
                 label = f"{control_law(law).title}, {table.label or 'tuned'}"
                 # The study file with the chosen settings has all of them as rows.
@@ -237,9 +216,20 @@ def _check_ratios(table: TuneTable, objective: TuningObjective, bench: Bench) ->
                 raise InvalidSettingError(key, f"{sentence}, so no ratio to it exists; {remedy}")
 
 
-def _tables(
-    study: Study, tables: Sequence[TuneTable], laws: Sequence[str], risk: Risk, budget: int | None
+def _place_of(study: Study, tables: Sequence[TuneTable]) -> Place:
+    """What is refused of the tables of a study begins with their place in it."""
+    return study.place if tuple(tables) == study.tunes else Place()
+
+
+def tables_of(
+    study: Study,
+    tables: Sequence[TuneTable] = (),
+    *,
+    laws: Sequence[str] = (),
+    risk: Risk = "mean",
+    budget: int | None = None,
 ) -> tuple[TuneTable, ...]:
+    """What `tune` tunes of a study with these arguments."""
     if laws and tables:
         raise SettingError("`laws` are given besides `tables`; give the laws in the tables")
     if laws:
@@ -252,6 +242,21 @@ def _tables(
             'laws = ["clipped_optimal"], or [places]'
         )
     return tables_of_laws
+
+
+def check_tables(study: Study, tables: Sequence[TuneTable]) -> list[TuningObjective]:
+    """The objectives of tables, which the study must be fit for, as for its placements; nothing is simulated."""
+    check_controllable(study)
+    if study.table.places is not None:
+        with study.place.prefix_errors():
+            placements_of(study)
+
+    def objective(number: int) -> TuningObjective:
+        with keyed("tune", number):
+            return _check_table(tables[number], study)
+
+    with _place_of(study, tables).prefix_errors():
+        return read_each(objective, range(len(tables)))
 
 
 def _check_table(table: TuneTable, study: Study) -> TuningObjective:

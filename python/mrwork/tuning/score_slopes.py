@@ -73,7 +73,7 @@ def slopes_at(plan: LawPlan, unit: Floats) -> tuple[float, Floats]:
         return math.inf, slopes
     bench = plan.bench
     runs = bench.simulate(problem, law, changes=rows)
-    values = bench.scores_of(plan.objective, runs).penalised_scores
+    values = plan.objective.scores(runs, bench.baselines).penalised_scores
     if not math.isfinite(values[0]):
         return math.inf, slopes
     with np.errstate(invalid="ignore"):

@@ -15,7 +15,7 @@ from mrwork.base.keys import check_known, keys_of
 from mrwork.base.numbers import of_unit, round_to
 from mrwork.base.places import keyed
 from mrwork.base.summary import Summarised
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import SCORE, Scales, criterion, ratio, searched
 from mrwork.closed_loop.responses import COMMAND_UNIT
 from mrwork.control.laws.control_law import control_law
@@ -29,6 +29,24 @@ from mrwork.study.schema import Baseline, Combination, Risk, TuneTable
 _TAIL = 0.2
 PENALTY = 10.0
 """What is added to the objective for a constraint that is exceeded by its own limit."""
+
+
+@array_dataclass(repr=False)
+class Scores(Summarised):
+    """Objective of candidates, by how much they exceed their limits, and both together, shape (n,) each."""
+
+    objective: Floats
+    violation: Floats
+
+    @property
+    def penalised_scores(self) -> Floats:
+        """Objective plus `PENALTY` times the relative violation of the limits, which a search minimises."""
+        return np.asarray(self.objective + PENALTY * self.violation)
+
+    @property
+    def best(self) -> int:
+        """The candidate of the least penalised objective; the first of equal ones."""
+        return int(np.argmin(self.penalised_scores))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -49,6 +67,11 @@ class TuningObjective(Summarised):
     limits: Mapping[str, float] = field(default_factory=dict)
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
+
+    def scores(self, runs: Runs, baselines: Mapping[str, Runs]) -> Scores:
+        """The scores of candidates by the runs under each of the baselines; without an end, no limit counts."""
+        value = self.value(self.run_scores(runs, baselines[self.relative_to]))
+        return Scores(objective=value, violation=np.where(np.isfinite(value), self.violation(runs), 0.0))
 
     def run_scores(self, runs: Runs, baseline: Runs) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""

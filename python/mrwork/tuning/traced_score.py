@@ -61,15 +61,12 @@ class _StudyScore:
 
     def places(self, settings: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Places of settings in their ranges with their slopes, (n, n_free), and which rows have them."""
-        rows, free = settings.reshape(-1, len(self.box.names)), list(self.box.free)
+        rows = settings.reshape(-1, len(self.box.names))
         # Rounding of a range that is logarithmic leaves its ends.
         theta = np.clip(rows, self.box.lower, self.box.upper)
         inside: NDArray[np.bool_] = np.all(np.isclose(rows, theta, rtol=_ROUNDING, atol=0.0), axis=1)
         theta[~inside] = self.box.upper
-        places, slopes = np.zeros(rows.shape), np.zeros(rows.shape)
-        places[:, free] = np.clip(self.box.unit_from_theta(theta), 0.0, 1.0)
-        slopes[:, free] = 1.0 / self.box.unit_slope(theta)
-        return places, slopes, inside
+        return np.clip(self.box.unit_from_theta(theta), 0.0, 1.0), 1.0 / self.box.unit_slope(theta), inside
 
 
 @partial(
