@@ -5,6 +5,7 @@ What gradients reach is a candidate as any other: it is chosen if it is better.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -115,65 +116,56 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
     firsts = first_candidates(space, basis)
     if not space.continuous:
         firsts = tuple(replace(entry, origin="all levels") for entry in space.every())
-    scores = bench.scores(plan.objective, plan.law, firsts, "first candidates")
-    best, count = firsts[scores.best], len(firsts)
-    least = float(scores.penalised_scores[scores.best])
-    most = count + (table.budget if space.continuous else 0)
+    count = len(firsts)
     tuned = TunedLaw(
         law=plan.law,
         label=plan.label,
-        settings=dict(best.settings),
-        origin=best.origin,
+        settings=dict(firsts[0].settings),
+        origin=firsts[0].origin,
         objective=plan.objective,
         robust=table.robust,
-        least=least,
+        least=math.inf,
         candidates=count,
-        refused=int(np.isinf(scores.objective).sum()),
         free=space.free,
-        trace=(TracePoint(candidates=count, least=least),),
     )
-    advance(tuned, most)
+
+    def after(candidates: int, misfit: float, best: LawCandidate, origin: str) -> None:
+        """Go on to so many candidates, with the best of the new ones if it is better."""
+        nonlocal tuned
+        if misfit < tuned.least:
+            tuned = replace(tuned, settings=dict(best.settings), origin=origin, least=misfit)
+        point = TracePoint(candidates=candidates, least=tuned.least)
+        tuned = replace(tuned, candidates=candidates, trace=(*tuned.trace, point))
+        advance(tuned, count + (table.budget if space.continuous else 0))
+
+    def on_generation(so_far: SearchResult) -> None:
+        candidate = space.candidate(so_far.best_unit)
+        after(count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
+
+    scores = bench.scores(plan.objective, plan.law, firsts, "first candidates")
+    best, refused = firsts[scores.best], int(np.isinf(scores.objective).sum())
+    after(count, float(scores.penalised_scores[scores.best]), best, best.origin)
     if space.continuous:
-
-        def on_generation(so_far: SearchResult) -> None:
-            nonlocal tuned
-            candidate = space.candidate(so_far.best_unit)
-            tuned = _after(tuned, count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
-            advance(tuned, most)
-
         search = _search(plan, firsts, scores, rng, on_generation)
         if tuned.origin == _INTERRUPTED:
             tuned = replace(tuned, origin=_ENDS.get(search.stop_reason, "search"))
         start = space.unit(tuned.candidate)
         if table.gradient_steps and start is not None:
-            advance(tuned, most)
-            end = bench.call.step(
-                "gradients",
-                Finish,
-                lambda: follow_gradients(plan, start, table.gradient_steps),
-                tuned.settings,
-            )
+            follow = partial(follow_gradients, plan, start, table.gradient_steps)
+            end = bench.call.step("gradients", Finish, follow, tuned.settings)
             last = space.candidate(end.unit)
             scores = bench.scores(plan.objective, plan.law, [last], "finish")
             origin = f"search, then {end.gradients} gradients"
-            tuned = _after(tuned, tuned.candidates + 1, float(scores.penalised_scores[0]), last, origin)
+            after(tuned.candidates + 1, float(scores.penalised_scores[0]), last, origin)
     scores = bench.scores(plan.objective, plan.law, [tuned.candidate], "chosen")
     return replace(
         tuned,
         least=float(scores.objective[0]),
         violation=float(scores.violation[0]),
+        refused=refused,
         seconds=time.perf_counter() - began,
         certificate=bench.certificate(plan.law, tuned.candidate),
     )
-
-
-def _after(law: TunedLaw, candidates: int, misfit: float, best: LawCandidate, origin: str) -> TunedLaw:
-    """The law after a search went on to so many candidates: with the best of these, if it is better."""
-    tuned = law
-    if misfit < law.least:
-        tuned = replace(law, settings=dict(best.settings), origin=origin, least=misfit)
-    point = TracePoint(candidates=candidates, least=tuned.least)
-    return replace(tuned, candidates=candidates, trace=(*law.trace, point))
 
 
 def _search(
