@@ -18,7 +18,16 @@ from mrwork.twins.models import parameters_at
 from mrwork.twins.own_stepping import simulate
 from mrwork.twins.record_arrays import RecordArrays
 
-LAWS = ("linear", "straight:0,0.5,1", "values:0,0.5,1", "quadratic", "linear:0.2,0.8", "cubic", "exponential")
+LAWS = (
+    "linear",
+    "straight:0,0.5,1",
+    "values:0,0.5,1",
+    "straight_log:0,0.5,1",
+    "quadratic",
+    "linear:0.2,0.8",
+    "cubic",
+    "exponential",
+)
 
 
 def followed(spec):

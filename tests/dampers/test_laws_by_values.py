@@ -28,7 +28,7 @@ def test_a_positive_parameter_stays_positive(values: tuple[float, ...], command:
 @examples(50)
 @given(values=st.tuples(POSITIVE, POSITIVE, POSITIVE))
 def test_a_law_takes_its_values_at_its_commands(values: tuple[float, ...]) -> None:
-    for name in ("values:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2"):
+    for name in ("values:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2", "straight_log:0,0.5,2"):
         law = law_of(name)
         np.testing.assert_allclose(
             law.values(np.array(values), np.array(law.nodes), positive=True), values, rtol=1e-9
@@ -51,13 +51,22 @@ def test_logarithms_are_interpolated_where_the_scale_is_logarithmic_only() -> No
 
 
 @examples(50)
-@given(values=st.lists(POSITIVE, min_size=2, max_size=8), command=st.floats(0.0, 10.0))
-def test_straight_lines_are_those_of_numpy_and_of_the_core(values: list[float], command: float) -> None:
+@given(
+    values=st.lists(POSITIVE, min_size=2, max_size=8),
+    command=st.floats(0.0, 10.0),
+    name=st.sampled_from(("straight", "straight_log")),
+)
+def test_straight_lines_are_those_of_numpy_and_of_the_core(
+    values: list[float], command: float, name: str
+) -> None:
     nodes = [0.0, 0.3, 1.0, 2.5, 3.0, 5.0, 8.0, 9.0][: len(values)]
-    law = law_of(f"straight:{','.join(map(str, nodes))}")
-    found = float(law.values(np.array(values), np.array(command)))
+    law = law_of(f"{name}:{','.join(map(str, nodes))}")
+    found = float(law.values(np.array(values), np.array(command), positive=True))
     if command <= nodes[-1]:
-        assert found == pytest.approx(np.interp(command, nodes, values), rel=1e-9)
+        line = np.interp(command, nodes, values)
+        if name == "straight_log":
+            line = np.exp(np.interp(command, nodes, np.log(values)))
+        assert found == pytest.approx(line, rel=1e-9)
     spec, theta = dahl(str(law), *values)
     motion = {"dt": 0.01, "displacement": np.linspace(0.0, 0.5, 40)}
     lawful = simulate_force(spec, theta, Loading(**motion, command=command, command_unit="A"))
@@ -65,13 +74,15 @@ def test_straight_lines_are_those_of_numpy_and_of_the_core(values: list[float], 
     np.testing.assert_allclose(lawful, plain, rtol=1e-9, atol=1e-9 * max(values))
 
 
-@pytest.mark.parametrize("name", ["values:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2"])
+@pytest.mark.parametrize(
+    "name", ["values:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2", "straight_log:0,0.5,2"]
+)
 def test_a_rescaled_command_is_the_law_there(name: str) -> None:
-    law, values = law_of(name), np.array([100.0, 300.0, 400.0])
+    law, rows = law_of(name), np.array([[100.0, 300.0, 400.0], [90.0, 310.0, 405.0]])
     nodes = np.array(law.nodes)
-    rescaled = law.rescale_command(values, 0.9, positive=True)
-    expected = law.values(values, 0.9 * nodes, positive=True)
-    np.testing.assert_allclose(law.values(rescaled, nodes, positive=True), expected, rtol=1e-9)
+    for values, rescaled in zip(rows, law.rescale_command(rows, 0.9, positive=True), strict=True):
+        expected = law.values(values, 0.9 * nodes, positive=True)
+        np.testing.assert_allclose(law.values(rescaled, nodes, positive=True), expected, rtol=1e-9)
 
 
 def test_beyond_its_commands_a_law_continues_along_its_tangent() -> None:
@@ -83,7 +94,7 @@ def test_beyond_its_commands_a_law_continues_along_its_tangent() -> None:
     assert far == pytest.approx(end + 0.5 * slope, rel=1e-4)
 
 
-def by_values(law: LawName, commands: list[float], *, form: CurveForm = "logarithms") -> str:
+def by_values(law: LawName, commands: list[float], *, form: CurveForm = "values") -> str:
     return str(law_of(law).at_commands(commands, form))
 
 

@@ -240,7 +240,7 @@ def test_straight_lines_take_the_place_of_two_forms_with_an_extremum() -> None:
     spec = mr.damper("viscous_dahl").with_current_laws({"rho": "values:0,0.5,1.5"}, unit="A")
     theta = [800.0, 600.0, 5400.0, 930.0, 430.0, 20.0]
     (found,) = hidden_extrema(spec, theta, (0.0, 0.5, 1.5))
-    assert str(found.instead) == "straight:0,0.5,1.5"
+    assert str(found.instead) == "straight_log:0,0.5,1.5"
 
 
 @pytest.mark.parametrize(

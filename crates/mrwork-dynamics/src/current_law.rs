@@ -23,10 +23,10 @@ pub enum CurrentLaw {
     Cubic,
     /// `a + b exp(c u)`.
     Exponential,
-    /// Values at several commands, and the polynomial through them, or through their logarithms where the scale of the
+    /// Values at several commands, and the curve through them, or through their logarithms where the scale of the
     /// parameter is logarithmic.
     Values(Nodes),
-    /// Values at several commands, and the polynomial through them, or straight lines between them.
+    /// Values at several commands, and the curve through them.
     Through(Nodes),
 }
 
@@ -44,6 +44,7 @@ impl CurrentLaw {
             Self::Quadratic => "quadratic",
             Self::Cubic => "cubic",
             Self::Exponential => "exponential",
+            Self::Values(nodes) if nodes.straight => "straight_log",
             Self::Values(_) => "values",
             Self::Through(nodes) => match nodes.count {
                 _ if nodes.straight => "straight",
@@ -69,6 +70,7 @@ impl CurrentLaw {
             ("values", _) => Ok(Self::Values(nodes)),
             ("linear", 2) | ("quadratic", 3) | ("cubic", 4) => Ok(Self::Through(nodes)),
             ("straight", _) => Ok(Self::Through(nodes.with_straight_lines())),
+            ("straight_log", _) => Ok(Self::Values(nodes.with_straight_lines())),
             _ => Err(unknown()),
         }
     }

@@ -23,12 +23,14 @@ Array = Any
 LawName = str
 """Text of a law: "linear", "exponential", or by values: "values:0,0.5,1", "quadratic:0,0.5,1", "straight:0,0.5,1"."""
 
-CurveForm = Literal["logarithms", "polynomial", "straight"]
-"""Curve through values: the polynomial, of a positive parameter through their logarithms, or direct; straight lines."""
+CurveForm = Literal["values", "polynomial", "straight", "straight_log"]
+"""Curve through values: polynomial or straight lines; `values` and `straight_log` go through logarithms if positive."""
 CURVE_FORMS: tuple[CurveForm, ...] = get_args(CurveForm)
+_STRAIGHT: tuple[CurveForm, ...] = ("straight", "straight_log")
+_LOGARITHMIC: tuple[CurveForm, ...] = ("values", "straight_log")
 
 _POLYNOMIALS = ("constant", "linear", "quadratic", "cubic")
-_EXPONENTIAL, _VALUES, _STRAIGHT = "exponential", "values", "straight"
+_EXPONENTIAL = "exponential"
 MOST_DEGREE = len(_POLYNOMIALS) - 1
 """Largest degree of a polynomial by its coefficients."""
 # Most commands at which a law may have values; the compiled module refuses more.
@@ -54,8 +56,7 @@ class CommandLaw:
         """Text of the law, see `law_of`."""
         if not self.nodes:
             return _EXPONENTIAL if self.degree is None else _POLYNOMIALS[self.degree]
-        names = {"logarithms": _VALUES, "straight": _STRAIGHT}
-        name = names.get(self.form) or _POLYNOMIALS[len(self.nodes) - 1]
+        name = _POLYNOMIALS[len(self.nodes) - 1] if self.form == "polynomial" else self.form
         return f"{name}:{','.join(f'{node:.12g}' for node in self.nodes)}"
 
     @property
@@ -87,9 +88,9 @@ class CommandLaw:
         says whether the scale of the parameter is logarithmic.
         """
         if self.nodes:
-            if self.form == "straight":
-                return _straight_lines(self.nodes, coefficients, command, xp)
-            return interpolate(self.nodes, coefficients, command, log=self._takes_logarithms(positive), xp=xp)
+            log = self._takes_logarithms(positive)
+            curve = self._curve(xp.log(coefficients) if log else coefficients, command, xp)
+            return xp.exp(curve) if log else curve
         if self.is_exponential:
             at_zero, factor, exponent = coefficients
             return at_zero + factor * xp.exp(exponent * command)
@@ -192,29 +193,33 @@ class CommandLaw:
         return law_through(sorted(nodes), form)
 
     def other_forms(self, parameter: ParamSpec) -> list[CommandLaw]:
-        """The laws of a parameter through the same values in other forms, straight lines last."""
-        polynomials = parameter.is_positive and len(self.nodes) <= len(_POLYNOMIALS)
-        return [
-            replace(self, form=form)
-            for form in CURVE_FORMS
-            if self.nodes and form != self.form and (polynomials or form == "straight")
-        ]
+        """The laws of a parameter through the same values in other forms, straight lines last, none without nodes."""
+        # The force mostly follows a command that saturates, its shape and rates over decades.
+        lines = _STRAIGHT if parameter.scales_with_force else _STRAIGHT[::-1]
+        forms = ("values", "polynomial", *lines) if parameter.is_positive else _STRAIGHT[:1]
+        laws = dict.fromkeys(law_through(self.nodes, form) for form in forms if self.nodes)
+        return [law for law in laws if law != self]
 
     def _takes_logarithms(self, positive: bool) -> bool:
-        return positive and self.form == "logarithms"
+        return positive and self.form in _LOGARITHMIC
+
+    def _curve(self, values: Array, command: Array, xp: ModuleType = np) -> Array:
+        return (_straight_lines if self.form in _STRAIGHT else _polynomial)(self.nodes, values, command, xp)
 
     def rescale_command(self, coefficients: Floats, factor: float, *, positive: bool = False) -> Floats:
         """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u).
 
         Straight lines keep their nodes, and agree there.
         """
-        if self.form == "straight":
-            return np.asarray(self.values(coefficients.T[..., None], factor * np.array(self.nodes)).T)
         if self.nodes:
-            there = _powers(self.nodes, factor * np.array(self.nodes)) @ _basis(self.nodes)
+            scaled = factor * np.array(self.nodes)
+            if self.form in _STRAIGHT:
+                there = self._curve(np.eye(len(self.nodes))[..., None], scaled)
+            else:
+                there = (_powers(self.nodes, scaled) @ _basis(self.nodes)).T
             log = self._takes_logarithms(positive)
             node_values = np.log(coefficients) if log else coefficients
-            return np.asarray(np.exp(node_values @ there.T) if log else node_values @ there.T)
+            return np.asarray(np.exp(node_values @ there) if log else node_values @ there)
         powers = np.arange(coefficients.shape[-1], dtype=np.float64)
         scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
         return np.asarray(coefficients * scale)
@@ -232,11 +237,11 @@ EXPONENTIAL = CommandLaw()
 """p.0 + p.1 exp(p.2 u)."""
 
 
-def law_through(commands: Iterable[float], form: CurveForm = "logarithms") -> CommandLaw:
+def law_through(commands: Iterable[float], form: CurveForm = "values") -> CommandLaw:
     """The law through values at commands, given to twelve digits; a polynomial beyond four values in logarithms."""
     nodes = tuple(float(f"{command:.12g}") for command in commands)
     too_many = form == "polynomial" and len(nodes) > len(_POLYNOMIALS)
-    return CommandLaw(nodes=nodes, form="logarithms" if too_many else form)
+    return CommandLaw(nodes=nodes, form="values" if too_many else form)
 
 
 @cache
@@ -260,7 +265,7 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
         nodes = ()
     rising = all(before < after for before, after in pairwise(nodes)) and bool(np.isfinite(nodes).all())
     polynomials = [index + 1 for index in range(1, len(_POLYNOMIALS)) if _POLYNOMIALS[index] == name]
-    forms: dict[str, CurveForm] = {_VALUES: "logarithms", _STRAIGHT: "straight"}
+    forms: dict[str, CurveForm] = {form: form for form in CURVE_FORMS if form != "polynomial"}
     counts = range(2, _MOST_NODES + 1) if name in forms else polynomials
     if not (rising and len(nodes) in counts):
         near = suggestion(name, [*named, *forms]) if name == text else ""
@@ -303,19 +308,16 @@ class CurrentLaws:
     lagged: bool
 
 
-def interpolate(
-    nodes: tuple[float, ...], values: Array, command: Array, *, log: bool, xp: ModuleType = np
-) -> Array:
-    """Polynomial through values at the nodes, (n_nodes,), its tangent beyond; of the logarithms where `log`."""
-    coefficients = _basis(nodes) @ (xp.log(values) if log else values)
+def _polynomial(nodes: tuple[float, ...], values: Array, command: Array, xp: ModuleType) -> Array:
+    """Polynomial through values at the nodes, (n_nodes, ...), its tangent beyond."""
+    coefficients = _basis(nodes) @ values
     t = _between(nodes, command)
     inside = xp.clip(t, -1.0, 1.0)
     value, slope = 0.0 * inside, 0.0 * inside
     for power in reversed(range(len(nodes))):
         slope = slope * inside + value
         value = value * inside + coefficients[power]
-    curve = value + slope * (t - inside)
-    return xp.exp(curve) if log else curve
+    return value + slope * (t - inside)
 
 
 def _straight_lines(nodes: tuple[float, ...], values: Array, command: Array, xp: ModuleType) -> Array:

@@ -41,9 +41,9 @@ class DamperSpec(Summarised):
     the plain model. With `u` the command received by the coil, a constant parameter is `p = p.0`; linear, quadratic and
     cubic laws are `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`, an exponential one `p = p.0 + p.1 exp(p.2 u)`;
     "quadratic:0,0.5,1" is the polynomial through values at these commands, "values:0,0.5,1" the one through their
-    logarithms where the scale of the parameter is logarithmic; "straight:0,0.5,1" has straight lines between values. A
-    parameter that follows the command is limited to the admissible range of the plain model. A lagged driver has
-    `u' = -eta (u - command)`.
+    logarithms where the scale of the parameter is logarithmic; "straight:0,0.5,1" and "straight_log:0,0.5,1" have
+    straight lines in place of the polynomials. A parameter that follows the command is limited to the admissible range
+    of the plain model. A lagged driver has `u' = -eta (u - command)`.
 
     `spring` names the stiffness k and the free length x0 of the accumulator; its force k (x - x0) depends on x0 through
     the product k x0 alone. `own` are the equations of a damper of the user, see `mrwork.own_damper`.

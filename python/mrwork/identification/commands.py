@@ -37,7 +37,7 @@ def spec_by_values(spec: DamperSpec, commands: Floats) -> DamperSpec:
     Positive parameters are then interpolated in their logarithms: on measured tests the force at commands between those
     that were fitted is predicted better, by up to four points in the mean and ten in the worst test.
     """
-    return with_changed_laws(spec, _laws_at(spec, commands, "logarithms"))
+    return with_changed_laws(spec, _laws_at(spec, commands, "values"))
 
 
 def _laws_at(spec: DamperSpec, commands: Floats, form: CurveForm) -> dict[str, CommandLaw]:

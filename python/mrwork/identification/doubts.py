@@ -149,7 +149,7 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
         parameter.name: form
         for parameter, law in spec.law_pairs
         for form in law.other_forms(parameter)
-        if law.form == "logarithms" and form.form == "polynomial"
+        if law.form == "values" and form.form == "polynomial"
     }
     if not through:
         return ()

@@ -159,7 +159,7 @@ class LawSearch:
     def in_other_form(self, fitted: FittedLaws, instead: Laws) -> FittedLaws:
         """The candidate with laws through the same values, except where such a law changes the force of a test."""
         laws = fitted.laws | {
-            name: CommandLaw(law.fitted_degree) if law.form == "logarithms" else law
+            name: CommandLaw(law.fitted_degree) if law.form == "values" else law
             for name, law in instead.items()
             if name in fitted.laws and self.is_through_all(law)
         }
@@ -419,7 +419,7 @@ def prepare_search(
     linear, levels = plain, np.zeros(len(short), dtype=np.intp)
     if varies:
         # Every law that is tried is one through values at these, in its logarithms or nearly.
-        full = CommandLaw(min(MOST_DEGREE, len(commands) - 1)).at_commands(commands.tolist(), "logarithms")
+        full = CommandLaw(min(MOST_DEGREE, len(commands) - 1)).at_commands(commands.tolist(), "values")
         commands = np.array(full.nodes)
         linear = plain.with_current_laws(dict.fromkeys(plain.names, full), unit=unit, lagged=lagged)
     else:

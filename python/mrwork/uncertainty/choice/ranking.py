@@ -186,10 +186,7 @@ def laws_in_words(laws: Mapping[str, LawName | CommandLaw]) -> str:
 
 
 def _law_in_words(law: CommandLaw) -> str:
-    if not law.nodes or law.form == "logarithms":
-        return str(law)
-    direct = f"direct {CommandLaw(law.fitted_degree)}"
-    return direct if law.form == "polynomial" else f"straight through {len(law.nodes)} values"
+    return f"direct {CommandLaw(law.fitted_degree)}" if law.nodes and law.form == "polynomial" else str(law)
 
 
 def _with_error(value: float | None, error: float | None) -> str:
