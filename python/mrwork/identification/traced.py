@@ -18,16 +18,17 @@ from jax import Array
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.dampers.simulation import MOST_SUBSTEPS, Loading
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import CandidateObjective, loading_for, objective
 from mrwork.identification.objective import Objective
-from mrwork.identification.residual import Loss, NuisanceName, ObservedTest, without_nuisance
+from mrwork.identification.residual import Loss, NuisanceName, without_nuisance
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
-from mrwork.records.damper_test import AS_IT_IS, SHORTEST_AVERAGE
+from mrwork.records.damper_test import AS_IT_IS
 from mrwork.twins.kernel import Kernel
 from mrwork.twins.models import on_processor
 from mrwork.twins.record_arrays import RecordArrays
@@ -37,40 +38,25 @@ from mrwork.twins.traced_function import TracedFunction
 class ComparedArrays(NamedTuple):
     """A test: its motion, the measured force [N] that is compared, (n_counted,), and its weight among the tests.
 
-    `counted` are the samples that are compared, and `weights` the factors on their residuals, if there are any.
+    `counted` are the samples that are compared, and `weights` the factors on their residuals.
     """
 
     record: RecordArrays
     measured: Array
     weight: Array
-    counted: Array | None
-    weights: Array | None
-
-
-class ComparedForm(NamedTuple):
-    """What a compilation depends on: the observation model with the step [s], if any, and the samples compared."""
-
-    observed: tuple[Observation, float] | None
-    span: tuple[int, int]
-
-    @classmethod
-    def of(cls, each: ObservedTest) -> ComparedForm:
-        """The form of a test."""
-        counted, test = each.counted, each.test
-        span = counted.indices(test.n_time)[:2] if isinstance(counted, slice) else (0, test.n_time)
-        if test.observation == AS_IT_IS:
-            return cls(None, span)
-        # Refuse here what cannot be observed.
-        test.observation.observe(np.zeros(2), test.dt)
-        return cls((test.observation, test.dt), span)
+    counted: Array
+    weights: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residuals:
-    """Residuals of an objective as a function of parameters and tests; equal values share one compilation."""
+    """Residuals of an objective as a function of parameters and tests; equal values share one compilation.
+
+    `observed` are the observation model and the step [s] of each test.
+    """
 
     kernel: Kernel
-    tests: tuple[ComparedForm, ...]
+    observed: tuple[tuple[Observation, float], ...]
     nuisances: Sequence[NuisanceName]
     loss: Loss | None
     ties: Ties | None
@@ -87,11 +73,18 @@ class Residuals:
                 "mr.jax.residuals"
             )
         tied = () if first.ties is None else first.ties.indices
+        for test in objective.tests:
+            # Refuse here what cannot be observed.
+            test.observation.observe(np.zeros(2), test.dt)
         return cls(
             kernel=Kernel.of(
                 objective.spec, columns=sorted({*columns, *tied}), substeps=substeps, threads=threads
             ),
-            tests=tuple(map(ComparedForm.of, objective.compared)),
+            # Without an observation model another step needs no other compilation.
+            observed=tuple(
+                (test.observation, 1.0 if test.observation == AS_IT_IS else test.dt)
+                for test in objective.tests
+            ),
             nuisances=objective.settings.nuisances,
             loss=first.loss,
             ties=first.ties,
@@ -101,32 +94,31 @@ class Residuals:
         """Residuals of each test [N], shape (n_counted,), zero where its simulation failed, and whether it did."""
         tied = theta if self.ties is None else self.ties.feasible(theta)
         results = []
-        for form, test in zip(self.tests, tests, strict=True):
+        for (observation, dt), test in zip(self.observed, tests, strict=True):
             force = self.kernel(tied, test.record)
             failed = jnp.isinf(force[-1])
-            force = jnp.where(failed, 0.0, force)
-            if form.observed is not None:
-                force = observe(*form.observed, force)
-            force = force[slice(*form.span)] if test.counted is None else force[test.counted]
-            (residual,) = without_nuisance(force[None], test.measured, self.nuisances)
+            force = observation.observe_by(_filtered, jnp.where(failed, 0.0, force), dt)
+            (residual,) = without_nuisance(force[None, test.counted], test.measured, self.nuisances)
             results.append((jnp.where(failed, 0.0, residual), failed))
         return results
 
-    def parts(self, theta: Array, tests: Sequence[ComparedArrays]) -> tuple[list[Array], Array]:
-        """Weighted residuals of each test, as `Objective.residuals` has them, and whether any failed."""
+    def weighted(self, theta: Array, tests: Sequence[ComparedArrays]) -> tuple[Array, Array]:
+        """Residuals whose sum of squares is the squared misfit, (n_residuals,), 1 in tests that failed; and if any did.
+
+        They are those of `Objective.residuals`.
+        """
         parts, failures = [], []
         for test, (residual, failed) in zip(tests, self.newtons(theta, tests), strict=True):
-            weighted = residual if test.weights is None else residual * test.weights
+            weighted = residual * test.weights
             if self.loss is not None:
                 weighted = _transform(self.loss, weighted)
             parts.append(jnp.where(failed, 1.0, weighted * test.weight))
             failures.append(failed)
-        return parts, jnp.any(jnp.stack(failures))
+        return jnp.concatenate(parts), jnp.any(jnp.stack(failures))
 
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
-        """Residuals whose sum of squares is the squared misfit, (n_residuals,); 1 in tests that failed."""
-        parts, _ = self.parts(theta, tests)
-        return jnp.concatenate(parts)
+        """The weighted residuals."""
+        return self.weighted(theta, tests)[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,9 +129,8 @@ class Misfit:
 
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
         """The root mean square of the NRMSE; infinite where a simulation failed."""
-        parts, failed = self.residuals.parts(theta, tests)
-        squared = [len(parts) * jnp.sum(part**2) for part in parts]
-        return jnp.where(failed, jnp.inf, jnp.where(failed, 1.0, _root(jnp.mean(jnp.stack(squared)))))
+        residuals, failed = self.residuals.weighted(theta, tests)
+        return jnp.where(failed, jnp.inf, _root(jnp.sum(residuals**2)))
 
 
 def _root(value: Array) -> Array:
@@ -168,8 +159,8 @@ def arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
             record=RecordArrays.of(test.history),
             measured=jnp.asarray(test.measured),
             weight=jnp.asarray(test.weight(len(objective.compared))),
-            counted=None if isinstance(test.counted, slice) else jnp.asarray(test.counted),
-            weights=None if test.weights is None else jnp.asarray(test.weights),
+            counted=jnp.arange(test.test.n_time)[test.counted],
+            weights=jnp.asarray(1.0 if test.weights is None else test.weights),
         )
         for test in objective.compared
     )
@@ -351,67 +342,17 @@ def _substeps(wanted: int | None) -> int | None:
 _POWERS = [2**power for power in range(MOST_SUBSTEPS.bit_length())]
 
 
-def observe(observation: Observation, dt: float, force: Array) -> Array:
-    """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s], as `Observation.observe`."""
-    if observation.delay_seconds != 0.0:
-        before, share = _between_samples(force, np.arange(force.shape[-1]) - observation.delay_seconds / dt)
-        force = force[..., before] * (1.0 - share) + force[..., before + 1] * share
-    if observation.lag_seconds > 0.0:
-        force = _lagged(force, observation.lag_seconds / dt)
-    if observation.lowpass_hz > 0.0:
-        force = _low_passed(force, observation.lowpass_hz, dt)
-    if observation.average_seconds > 0.0:
-        force = _averaged(force, observation.average_seconds / dt)
-    return observation.gain * force + observation.offset
-
-
-def _between_samples(force: Array, samples: Any) -> tuple[Any, Any]:
-    """Sample before each point of a record, held at its ends, and the share of the interval behind it."""
-    last = force.shape[-1] - 1
-    samples = np.clip(samples, 0.0, last)
-    before = np.minimum(np.floor(samples).astype(int), last - 1)
-    return before, samples - before
-
-
-def _averaged(force: Array, samples: float) -> Array:
-    """Mean over a centred window, cut off at the ends, of a force that is linear between samples."""
-    if samples < SHORTEST_AVERAGE:
-        return force
-    steps = np.arange(force.shape[-1])
-    ends = [_between_samples(force, steps + side * 0.5 * samples) for side in (-1.0, 1.0)]
-    width = (ends[1][0] + ends[1][1]) - (ends[0][0] + ends[0][1])
-    means = 0.5 * (force[..., 1:] + force[..., :-1])
-    integral = jnp.concatenate([jnp.zeros_like(force[..., :1]), jnp.cumsum(means, axis=-1)], axis=-1)
-
-    def integral_at(before: Any, share: Any) -> Any:
-        rise = force[..., before + 1] - force[..., before]
-        return integral[..., before] + share * (force[..., before] + 0.5 * share * rise)
-
-    average: Array = (integral_at(*ends[1]) - integral_at(*ends[0])) / width
-    return average
-
-
-def _lagged(force: Array, samples: float) -> Array:
-    """Response of `samples y' + y = force`, from rest at its first value."""
-    decay = np.exp(-1.0 / samples)
-    mean = -np.expm1(-1.0 / samples) * samples
-    earlier = jnp.concatenate([force[..., :1], force[..., :-1]], axis=-1)
-    lagged: Array = _recursion(decay, (1.0 - mean) * force + (mean - decay) * earlier, force[..., :1])
-    return lagged
-
-
-def _low_passed(force: Array, corner_hz: float, dt: float) -> Array:
-    """Butterworth filter of second order as two recursions of first order, by its poles."""
-    from scipy.signal import butter  # slow to load and rarely needed
-
-    if corner_hz * dt >= 0.5:
-        return force
-    numerator, denominator = butter(2, 2.0 * corner_hz * dt)
-    padded = jnp.concatenate([force[..., :1], force[..., :1], force], axis=-1)
-    driven = sum(
-        weight * padded[..., 2 - back : padded.shape[-1] - back] for back, weight in enumerate(numerator)
+def _filtered(
+    numerator: Floats | list[float], denominator: Floats | list[float], signal: Array, _settled: object
+) -> Array:
+    """A filter as a recursion of first order for each of its poles, from rest at the first value of the signal."""
+    weights = np.asarray(numerator)
+    order = weights.size - 1
+    padded = jnp.concatenate([*[signal[..., :1]] * order, signal], axis=-1)
+    driven: Any = sum(
+        weight * padded[..., order - back : padded.shape[-1] - back] for back, weight in enumerate(weights)
     )
-    steady = numerator.sum() * force[..., :1]
+    steady = weights.sum() * signal[..., :1]
     for pole in np.roots(denominator):
         steady = steady / (1.0 - pole)
         driven = _recursion(pole, driven, steady)

@@ -5,7 +5,7 @@ The observation model states how the recorded force follows from the force of th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from math import ceil
@@ -83,13 +83,18 @@ class Observation:
         """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
         if force.ndim < 1 or force.shape[-1] < 2:
             raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
+        observed: Floats = self.observe_by(_filtered, force, dt)
+        return observed
+
+    def observe_by(self, filtered: Filter, force: Any, dt: float) -> Any:
+        """As `observe`, for an array of NumPy or JAX, with the filter of that library."""
         observed = force
         if self.delay_seconds != 0.0:
             observed = delay_signal(observed, self.delay_seconds / dt)
         if self.lag_seconds > 0.0:
-            observed = _lagged(observed, self.lag_seconds / dt)
+            observed = _lagged(filtered, observed, self.lag_seconds / dt)
         if self.lowpass_hz > 0.0:
-            observed = _low_passed(observed, self.lowpass_hz, dt)
+            observed = _low_passed(filtered, observed, self.lowpass_hz, dt)
         if self.average_seconds > 0.0:
             observed = average_signal(observed, self.average_seconds / dt)
         if self.gain != 1.0:
@@ -99,45 +104,45 @@ class Observation:
 
 AS_IT_IS = Observation()
 # Length of a moving average [samples] below which it changes less than its sums are rounded.
-SHORTEST_AVERAGE = 1e-3
+_SHORTEST_AVERAGE = 1e-3
 # Samples by which a window may exceed a whole number of them by rounding.
 _ROUNDING = 1e-6
 # Least corner of a filter per sampling frequency, below which its equations are singular to rounding.
 _LOWEST = 1e-7
 
 
-def delay_signal(signal: Floats, samples: float) -> Floats:
+# Signals are arrays of NumPy or JAX.
+def delay_signal(signal: Any, samples: float) -> Any:
     """Delay a signal, shape (..., n_time), by `samples`, linear in between; the ends are held constant."""
     last = signal.shape[-1] - 1
     position = np.clip(np.arange(last + 1) - samples, 0.0, last)
     before = np.minimum(np.floor(position).astype(int), last - 1)
     share = position - before
-    return np.asarray(signal[..., before] * (1.0 - share) + signal[..., before + 1] * share)
+    return signal[..., before] * (1.0 - share) + signal[..., before + 1] * share
 
 
-def average_signal(signal: Floats, samples: float) -> Floats:
+def average_signal(signal: Any, samples: float) -> Any:
     """Moving average of a signal, shape (..., n_time), linear between samples, over a centred window of `samples`.
 
     At the ends, the window is truncated to the record.
     """
-    if samples < SHORTEST_AVERAGE:
+    if samples < _SHORTEST_AVERAGE:
         return signal
-    last = signal.shape[-1] - 1
-    change = np.diff(signal, axis=-1)
-    integral = np.zeros(signal.shape)
+    xp, last = signal.__array_namespace__(), signal.shape[-1] - 1
+    change = xp.diff(signal, axis=-1)
     middles = signal[..., 1:] + signal[..., :-1]
     middles *= 0.5
-    np.cumsum(middles, axis=-1, out=integral[..., 1:])
+    integral = xp.cumulative_sum(middles, axis=-1, include_initial=True)
 
-    def integral_at(position: Floats) -> Floats:
+    def integral_at(position: Floats) -> Any:
         # The samples exist, and `take` is several times as fast where it need not look.
         before = np.minimum(np.floor(position).astype(int), last - 1)
         share = position - before
-        integral_at_place: Floats = np.take(change, before, axis=-1, mode="clip")
+        integral_at_place = xp.take(change, before, axis=-1, mode="clip")
         integral_at_place *= 0.5 * share
-        integral_at_place += np.take(signal, before, axis=-1, mode="clip")
+        integral_at_place += xp.take(signal, before, axis=-1, mode="clip")
         integral_at_place *= share
-        integral_at_place += np.take(integral, before, axis=-1, mode="clip")
+        integral_at_place += xp.take(integral, before, axis=-1, mode="clip")
         return integral_at_place
 
     start = np.clip(np.arange(last + 1) - 0.5 * samples, 0.0, last)
@@ -148,20 +153,27 @@ def average_signal(signal: Floats, samples: float) -> Floats:
     return average
 
 
-def _lagged(signal: Floats, samples: float) -> Floats:
-    """Response of `samples y' + y = signal`, exact for a signal that is linear between samples and constant before."""
+Filter = Callable[[Floats | list[float], Floats | list[float], Any, Any], Any]
+"""Numerator, denominator, signal and the state per value of a constant signal to the filtered signal, from rest."""
+
+
+def _filtered(
+    numerator: Floats | list[float], denominator: Floats | list[float], signal: Floats, settled: Any
+) -> Floats:
     from scipy.signal import lfilter  # slow to load and rarely needed
 
+    return np.asarray(lfilter(numerator, denominator, signal, axis=-1, zi=settled * signal[..., :1])[0])
+
+
+def _lagged(filtered: Filter, signal: Any, samples: float) -> Any:
+    """Response of `samples y' + y = signal`, exact for a signal that is linear between samples and constant before."""
     decay = np.exp(-1.0 / samples)
     mean = -np.expm1(-1.0 / samples) * samples
-    return np.asarray(
-        lfilter([1.0 - mean, mean - decay], [1.0, -decay], signal, axis=-1, zi=mean * signal[..., :1])[0]
-    )
+    return filtered([1.0 - mean, mean - decay], [1.0, -decay], signal, mean)
 
 
-def _low_passed(signal: Floats, corner_hz: float, dt: float) -> Floats:
-    # scipy.signal is slow to load and rarely needed.
-    from scipy.signal import butter, lfilter, lfilter_zi
+def _low_passed(filtered: Filter, signal: Any, corner_hz: float, dt: float) -> Any:
+    from scipy.signal import butter, lfilter_zi  # slow to load and rarely needed
 
     if corner_hz * dt >= 0.5:
         return signal
@@ -170,8 +182,7 @@ def _low_passed(signal: Floats, corner_hz: float, dt: float) -> Floats:
             f"a low-pass filter at {corner_hz:g} Hz has no effect in a step of {dt:g} s; give a higher frequency"
         )
     numerator, denominator = butter(2, 2.0 * corner_hz * dt)
-    start = lfilter_zi(numerator, denominator) * signal[..., :1]
-    return np.asarray(lfilter(numerator, denominator, signal, axis=-1, zi=start)[0])
+    return filtered(numerator, denominator, signal, lfilter_zi(numerator, denominator))
 
 
 Channel = Literal["displacement", "force"]
