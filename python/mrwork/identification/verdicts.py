@@ -6,7 +6,7 @@ change of the parameter. Directions in parameter space follow from the Fisher in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from statistics import NormalDist
@@ -246,7 +246,7 @@ def judged(
     covariance: Floats,
     *,
     scales: Sequence[Scale],
-    held: set[str] | frozenset[str] = frozenset(),
+    held: frozenset[str] = frozenset(),
 ) -> tuple[tuple[FittedParameter, ...], tuple[Direction, ...]]:
     """Parameters with standard errors and verdicts, and the directions that the data determine weakly or not at all.
 
@@ -257,30 +257,22 @@ def judged(
     """
     null = _null_space(jacobian)
     unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in null)
-    open_names = {
-        parameter_change.name
-        for direction in unseen
-        for parameter_change in direction.changes
-        if not held & {change.name for change in direction.changes}
-    }
-    counted = np.array(
-        [index for index, parameter_scale in enumerate(scales) if parameter_scale.name not in held], dtype=int
+    involved = [{change.name for change in direction.changes} for direction in unseen]
+    open_names = held.union(*(names for names in involved if not held & names))
+    is_open = np.array([scale.name in open_names for scale in scales], dtype=np.bool_)
+    determined = np.isfinite(np.diag(covariance)) & ~is_open
+    rows = [
+        parameter
+        if parameter.name in held
+        else _judged(index, parameter, scales, covariance, jacobian, determined, held)
+        for index, parameter in enumerate(parameters)
+    ]
+    weak = _weak_directions(
+        covariance[np.ix_(determined, determined)],
+        jacobian[:, determined],
+        [scale for scale, is_determined in zip(scales, determined, strict=True) if is_determined],
     )
-    free, free_scales = jacobian[:, counted], [scales[index] for index in counted]
-    cov = covariance[np.ix_(counted, counted)]
-    undetermined = ~np.isfinite(np.diag(cov)) | np.array(
-        [scale.name in open_names for scale in free_scales], dtype=bool
-    )
-    determined = ~undetermined
-    rows = list(parameters)
-    for number, index in enumerate(counted):
-        rows[index] = _judged(parameters[index], number, free_scales, cov, free, undetermined)
-    directions = unseen + _weak_directions(
-        cov[np.ix_(determined, determined)],
-        free[:, determined],
-        [scale for scale, is_determined in zip(free_scales, determined, strict=True) if is_determined],
-    )
-    return tuple(rows), directions
+    return tuple(rows), unseen + weak
 
 
 def _null_space(jacobian: Floats) -> Floats:
@@ -301,7 +293,7 @@ def _effects(jacobian: Floats) -> Floats:
 
 
 def _unidentifiable_direction(
-    direction: Floats, jacobian: Floats, scales: Sequence[Scale], held: set[str] | frozenset[str]
+    direction: Floats, jacobian: Floats, scales: Sequence[Scale], held: Set[str]
 ) -> Direction:
     effects = _effects(jacobian)
     changes = changes_along(direction / effects, scales, effects)
@@ -362,20 +354,18 @@ def _effect(changes: Sequence[ParameterChange], jacobian: Floats, scales: Sequen
 
 
 def _judged(
-    parameter: FittedParameter,
     number: int,
+    parameter: FittedParameter,
     scales: Sequence[Scale],
     cov: Floats,
     jacobian: Floats,
-    undetermined: NDArray[np.bool_],
+    determined: NDArray[np.bool_],
+    held: Set[str],
 ) -> FittedParameter:
     scale = scales[number]
-    if undetermined[number]:
-        others = [
-            parameter_scale.name
-            for parameter_scale, is_undetermined in zip(scales, undetermined, strict=True)
-            if is_undetermined and parameter_scale is not scale
-        ]
+    if not determined[number]:
+        undetermined = [scales[index].name for index in np.flatnonzero(~determined).tolist()]
+        others = [name for name in undetermined if name not in {scale.name, *held}]
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
             reason = f"identifiable only in combination with {join_parts(others)}"
@@ -384,10 +374,8 @@ def _judged(
     sensitivity = float(np.linalg.norm(jacobian[:, number])) / scale.size
     verdict, reason = judge_error(error * scale.size, scale, sensitivity)
     if verdict in ("weakly identifiable", "sign unknown"):
-        deviation = np.sqrt(np.diag(cov))
-        correlation = np.where(
-            undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation)
-        )
+        deviation = np.sqrt(np.where(determined, np.diag(cov), 1.0))
+        correlation = np.where(determined, cov[number] / (error * deviation), 0.0)
         correlation[number] = 0.0
         partner = int(np.argmax(np.abs(correlation)))
         if abs(correlation[partner]) > _STRONG_CORRELATION:
@@ -449,7 +437,7 @@ def fitted_parameters(
         covariance.matrix[np.ix_(taken, taken)] / np.outer(size, size),
         scales=scales,
         # Fixed by the form for the sake of a redundant scale, not by the user.
-        held={row.name for row in rows if not row.is_free} & set(form.fixed),
+        held=frozenset(row.name for row in rows if not row.is_free) & {*form.fixed},
     )
     for index, row in zip(taken, judged_rows, strict=True):
         rows[index] = row
