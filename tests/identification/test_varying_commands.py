@@ -32,8 +32,8 @@ from mrwork.identification import commands as commands_of_tests
 from mrwork.identification.excerpts import stretches_of
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
-from mrwork.identification.minimise.driver_lag import FinalFit, missing_lag_warning, polish_with_wanted_lag
-from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.minimise.driver_lag import missing_lag_warning, polish_with_wanted_lag
+from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.minimise.varying_search import relative_force
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.records import DamperTest
@@ -206,15 +206,14 @@ def ended_from(test: DamperTest, rate: float) -> FinalFit:
         form=problem.form,
         theta=np.array([[*THETA[:-1], rate]]),
         trace=SearchTrace(evaluations=(), best=(), median=(), stop_reason=""),
-        minima=True,
     )
-    return polish_with_wanted_lag(problem, points, on_start=lambda *_: None, on_step=lambda *_: None)
+    return polish_with_wanted_lag(problem, points, on_step=lambda *_: None)
 
 
 def test_a_lag_whose_search_ended_without_it_is_found_from_the_fit_without() -> None:
     """From the upper bound of the rate no step leads back: it has no effect there."""
     ended = ended_from(record(random_steps), 1e5)
-    assert ended.polished.theta[-1] == pytest.approx(TRUTH["eta"], rel=0.02)
+    assert ended.theta[-1] == pytest.approx(TRUTH["eta"], rel=0.02)
     assert ended.warnings == ()
 
 
@@ -325,7 +324,7 @@ def test_a_lag_whose_part_other_parameters_have_taken_is_told() -> None:
     without, start = PLAIN.with_current_laws(LAWS), THETA[:-1].copy()
     start[-1] += 3000.0
     objective = Objective.of(without, (record(random_steps),))
-    (sentence,) = missing_lag_warning(without, objective, start, Box.of(without))
+    (sentence,) = missing_lag_warning(objective, start, Box.of(without))
     rate = float(sentence.removeprefix("a driver's lag of about ").partition(" ")[0])
     assert rate == pytest.approx(TRUTH["eta"], rel=0.05)
     assert "fitted anew" in sentence

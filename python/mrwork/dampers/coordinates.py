@@ -160,9 +160,7 @@ class Box:
     @checked
     def points_inside(self, theta: AnyNumbers, coordinates: Coordinates) -> Floats:
         """Finite points, shape (..., n_free), of parameters (..., n_params) that are moved between their bounds."""
-        theta = np.clip(theta, self.lower, self.upper)
-        if coordinates == "latent":
-            theta = self.inside(theta)
+        theta = self.inside(theta) if coordinates == "latent" else np.clip(theta, self.lower, self.upper)
         points: Floats = np.clip(self.points_from(theta, coordinates), *self.ends(coordinates))
         return points
 
@@ -239,8 +237,9 @@ class Box:
 
     @checked
     def inside(self, theta: AnyArray) -> Array:
-        """Move parameters off the faces of the box, where the latent coordinate is infinite."""
+        """Move parameters into the box and off its faces, where the latent coordinate is infinite."""
         xp = theta.__array_namespace__()
+        theta = xp.clip(theta, xp.asarray(self.lower), xp.asarray(self.upper))
         return self.theta_from_unit(xp.clip(self.unit_from_theta(theta), 1e-6, 1.0 - 1e-6))
 
     @checked

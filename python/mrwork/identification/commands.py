@@ -1,4 +1,4 @@
-"""Commands of tests, the laws that they determine, and the parts of tests on which laws are searched."""
+"""Commands of tests, the laws that they determine, and the parts of tests on which models and laws are searched."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mrwork.dampers.laws import CommandLaw, CurveForm, LawName
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, bounds_of, identifiable_form, joint_box, levels_needed
-from mrwork.identification.excerpts import middle_excerpt, varied_excerpt
+from mrwork.identification.excerpts import excerpt, middle_excerpt, varied_excerpt
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
@@ -23,25 +23,24 @@ from mrwork.records.damper_test import loading_of
 PER_CYCLE = 100
 
 
-def excerpts_of_laws(problem: Problem) -> tuple[DamperTest, ...]:
-    """The parts of the tests on which laws are searched, and their fit is examined."""
+def excerpts_of(problem: Problem) -> tuple[DamperTest, ...]:
+    """The parts of the tests on which a model or its laws are searched, and their fit is examined."""
     tests = problem.objective.tests
+    if problem.form.spec.command_unit is None:
+        return tuple(map(excerpt, tests))
     if has_levels(problem.form.spec, tests):
         return tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in tests)
     return tuple(varied_excerpt(test) for test in tests)
 
 
-def spec_by_values(spec: DamperSpec, commands: Floats) -> DamperSpec:
+def spec_by_values(spec: DamperSpec, commands: Floats, form: CurveForm = "values") -> DamperSpec:
     """The model with its polynomial laws written by as many values at tested commands; other laws stay.
 
     Positive parameters are then interpolated in their logarithms: on measured tests the force at commands between those
     that were fitted is predicted better, by up to four points in the mean and ten in the worst test.
     """
-    return with_changed_laws(spec, _laws_at(spec, commands, "values"))
-
-
-def _laws_at(spec: DamperSpec, commands: Floats, form: CurveForm) -> dict[str, CommandLaw]:
-    return {name: law.at_commands(commands.tolist(), form) for name, law in spec.laws_by_name.items()}
+    laws = spec.laws_by_name.items()
+    return with_changed_laws(spec, {name: law.at_commands(commands.tolist(), form) for name, law in laws})
 
 
 def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
@@ -64,7 +63,7 @@ def command_of(test: DamperTest, varying: str = "") -> object:
 
 def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
     """The form with each polynomial law written by its values at tested commands; other bounds stay."""
-    spec = with_changed_laws(form.spec, _laws_at(form.spec, commands, "polynomial"))
+    spec = spec_by_values(form.spec, commands, "polynomial")
     if spec == form.spec:
         return form
     through = identifiable_form(spec, bounds_of(form.box, spec.names))
@@ -73,8 +72,8 @@ def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Flo
 
 def has_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> bool:
     """Whether the tests at constant commands determine the laws, or there are no others."""
-    constant = [test for test in tests if command_is_constant(test, spec)]
-    return len(constant) == len(tests) or len(tests_by_level(spec, constant)) >= levels_needed(spec)
+    levels = levels_of(spec, tests)
+    return sum(map(len, levels.values())) == len(tests) or len(levels) >= levels_needed(spec)
 
 
 def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
@@ -82,26 +81,19 @@ def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
     return not isinstance(loading_of(test, spec).command, np.ndarray)
 
 
-def tests_by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
+def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     """The tests at each constant command, lowest first."""
     unit, levels = spec.command_unit or "A", defaultdict[float, list[DamperTest]](list)
     for test in tests:
-        levels[command_level(float(np.mean(np.asarray(loading_of(test, spec).command))), unit)].append(test)
+        if command_is_constant(test, spec):
+            levels[command_level(float(np.asarray(loading_of(test, spec).command)), unit)].append(test)
     return {level: tuple(levels[level]) for level in sorted(levels)}
-
-
-def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
-    """The tests at each command, lowest first; refused where they are too few for the laws."""
-    levels = tests_by_level(spec, tests)
-    if spec.command_unit is not None:
-        refuse_few_levels(spec, len(levels))
-    return levels
 
 
 def count_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> int:
     """Number of distinct commands from which a search of these tests determines the laws."""
     if has_levels(spec, tests):
-        return len(tests_by_level(spec, [test for test in tests if command_is_constant(test, spec)]))
+        return len(levels_of(spec, tests))
     return len(tested_commands(spec, tests))
 
 

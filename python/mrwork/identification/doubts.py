@@ -20,48 +20,41 @@ import numpy as np
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import with_changed_laws
-from mrwork.identification.commands import excerpts_of_laws
-from mrwork.identification.covariance import Slopes, autocorrelation_time
-from mrwork.identification.excerpts import excerpt
-from mrwork.identification.fit import Fit
+from mrwork.identification.commands import excerpts_of
+from mrwork.identification.covariance import Covariance, autocorrelation_time
 from mrwork.identification.force_lag import force_lag_warnings
 from mrwork.identification.minimise.driver_lag import missing_lag_warning
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.polish import Polished
-from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, observe_tests_by, up_to
-from mrwork.identification.problem import Problem
 from mrwork.identification.progress import on_every_test
 from mrwork.identification.suspicious import linear_warning
 from mrwork.records import DamperTest
 from mrwork.records.motion import Differentiator
 
 
-def doubts_on_fit(problem: Problem, points: StartingPoints, polished: Polished, fit: Fit) -> tuple[str, ...]:
+def doubts_on_fit(ended: FinalFit, nrmse: float, *, is_suspected: bool) -> tuple[str, ...]:
     """Warnings about a fit, computed from its tests; some fit the model again, which takes a while.
 
-    They do not depend on the search that led to the fit.
+    They do not depend on the search that led to the fit, but for the suspicion that the minimum is false.
     """
-    objective, form = problem.objective, problem.form
-    slopes, errors = polished.covariance.slopes, polished.covariance.standard_errors
-    # On excerpts: another fit to the whole tests would cost as much as the final one.
+    problem, objective, form, theta = ended.problem, ended.problem.objective, ended.problem.form, ended.theta
+    # Another fit to the whole tests would cost as much as the final one.
+    excerpts = objective.on(form.spec, excerpts_of(problem))
     together: tuple[str, ...] = ()
-    if form.spec.command_unit is None:
-        excerpts = objective.on(form.spec, tuple(map(excerpt, objective.tests)))
-    else:
+    if form.spec.command_unit is not None:
         # The search of laws, which a plain model does not need, is slow to load.
         from mrwork.identification.minimise.level_search import worse_together
 
-        excerpts = objective.on(form.spec, excerpts_of_laws(problem))
-        together = worse_together(problem, excerpts, polished.theta, suspected=points.is_suspected)
+        together = worse_together(problem, excerpts, theta, suspected=is_suspected)
     return (
-        *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.command_unit is not None),
+        *linear_warning(nrmse, objective.tests, follows_command=problem.spec.command_unit is not None),
         *together,
-        *missing_lag_warning(form.spec, objective, polished.theta, form.box),
-        *needless_average_warnings(objective, form.box, polished.theta),
-        *law_shape_warnings(excerpts, form.box, polished.theta),
-        *force_lag_warnings(problem, excerpts, slopes, errors),
-        *motion_noise_warning(slopes, errors, problem.spec.names),
+        *missing_lag_warning(objective, theta, form.box),
+        *needless_average_warnings(objective, form.box, theta),
+        *law_shape_warnings(excerpts, form.box, theta),
+        *force_lag_warnings(problem, excerpts, ended.covariance),
+        *motion_noise_warning(ended.covariance, problem.spec.names),
     )
 
 
@@ -178,7 +171,7 @@ _QUANTILE = 1.96
 _SURELY = 2.0
 
 
-def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequence[str]) -> tuple[str, ...]:
+def motion_noise_warning(covariance: Covariance, names: Sequence[str]) -> tuple[str, ...]:
     """Warning where noise of the motion lowers the expected coverage of 95 % intervals to about 90 % or less.
 
     The model integrates the noise of the recorded motion: its force is wrong at reversals, by errors that the few
@@ -187,8 +180,9 @@ def motion_noise_warning(slopes: Slopes, standard_errors: Floats, names: Sequenc
 
         change of theta = (J'J)^-1 J' (change of the force);
 
-    its mean square over draws has the bias and the scatter. `standard_errors` are of the requested model, (n_params,).
+    its mean square over draws has the bias and the scatter. `names` are of the requested model.
     """
+    slopes, standard_errors = covariance.slopes, covariance.standard_errors
     objective, form, theta, interior = slopes.objective, slopes.form, slopes.theta, slopes.interior
     finite = np.isfinite(standard_errors) & (standard_errors > 0.0)
     if not finite.any() or not interior:

@@ -25,7 +25,7 @@ from mrwork.identification.covariance import Covariance, Slopes, remark_of
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import FittedParameter
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
-from mrwork.identification.minimise.polish import Polished
+from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, observe_tests_by
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import LateForce
@@ -57,14 +57,13 @@ _FAR = 5.0
 _FIELD: Final[dict[LateForce, str]] = {"lag": "lag_seconds", "delay": "delay_seconds"}
 
 
-def fit_late_force(
-    problem: Problem, polished: Polished, kind: LateForce
-) -> tuple[Problem, Polished, FittedParameter]:
+def fit_late_force(fit: FinalFit, kind: LateForce) -> FinalFit:
     """Fit one lag or delay of the force channel with all other parameters, from a fit without it.
 
-    Returns the problem in which the tests have it, the fit there with the covariance of all, and its estimate.
+    The tests of its problem have it, and its covariance is that of all.
     """
-    late = _fit_late(problem.objective, problem.form, kind, polished.theta, tolerance=TOLERANCE)
+    problem = fit.problem
+    late = _fit_late(problem.objective, problem.form, kind, fit.theta, tolerance=TOLERANCE)
     *theta, seconds = late.theta.tolist()
     objective = observe_tests_by(
         problem.objective,
@@ -89,17 +88,16 @@ def fit_late_force(
         upper=box.upper[-1],
         remark=remark_of(box, len(theta), seconds),
     )
-    return problem, replace(polished, theta=np.array(theta), covariance=own), estimate
+    return replace(fit, problem=problem, covariance=own, late_force=estimate)
 
 
-def force_lag_warnings(
-    problem: Problem, excerpts: Objective, slopes: Slopes, errors: Floats
-) -> tuple[str, ...]:
+def force_lag_warnings(problem: Problem, excerpts: Objective, covariance: Covariance) -> tuple[str, ...]:
     """Warning of a lag of the force channel that pays, or of damping that an unknown delay would change by far.
 
-    The `excerpts` are fitted again where that is worth it; `errors` are standard errors of the requested model,
-    (n_params,). Nothing is examined where the lag is given or estimated, or a command varies: the coil is late too.
+    The `excerpts` are fitted again where that is worth it. Nothing is examined where the lag is given or estimated, or
+    a command varies: the coil is late too.
     """
+    slopes = covariance.slopes
     tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
     has_lag = any(test.observation.delay_seconds or test.observation.lag_seconds for test in tests)
     if has_lag or "delay" in problem.settings.nuisances or any(test.has_varying_command for test in tests):
@@ -127,7 +125,7 @@ def force_lag_warnings(
                 return (_advice(problem, theta, best, other, error, (earlier, late)),)
         seconds, _ = _predict_groups(on_time, groups)
         unknown = min(unknown, _error(on_time, seconds))
-    return _unknown_delay(problem, on_time, errors, unknown)
+    return _unknown_delay(problem, on_time, covariance.standard_errors, unknown)
 
 
 def _with_late(objective: Objective, form: Form, kind: LateForce, theta: Floats) -> Slopes:

@@ -20,13 +20,12 @@ from mrwork.identification.commands import PER_CYCLE, has_levels, levels_of
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.excerpts import middle_excerpt
-from mrwork.identification.fit import Fit, FittedParameter, SearchTrace, SingleCommand
+from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
 from mrwork.identification.force_lag import fit_late_force
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.multistart import report_minima
 from mrwork.identification.minimise.plain_search import points_from_multistart, points_from_optimiser
-from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Identifying, Progress
@@ -162,7 +161,7 @@ def identify_with(
             return starting_points(problem, call).with_given(spec, settings.starts)
         start = problem.inside([settings.starts[0][name] for name in spec.names])
         return StartingPoints(
-            objective=problem.objective, form=problem.form, theta=start[None], trace=searched[1], minima=True
+            objective=problem.objective, form=problem.form, theta=start[None], trace=searched[1]
         )
 
     return _Identification(problem=problem, call=call, examines=examines).fit(find_points)
@@ -224,40 +223,32 @@ class _Identification:
         def keep(theta: Floats) -> None:
             call.so_far = lambda: (theta, points.trace)
 
-        def on_step(steps: int, misfit: float) -> None:
-            call.tell("refinement", steps, "steps", misfit, 0.0)
+        def polish() -> FinalFit:
+            # Without the driver's lag where the tests do not want it.
+            ended = polish_with_wanted_lag(problem, points, on_step=partial(call.on_steps, "refinement"))
+            late = ended.problem.settings.late_force
+            return ended if late is None else fit_late_force(ended, late)
 
         keep(points.theta[0])
-        ended = interruptible(
-            lambda: polish_with_wanted_lag(
-                problem, points, on_start=partial(report_minima, call, "", points.trace), on_step=on_step
-            )
-        )
-        # Without the driver's lag where the tests do not want it.
-        problem, polished = ended.problem, ended.polished
-        estimate: FittedParameter | None = None
-        if (kind := problem.settings.late_force) is not None:
-            problem, polished, estimate = interruptible(
-                lambda: fit_late_force(ended.problem, ended.polished, kind)
-            )
-        self.problem = problem
-        keep(polished.theta)
-        reason = "" if polished.converged else f"the final fit ended at its most steps, {polished.steps}"
+        ended = interruptible(polish)
+        problem = self.problem = ended.problem
+        keep(ended.theta)
+        reason = "" if ended.converged else f"the final fit ended at its most steps, {ended.steps}"
         if points.is_suspected:
             reason = "a false minimum is suspected"
         fit = fit_at(
             problem,
-            polished.theta,
-            covariance=polished.covariance,
+            ended.theta,
+            covariance=ended.covariance,
             trace=points.trace,
-            steps=polished.steps,
+            steps=ended.steps,
             status="not_converged" if reason else "converged",
             seconds=call.seconds,
         )
-        fit = replace(fit, late_force=estimate)
+        fit = replace(fit, late_force=ended.late_force)
         if not self.examines:
             return replace(fit, status_reason=reason, seconds=call.seconds)
-        doubts = interruptible(lambda: doubts_on_fit(problem, points, polished, fit))
+        doubts = interruptible(lambda: doubts_on_fit(ended, fit.nrmse, is_suspected=points.is_suspected))
         cost = BuildingCost.of(fit.spec, fit.theta, problem.objective.tests)
         if cost.is_high:
             reason = reason or cost.in_words

@@ -86,7 +86,7 @@ class Problem:
     def warnings(self) -> tuple[str, ...]:
         """Sentences on why any result is likely to mislead, known before the search."""
         tests, settings, rate = self.objective.tests, self.settings, list[str]()
-        if rate_is_shown(self.spec, self.form, tests) is False:
+        if self.shows_rate is False:
             rate = [
                 "the command is constant in every test, so nothing shows the rate eta of the driver's lag; add a test "
                 "with a command that varies, fix it with --fix eta=VALUE, or leave the lag out"
@@ -96,6 +96,14 @@ class Problem:
             *rate,
             *offset_warning(settings.nuisances, self.spec, settings.bounds, tests),
         )
+
+    @property
+    def shows_rate(self) -> bool | None:
+        """Whether a command that varies shows the rate of the driver's lag; `None` where no rate is estimated."""
+        box = self.form.box
+        if not self.spec.lagged or box.names.index(self.spec.names[-1]) not in box.free:
+            return None
+        return any(test.has_varying_command for test in self.objective.tests)
 
     @property
     def search(self) -> Multistart | Optimiser:
@@ -111,9 +119,7 @@ class Problem:
 
     def inside(self, theta: ArrayLike) -> Floats:
         """Parameters of the requested model, (n_params,), converted to the form and moved inside its box."""
-        box = self.form.box
-        converted = np.asarray(self.form.from_model(np.asarray(theta, dtype=np.float64)))
-        return np.asarray(box.inside(np.clip(converted, box.lower, box.upper)))
+        return np.asarray(self.form.box.inside(self.form.from_model(np.asarray(theta, dtype=np.float64))))
 
 
 def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:
@@ -303,15 +309,6 @@ def _transfer_law(
         )
     nominal = [parameter.nominal for parameter in parameters]
     return dict(zip(names, [*values.tolist(), *nominal[len(values) :]], strict=True))
-
-
-def rate_is_shown(spec: DamperSpec, form: Form, tests: Sequence[DamperTest]) -> bool | None:
-    """Whether a command that varies shows the rate of the driver's lag; `None` where no rate is estimated."""
-    if not spec.lagged:
-        return None
-    if form.spec.names.index(spec.names[-1]) not in form.box.free:
-        return None
-    return any(test.has_varying_command for test in tests)
 
 
 def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:

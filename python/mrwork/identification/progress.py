@@ -9,8 +9,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-import numpy as np
-
 from mrwork.base.numbers import duration_in_words, format_rate
 from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats, array_dataclass
@@ -67,6 +65,9 @@ def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> 
     return [results[index] for index in range(n_tests)]
 
 
+# Seconds until the remaining time of a stage is first estimated.
+_FIRST_ESTIMATE = 1.0
+
 Stage = Literal["search", "screening", "refinement"]
 Unit = Literal["simulations", "steps"]
 
@@ -111,6 +112,17 @@ class Progress(ProgressReport):
     rates: tuple[float, float] = (0.0, 0.0)
     left: float | None = None
 
+    def since(self, began: Progress) -> Progress:
+        """The progress with the rates of the stage that `began` there, and the time that it takes at most."""
+        running, done = self.seconds - began.seconds, min(self.share, 1.0) - began.share
+        if running <= 0.0:
+            return self
+        rates = (self.evaluations - began.evaluations) / running, (self.steps - began.steps) / running
+        is_known = running >= _FIRST_ESTIMATE and done > 0.0
+        return replace(
+            self, rates=rates, left=running * (1.0 - began.share - done) / done if is_known else None
+        )
+
     @property
     def best_in_words(self) -> str:
         """The best fit, and of what it is where that is not the model on all samples."""
@@ -133,46 +145,47 @@ class Progress(ProgressReport):
         return ", ".join(parts)
 
 
-# Seconds until the remaining time of a stage is first estimated, and within which it follows the estimate.
-_FIRST_ESTIMATE = 1.0
-_STEADY = 5.0
-
-
-@dataclass(slots=True)
-class Pace:
-    """Rates and the time left, from the reports of a stage since it `began`.
-
-    The time left runs down with the clock, and approaches the estimate from the share that is done within some seconds:
-    searches end early, and a share grows in steps.
-    """
-
-    began: Progress
-    share: float = 0.0
-    seconds: float = 0.0
-    left: float | None = None
-
-    def of(self, progress: Progress) -> Progress:
-        """The progress with them."""
-        began, running = self.began, progress.seconds - self.began.seconds
-        self.share = max(self.share, min(progress.share, 1.0))
-        passed, self.seconds = progress.seconds - self.seconds, progress.seconds
-        if running <= 0.0:
-            return progress
-        rates = (progress.evaluations - began.evaluations) / running, (progress.steps - began.steps) / running
-        if self.share > began.share and running >= _FIRST_ESTIMATE:
-            estimate = running * (1.0 - self.share) / (self.share - began.share)
-            run_down = estimate if self.left is None else max(self.left - passed, 0.0)
-            self.left = estimate + (run_down - estimate) * math.exp(-passed / _STEADY)
-        return replace(progress, rates=rates, left=self.left)
-
-
 @array_dataclass()
 class Found:
-    """What a search has found: its `best` point, (n_params,), its trace, and the share of iterations that are done."""
+    """What a search has found: its `best` point, (n_params,), its trace, and the share of iterations that are done.
+
+    `fitted` as of `Progress`.
+    """
 
     best: Callable[[], Floats]
     trace: SearchTrace
     share: float
+    fitted: str = ""
+
+
+OnSearch = Callable[[Found], None]
+"""Called after an iteration of a search with what is found so far."""
+
+
+def part_of(
+    on_search: OnSearch,
+    before: float,
+    share: float,
+    *,
+    fitted: str = "",
+    best: Callable[[Floats], Floats] = lambda theta: theta,
+) -> OnSearch:
+    """The callback of a search that is a `share` of a whole, after what is done `before`, on what is `fitted`.
+
+    `best` makes the point of the whole from that of the part.
+    """
+
+    def report(found: Found) -> None:
+        on_search(
+            Found(
+                best=lambda: best(found.best()),
+                trace=found.trace,
+                share=before + share * found.share,
+                fitted=" on ".join(filter(None, (found.fitted, fitted))),
+            )
+        )
+
+    return report
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -185,49 +198,37 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
 
     tally: Tally
     least: dict[tuple[Stage, str], float] = field(default_factory=dict)
-    pace: Pace | None = None
+    stage_began: Progress | None = None
 
-    def on_search(self, fitted: str, found: Found) -> None:
-        """Report a search of what is `fitted`."""
-        self.so_far = lambda: (found.best(), replace(found.trace, stop_reason="interrupted"))
-        self.tell(
-            "search",
-            self.tally.simulations,
-            "simulations",
-            found.trace.best[-1],
-            found.share,
-            generation=len(found.trace.best),
-            median=found.trace.median[-1],
-            fitted=fitted,
-        )
+    def on_search(self, found: Found) -> None:
+        """Report a search."""
+        trace = found.trace
+        self.so_far = lambda: (found.best(), replace(trace, stop_reason="interrupted"))
+        progress = self._progress("search", trace.best[-1], self.tally.simulations, found.fitted)
+        median = 100.0 * (1.0 - trace.median[-1])
+        self._report(replace(progress, share=found.share, generation=len(trace.best), median_percent=median))
 
-    def tell(
-        self,
-        stage: Stage,
-        count: int,
-        unit: Unit,
-        misfit: float,
-        share: float,
-        *,
-        generation: int = 0,
-        median: float = np.nan,
-        fitted: str = "",
-    ) -> None:
-        """Report the progress of a stage."""
+    def on_steps(self, stage: Stage, steps: int, misfit: float, fitted: str = "") -> None:
+        """Report local minimisations of what is `fitted`."""
+        self._report(self._progress(stage, misfit, steps, fitted))
+
+    def _progress(self, stage: Stage, misfit: float, count: int, fitted: str) -> Progress:
         least = self.least[stage, fitted] = min(misfit, self.least.get((stage, fitted), math.inf))
-        progress = Progress(
+        return Progress(
             stage=stage,
             count=count,
-            unit=unit,
+            unit="simulations" if stage == "search" else "steps",
             fit_percent=100.0 * (1.0 - least),
-            share=share,
+            share=0.0,
             seconds=self.seconds,
-            generation=generation,
-            median_percent=100.0 * (1.0 - median),
+            generation=0,
+            median_percent=math.nan,
             evaluations=self.tally.simulations,
             steps=self.tally.steps,
             fitted=fitted,
         )
-        if self.pace is None or self.pace.began.stage != stage or self.recalling:
-            self.pace = Pace(progress)
-        self.report(self.pace.of(progress))
+
+    def _report(self, progress: Progress) -> None:
+        if self.stage_began is None or self.stage_began.stage != progress.stage or self.recalling:
+            self.stage_began = progress
+        self.report(progress.since(self.stage_began))

@@ -15,7 +15,7 @@ import optimistix as optx
 from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum, OnStep
 from mrwork.identification.objective import NormalEquations, Objective
 from mrwork.identification.traced import Residuals, arrays_of
 from mrwork.twins.models import on_processor
@@ -23,8 +23,6 @@ from mrwork.twins.models import on_processor
 # Relative and absolute tolerance of the squared misfit and of the coordinates.
 _TOLERANCE = 1e-7
 _MAX_STEPS = 120
-
-OnStep = Callable[[int, float], None]
 
 
 @on_one_blas_thread

@@ -8,16 +8,15 @@ from typing import TypeVar
 
 import numpy as np
 
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec, with_changed_laws
+from mrwork.dampers.spec import with_changed_laws
 from mrwork.identification.equivalent import bounds_of, identifiable_form
-from mrwork.identification.minimise.levenberg_marquardt import find_minima
+from mrwork.identification.minimise.levenberg_marquardt import OnStep, find_minima
 from mrwork.identification.minimise.multistart import minima_from
-from mrwork.identification.minimise.polish import OnStart, OnStep, Polished, polish
-from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.minimise.polish import FinalFit, StartingPoints, polish
 from mrwork.identification.objective import Objective
-from mrwork.identification.problem import Problem, rate_is_shown
+from mrwork.identification.problem import Problem
 
 # Rates of the lag [1/s] that are tried where it was left out: from a slow coil and driver to a fast one.
 _TRIED_RATES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
@@ -29,16 +28,16 @@ _ITERATIONS = 20
 _TOLERANCE = 1e-3
 
 
-def missing_lag_warning(spec: DamperSpec, objective: Objective, theta: Floats, box: Box) -> tuple[str, ...]:
+def missing_lag_warning(objective: Objective, theta: Floats, box: Box) -> tuple[str, ...]:
     """Sentence on a lag with which the fit `theta` without one describes the tests better; empty where there is none.
 
     Other parameters may have taken its part. They are fitted anew, in their `box`, where none is better without that.
     """
-    varies = any(test.has_varying_command for test in objective.tests)
+    spec, varies = objective.spec, any(test.has_varying_command for test in objective.tests)
     if not spec.follows_command or spec.lagged or not varies:
         return ()
     before, others = float(objective(theta[None])[0]), "no other change"
-    lagged, rate, misfit = _best_rate(spec, objective, theta)
+    lagged, rate, misfit = _best_rate(objective, theta)
     if not misfit < _SHARE * before:
         if not np.isfinite(misfit):
             return ()
@@ -55,9 +54,9 @@ def missing_lag_warning(spec: DamperSpec, objective: Objective, theta: Floats, b
     )
 
 
-def _best_rate(spec: DamperSpec, objective: Objective, theta: Floats) -> tuple[Objective, float, float]:
+def _best_rate(objective: Objective, theta: Floats) -> tuple[Objective, float, float]:
     """The objective with a lag, and the tried rate with which a fit `theta` without one has the least misfit."""
-    lagged = objective.on(with_changed_laws(spec, lagged=True), objective.tests)
+    lagged = objective.on(with_changed_laws(objective.spec, lagged=True), objective.tests)
     tried = lagged(np.array([[*theta, rate] for rate in _TRIED_RATES]))
     best = int(np.argmin(tried))
     return lagged, _TRIED_RATES[best], float(tried[best])
@@ -73,53 +72,28 @@ _CLEAR = 10.0 * _CHANCE
 _WITHIN_A_SAMPLE = 0.01
 
 
-@array_dataclass()
-class FinalFit:
-    """The minimum at which a fit ends, of the problem that it solves, and sentences on the driver's lag."""
-
-    problem: Problem
-    polished: Polished
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def misfit(self) -> float:
-        """Root mean square of the NRMSE of all tests."""
-        return float(self.problem.objective(self.polished.theta[None])[0])
-
-
-def polish_with_wanted_lag(
-    problem: Problem, points: StartingPoints, *, on_start: OnStart, on_step: OnStep
-) -> FinalFit:
+def polish_with_wanted_lag(problem: Problem, points: StartingPoints, *, on_step: OnStep) -> FinalFit:
     """Fit to convergence from the starting points, without the driver's lag where that is as good.
 
     A lag whose rate is to be estimated must describe tests of varying commands better, by more than chance. Else, also
     where the fit with it ended in a false minimum, the fit without it is returned with a sentence on both misfits.
     """
-    lagged = FinalFit(problem=problem, polished=polish(problem, points, on_start=on_start, on_step=on_step))
-    if not rate_is_shown(problem.form.spec, problem.form, problem.objective.tests):
+    lagged = polish(problem, points.theta, on_step=on_step)
+    if not problem.shows_rate:
         return lagged
     plain = _without_lag(problem)
     if not plain.form.box.free:
         return lagged
     objective = points.objective.on(plain.form.spec, points.objective.tests)
-    candidates = np.array([lagged.polished.theta, *points.theta])[:, :-1]
-    starts = replace(
-        points,
-        objective=objective,
-        form=plain.form,
-        theta=minima_from(objective, plain.form.box, candidates, mirrored=plain.form.mirrored),
-        minima=True,
-    )
-    if _is_clear(lagged, points, starts):
+    candidates = np.array([lagged.theta, *points.theta])[:, :-1]
+    starts = minima_from(objective, plain.form.box, candidates, mirrored=plain.form.mirrored)
+    if _is_clear(lagged, points.objective, objective, starts[0]):
         return lagged
-    polished = polish(plain, starts, on_step=on_step)
-    without = FinalFit(problem=plain, polished=polished)
-    _, rate, misfit = _best_rate(plain.form.spec, plain.objective, polished.theta)
+    without = polish(plain, starts, on_step=on_step)
+    _, rate, misfit = _best_rate(plain.objective, without.theta)
     if misfit < lagged.misfit:
         # The search with the lag has ended in a false minimum.
-        start = replace(points, theta=problem.inside([*polished.theta, rate])[None], minima=True)
-        again = polish(problem, start, on_step=on_step)
-        lagged = FinalFit(problem=problem, polished=again)
+        lagged = polish(problem, problem.inside([*without.theta, rate])[None], on_step=on_step)
     return _choose_fit(lagged, without)
 
 
@@ -145,13 +119,16 @@ def _without_lag(problem: Problem) -> Problem:
     )
 
 
-def _is_clear(lagged: FinalFit, points: StartingPoints, without: StartingPoints) -> bool:
-    """Whether the parts of the tests that starts are compared on leave no doubt that the lag is wanted."""
-    with_it = float(points.objective(lagged.polished.theta[None])[0])
-    without_it = float(without.objective(without.theta[:1])[0])
+def _is_clear(lagged: FinalFit, objective: Objective, plain: Objective, without: Floats) -> bool:
+    """Whether the parts of the tests that starts are compared on leave no doubt that the lag is wanted.
+
+    `plain` compares the fit `without` it, (n_params,), there.
+    """
+    with_it = float(objective(lagged.theta[None])[0])
+    without_it = float(plain(without[None])[0])
     return (
         _gain(lagged, with_it, without_it) > _CLEAR
-        and _best_rate(without.form.spec, without.objective, without.theta[0])[2] >= with_it
+        and _best_rate(plain, without)[2] >= with_it
         and not _is_within_a_sample(lagged)
     )
 
@@ -159,9 +136,7 @@ def _is_clear(lagged: FinalFit, points: StartingPoints, without: StartingPoints)
 def _gain(lagged: FinalFit, with_it: float, without_it: float) -> float:
     """n_effective ln(squared misfit without the lag / with it)."""
     tiny = np.finfo(np.float64).tiny
-    return float(
-        2.0 * lagged.polished.covariance.n_effective * np.log(max(without_it, tiny) / max(with_it, tiny))
-    )
+    return float(2.0 * lagged.covariance.n_effective * np.log(max(without_it, tiny) / max(with_it, tiny)))
 
 
 def _shortest_step(lagged: FinalFit) -> float:
@@ -169,12 +144,12 @@ def _shortest_step(lagged: FinalFit) -> float:
 
 
 def _is_within_a_sample(lagged: FinalFit) -> bool:
-    return bool(np.exp(-lagged.polished.theta[-1] * _shortest_step(lagged)) <= _WITHIN_A_SAMPLE)
+    return bool(np.exp(-lagged.theta[-1] * _shortest_step(lagged)) <= _WITHIN_A_SAMPLE)
 
 
 def _choose_fit(lagged: FinalFit, without: FinalFit) -> FinalFit:
     """The fit with the lag where it is better by more than chance, else that without it."""
-    with_it, without_it, rate = lagged.misfit, without.misfit, float(lagged.polished.theta[-1])
+    with_it, without_it, rate = lagged.misfit, without.misfit, float(lagged.theta[-1])
     if not _gain(lagged, with_it, without_it) > _CHANCE:
         return replace(
             without,

@@ -12,8 +12,7 @@ from mrwork.base.values import Floats
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import NEGLIGIBLE
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
-from mrwork.identification.minimise.multistart import minima_from, on_bound
-from mrwork.identification.minimise.nested import NestedFit
+from mrwork.identification.minimise.multistart import NestedFit, minima_from, on_bound
 from mrwork.identification.minimise.stiffness import is_at_stiffness_limit, stiffness_and_slope
 from mrwork.identification.objective import Objective, up_to
 

@@ -9,23 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mrwork.base.arguments import Seed, Shape, checked
+from mrwork.base.arguments import Seed
 from mrwork.base.numbers import of_unit
-from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, plain_parameters
 from mrwork.identification.commands import (
     command_is_constant,
-    excerpts_of_laws,
+    excerpts_of,
     form_through_values,
     levels_of,
-    tests_by_level,
+    refuse_few_levels,
 )
 from mrwork.identification.equivalent import (
     Form,
@@ -41,15 +39,15 @@ from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.multistart import (
     EXCERPTS,
     MultistartResult,
+    best_first,
     distinct_minima,
     search_starts,
 )
-from mrwork.identification.minimise.nested import doubts_about, nested_fit
-from mrwork.identification.minimise.plain_search import optimise
-from mrwork.identification.minimise.starting_points import StartingPoints, no_simulation
+from mrwork.identification.minimise.plain_search import doubts_about, nested_fit, optimise
+from mrwork.identification.minimise.polish import StartingPoints, no_simulation
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import Found, Identifying
+from mrwork.identification.progress import Identifying, OnSearch, part_of
 from mrwork.identification.settings import Multistart
 from mrwork.identification.suspicious import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
@@ -79,13 +77,12 @@ _RANGE_FACTOR = 10.0
 _SPREAD = 0.25
 
 
-@checked
-@array_dataclass(repr=False)
-class LevelFit(Summarised):
+@array_dataclass()
+class LevelFit:
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first."""
 
     command: float
-    minima: Annotated[Floats, Shape(("n_minima", "n_plain"))]
+    minima: Floats
 
 
 def points_from_levels(
@@ -127,9 +124,10 @@ class _LevelSearch:
         cls, problem: Problem, search: Multistart | Optimiser, call: Identifying, per_command: int | None
     ) -> _LevelSearch:
         """One of `per_command` tests at a command at most, or of all."""
-        form, excerpts = problem.form, excerpts_of_laws(problem)
-        constant = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
-        commands = np.array(sorted(constant))
+        form, excerpts = problem.form, excerpts_of(problem)
+        constant = levels_of(form.spec, excerpts)
+        refuse_few_levels(form.spec, len(constant))
+        commands = np.array([*constant])
         levels = {
             command: unlike_tests(tests, per_command or len(tests)) for command, tests in constant.items()
         }
@@ -199,12 +197,12 @@ class _LevelSearch:
             form=self.form,
             theta=self._in_own_laws(distinct_minima(self.joint.box, theta, misfit)),
             trace=result.trace,
-            minima=True,
             warnings=doubts_about(result, None, self.settings),
             is_suspected=suspected,
         )
 
     def _search_joint(self, starts: Floats, seed: int) -> MultistartResult:
+        fitted = EXCERPTS if self.on_searched is self.on_tests else f"{EXCERPTS} of some tests"
         return search_starts(
             self.on_searched,
             self.joint.box,
@@ -212,8 +210,8 @@ class _LevelSearch:
             replace(self.settings, least_rounds=1),
             rng=seed,
             mirrored=self.joint.mirrored,
-            nested=_move_inside(self.joint.box, starts),
-            on_search=self._report_joint,
+            nested=self.joint.box.inside(starts),
+            on_search=self._part(fitted, lambda theta: self._in_own_laws(theta[None])[0]),
         )
 
     def _on_all_tests(self, result: MultistartResult) -> tuple[Floats, Floats]:
@@ -224,31 +222,17 @@ class _LevelSearch:
         minima = find_minima(
             self.on_tests, self.joint.box, starts, max_iterations=self.settings.most_iterations
         )
-        order = np.argsort(minima.misfit, kind="stable")
-        return minima.theta[order], minima.misfit[order]
+        return best_first(minima.theta, minima.misfit)
 
     def _in_own_laws(self, theta: Floats) -> Floats:
         """Points of the joint form in the laws of the fit."""
         rows = [with_other_laws(self.joint.spec, row, self.form.spec, self.commands) for row in theta]
-        return _move_inside(self.form.box, np.array(rows))
+        return np.asarray(self.form.box.inside(np.array(rows)))
 
-    def _report_level(self, command: float, fitted: str, state: Found) -> None:
-        """Before a command is done, the best point at the first command gives the laws so far."""
-
-        def best() -> Floats:
-            fits = self.fits or [LevelFit(command=command, minima=state.best()[None])]
-            starts = joint_starts(self.joint.spec, fits, 1, rng=self.problem.settings.rng)
-            return np.asarray(self._in_own_laws(starts)[0])
-
-        self._report(fitted, state, best)
-
-    def _report_joint(self, state: Found) -> None:
-        fitted = EXCERPTS if self.on_searched is self.on_tests else f"{EXCERPTS} of some tests"
-        self._report(fitted, state, lambda: self._in_own_laws(state.best()[None])[0])
-
-    def _report(self, fitted: str, state: Found, best: Callable[[], Floats]) -> None:
-        share = (len(self.fits) + state.share) / (len(self.levels) + 1)
-        self.call.on_search(fitted, replace(state, best=best, share=share))
+    def _part(self, fitted: str, best: Callable[[Floats], Floats]) -> OnSearch:
+        """The callback of the next of the searches, which are of the same share of the whole."""
+        share = 1.0 / (len(self.levels) + 1)
+        return part_of(self.call.on_search, len(self.fits) * share, share, fitted=fitted, best=best)
 
     def _fit_level(self, command: float) -> LevelFit:
         """Minima of the plain model at one command, by the search and from the minima at the nearest command."""
@@ -266,43 +250,41 @@ class _LevelSearch:
             scaled = np.where(is_force, ratio * nearest.minima, nearest.minima)
             starts = np.concatenate([nearest.minima, scaled])
         rng = self.problem.settings.rng
-        spec = self.problem.form.spec
-        assert spec.command_unit is not None
-        at_command = f"at {of_unit(command, spec.command_unit)}"
+        unit = self.problem.form.spec.command_unit
+        assert unit is not None
+
+        def laws_so_far(theta: Floats) -> Floats:
+            """Before a command is done, the best point at the first command gives them."""
+            fits = self.fits or [LevelFit(command=command, minima=theta[None])]
+            return np.asarray(self._in_own_laws(joint_starts(self.joint.spec, fits, 1, rng=rng))[0])
+
+        on_search = self._part(f"tests at {of_unit(command, unit)}", laws_so_far)
         if isinstance(search, Multistart):
             settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
             nested = None
             if not len(starts):
-                nested = nested_fit(
-                    objective,
-                    near,
-                    settings,
-                    rng=rng,
-                    on_search=lambda model, state: self._report_level(
-                        command, f"{model} {at_command}", state
-                    ),
-                )
+                nested = nested_fit(objective, near, settings, rng=rng, on_search=on_search)
             theta = search_starts(
                 objective,
                 near,
                 searched,
                 settings,
                 rng=rng,
-                nested=_move_inside(near, starts) if nested is None else nested.starts,
-                on_search=partial(self._report_level, command, at_command),
+                nested=near.inside(starts) if nested is None else nested.starts,
+                on_search=on_search,
             ).theta
         else:
-            ended = optimise(
+            elite, _ = optimise(
                 search,
                 objective,
                 searched.theta_from_unit,
                 n_params=len(searched.free),
                 rng=rng,
-                on_search=partial(self._report_level, command, at_command),
+                on_search=on_search,
             )
-            starts = _move_inside(near, np.concatenate([starts, searched.theta_from_unit(ended.elite)]))
+            starts = near.inside(np.concatenate([starts, elite]))
             minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)
-            theta = minima.theta[np.argsort(minima.misfit, kind="stable")]
+            theta, _ = best_first(minima.theta, minima.misfit)
         if not len(theta):
             raise no_simulation(plain, objective.tally.simulations)
         return LevelFit(command=command, minima=theta[:_MINIMA])
@@ -358,7 +340,7 @@ def _better_alone(
     minima = find_minima(
         problem.objective.on(plain, tests),
         near,
-        _move_inside(near, np.concatenate(starts)),
+        near.inside(np.concatenate(starts)),
         max_iterations=_OWN_ITERATIONS,
         tolerance=_OWN_TOLERANCE,
         shares=np.repeat(np.eye(len(tests)), _OWN_STARTS, axis=0),
@@ -382,8 +364,10 @@ def worse_together(
     A minimum may be `suspected` to be false.
     """
     spec, tests = problem.form.spec, objective.tests
-    levels = tests_by_level(spec, [test for test in tests if command_is_constant(test, spec)])
-    fits = [LevelFit(command=level, minima=plain_parameters(spec, theta, level)[None]) for level in levels]
+    fits = [
+        LevelFit(command=level, minima=plain_parameters(spec, theta, level)[None])
+        for level in levels_of(spec, tests)
+    ]
     joint, own = _better_alone(problem, objective, theta, fits)
     alone, worse = np.full(len(tests), np.inf), np.array([*own], dtype=np.intp)
     alone[worse] = [fit.nrmse for fit in own.values()]
@@ -410,21 +394,18 @@ def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ..
 
 
 def _merge_searches(first: MultistartResult, second: MultistartResult) -> MultistartResult:
-    theta, misfit = np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
-    order = np.argsort(misfit, kind="stable")
+    theta, misfit = best_first(
+        np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
+    )
     before, after = first.trace, second.trace
     trace = replace(
         after,
         evaluations=(*before.evaluations, *after.evaluations),
         best=(*before.best, *(min(before.best[-1], best) for best in after.best)),
         median=(*before.median, *after.median),
-        ends=tuple(misfit[order].tolist()),
+        ends=tuple(misfit.tolist()),
     )
-    return MultistartResult(theta=theta[order], misfit=misfit[order], trace=trace)
-
-
-def _move_inside(box: Box, theta: Floats) -> Floats:
-    return np.asarray(box.inside(np.clip(theta, box.lower, box.upper)))
+    return MultistartResult(theta=theta, misfit=misfit, trace=trace)
 
 
 def _widen_box(searched: Box, box: Box) -> Box:

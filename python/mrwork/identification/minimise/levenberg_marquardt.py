@@ -37,6 +37,9 @@ _MOST_DAMPING = 1e8
 # Iterations over which the pace of a start is taken.
 _PACED = 5
 
+OnStep = Callable[[int, float], None]
+"""Called with the steps so far and the misfit."""
+
 
 @array_dataclass()
 class LocalMinimum:

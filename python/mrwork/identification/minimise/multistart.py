@@ -23,7 +23,7 @@ from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
-from mrwork.identification.progress import Found, Identifying
+from mrwork.identification.progress import Found, Identifying, OnSearch
 from mrwork.identification.settings import Multistart
 from mrwork.search.unit_cube import Streams, latin_hypercube
 
@@ -51,6 +51,19 @@ class MultistartResult(Summarised):
     trace: SearchTrace
 
 
+@array_dataclass()
+class NestedFit:
+    """Fit of a simpler `model` that the searched one contains.
+
+    `starts` are points of the searched model near it, shape (n_starts, n_params). The searched model can at least
+    approach the `misfit` of the simpler one, which is infinite where bounds prevent that.
+    """
+
+    model: str
+    starts: Floats
+    misfit: float
+
+
 def search_starts(
     objective: Objective,
     box: Box,
@@ -61,7 +74,7 @@ def search_starts(
     mirrored: tuple[int, ...] = (),
     nested: Floats | None = None,
     suspicious: float = math.inf,
-    on_search: Callable[[Found], None] | None = None,
+    on_search: OnSearch = lambda found: None,
 ) -> MultistartResult:
     """Local minima inside `box`, by minimisations from samples of the narrower box `searched`.
 
@@ -74,7 +87,7 @@ def search_starts(
     `mirrored`: parameters whose signs can be changed together with little effect, but across a barrier that no local
     minimisation crosses; a further one starts from the mirror image of the best minimum. `nested`: further starts of
     the first round, shape (n_starts, n_params). `suspicious`: least misfit above which a simpler description is as
-    good. `on_search`: called after each iteration.
+    good.
     """
     n_free = len(searched.free)
     sample = latin_hypercube(Streams(rng=rng), settings.samples * n_free, n_free)
@@ -85,14 +98,13 @@ def search_starts(
     most = settings.most_rounds * settings.most_iterations
 
     def tell() -> None:
-        if on_search is not None:
-            on_search(rounds.found(min((len(rounds.best) - 1) / most, 1.0)))
+        on_search(rounds.found(min((len(rounds.best) - 1) / most, 1.0)))
+
+    def advance(minima: LocalMinima) -> None:
+        rounds.advance(minima)
+        tell()
 
     def run_round(starts: Floats) -> None:
-        def advance(minima: LocalMinima) -> None:
-            rounds.advance(minima)
-            tell()
-
         earlier = tuple(rounds.misfit[: rounds.n_ended].tolist())
         rounds.keep(_descend(objective, box, starts, settings, earlier=earlier, on_iteration=advance))
         rounds.n_ended = len(rounds.misfit)
@@ -245,15 +257,20 @@ def minima_from(
         image = mirror(theta[[int(np.argmin(misfit))]], mirrored)
         minima = _descend(objective, box, image, settings, on_iteration=on_iteration)
         theta, misfit = np.concatenate([theta, minima.theta]), np.concatenate([misfit, minima.misfit])
+    return distinct_minima(box, *best_first(theta, misfit))
+
+
+def best_first(theta: Floats, misfit: Floats) -> tuple[Floats, Floats]:
+    """Minima, (n_minima, n_params), with their misfits, sorted by these."""
     order = np.argsort(misfit, kind="stable")
-    return distinct_minima(box, theta[order], misfit[order])
+    return theta[order], misfit[order]
 
 
 def report_minima(call: Identifying, fitted: str, trace: SearchTrace, minima: LocalMinima) -> None:
     """Report local minimisations of what is `fitted`, from starts that a search with this trace has found."""
     best = minima.best
     call.so_far = lambda: (best.theta, trace)
-    call.tell("screening", best.steps, "steps", best.misfit, 0.0, fitted=fitted)
+    call.on_steps("screening", best.steps, best.misfit, fitted)
 
 
 class _Rounds:
@@ -288,22 +305,19 @@ class _Rounds:
         return Found(best=lambda: minima.theta[0], trace=minima.trace, share=share)
 
     def make_result(self, stop_reason: str) -> MultistartResult:
-        order = np.argsort(self.misfit, kind="stable")
+        theta, misfit = best_first(self.theta, self.misfit)
         return MultistartResult(
-            theta=self.theta[order],
-            misfit=self.misfit[order],
+            theta=theta,
+            misfit=misfit,
             trace=SearchTrace(
                 evaluations=tuple(self.evaluations),
                 best=tuple(self.best),
                 median=tuple(self.median),
                 stop_reason=stop_reason,
-                ends=tuple(self.misfit[order].tolist()),
+                ends=tuple(misfit.tolist()),
             ),
         )
 
-
-OnSearch = Callable[[str, Found], None]
-"""Called after an iteration with what is fitted, empty for the model on all samples, and what is found so far."""
 
 EXCERPTS = "excerpts"
 """What the searches fit that compare parts of the tests."""

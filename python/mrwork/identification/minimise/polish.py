@@ -1,51 +1,100 @@
-"""Final least-squares fit from the starting points, and its standard errors."""
+"""Final least-squares fit from the starting points that a search has found, and its standard errors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import replace
 from operator import attrgetter
 
+import numpy as np
+
 from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SimulationError
 from mrwork.identification.covariance import Covariance, Slopes
-from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
-from mrwork.identification.minimise.multistart import minima_from
-from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.equivalent import Form
+from mrwork.identification.fit import FittedParameter, SearchTrace
+from mrwork.identification.minimise.levenberg_marquardt import Hopeless, OnStep, find_minima
 from mrwork.identification.minimise.stiffness import nearest_below_stiffness
+from mrwork.identification.objective import Objective, up_to
 from mrwork.identification.problem import Problem
+from mrwork.identification.settings import Start
 
 # Largest number of iterations of the final fit.
 _MOST_ITERATIONS = 100
 # Minimisations that would not reach the best minimum that has converged are given up.
 _BEHIND = Hopeless(after=5, factor=4.0, found=1, closeness=0.0)
 
-# Called with the minimisations from starts that are no minima.
-OnStart = Callable[[LocalMinima], None]
-# Called with the steps so far and the misfit.
-OnStep = Callable[[int, float], None]
+
+@array_dataclass()
+class StartingPoints:
+    """Starting points, shape (n_starts, n_params), best first, and the trace of the search that found them.
+
+    They are minima of `objective`, which compares them, and are fitted inside the box of `form`. `warnings` say what
+    makes the best suspicious, and `is_suspected` that it is taken for a false minimum.
+    """
+
+    objective: Objective
+    form: Form
+    theta: Floats
+    trace: SearchTrace
+    warnings: tuple[str, ...] = ()
+    is_suspected: bool = False
+
+    def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
+        """The starting points, and the user's starts, in parameters of the requested model, moved inside the box.
+
+        Parameters that a start does not name are taken from the best point. A start above the limit of stiffness lifts
+        the limit.
+        """
+        best = np.asarray(self.form.to_model(self.theta[0]))
+        whole = [
+            np.array([start.get(name, value) for name, value in zip(spec.names, best, strict=True)])
+            for start in given
+        ]
+        inside = [self.form.box.inside(self.form.from_model(theta)) for theta in whole]
+        objective = self.objective
+        if inside and any(np.any(test.stiffness(np.array(inside)) > 1.0) for test in objective.compared):
+            objective = up_to(objective, np.inf)
+        return replace(self, objective=objective, theta=np.array([*self.theta, *inside]))
+
+
+def no_simulation(spec: DamperSpec, evaluations: int) -> SimulationError:
+    """The error of a search in which every simulation failed."""
+    return SimulationError(
+        f"none of {evaluations} candidates of {spec.name} could be simulated on these tests; "
+        "check the units of the record, or narrow the bounds"
+    )
 
 
 @array_dataclass()
-class Polished:
-    """A minimum: parameters, (n_params,), with their covariance, steps, whether it converged."""
+class FinalFit:
+    """The minimum at which a fit ends, of the problem that it solves, with its covariance, and sentences on it.
 
-    theta: Floats
+    `late_force` is the lag or delay of the force channel, where it was fitted with the parameters.
+    """
+
+    problem: Problem
     covariance: Covariance
     steps: int
     converged: bool
+    warnings: tuple[str, ...] = ()
+    late_force: FittedParameter | None = None
+
+    @property
+    def theta(self) -> Floats:
+        """Parameters of the problem's form, (n_params,)."""
+        return self.covariance.slopes.theta
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the NRMSE of all tests."""
+        return float(self.problem.objective(self.theta[None])[0])
 
 
-def polish(
-    problem: Problem, points: StartingPoints, *, on_start: OnStart = lambda minima: None, on_step: OnStep
-) -> Polished:
-    """Minimise shortly from the starting points, unless they are minima, then fit from the best to convergence.
-
-    Standard errors are by least squares at the minimum.
-    """
-    objective, form, starts = problem.objective, problem.form, points.theta
-    if not points.minima:
-        starts = minima_from(
-            points.objective, form.box, starts, mirrored=form.mirrored, on_iteration=on_start
-        )
+def polish(problem: Problem, starts: Floats, *, on_step: OnStep) -> FinalFit:
+    """Fit from `starts`, (n_starts, n_params), to convergence; standard errors are of the best minimum."""
+    objective, form = problem.objective, problem.form
     if problem.settings.engine == "optimistix":
         # The only import of JAX that pyproject.toml allows here: it takes a second to load.
         from mrwork.identification.minimise.by_optimistix import find_minimum_by_optimistix as find
@@ -62,4 +111,4 @@ def polish(
             on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
         ).best
     covariance = Covariance.of(Slopes.at(objective, form, ended.theta))
-    return Polished(theta=ended.theta, covariance=covariance, steps=ended.steps, converged=ended.converged)
+    return FinalFit(problem=problem, covariance=covariance, steps=ended.steps, converged=ended.converged)

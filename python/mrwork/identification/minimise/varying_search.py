@@ -13,17 +13,16 @@ from functools import partial
 import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.commands import excerpts_of_laws, refuse_few_levels, tested_commands
-from mrwork.identification.equivalent import joint_box, plain_of, search_box
+from mrwork.identification.commands import excerpts_of, refuse_few_levels, tested_commands
+from mrwork.identification.equivalent import Form, joint_box, plain_of, search_box
 from mrwork.identification.minimise.friction import examine_limit, friction_warning
 from mrwork.identification.minimise.multistart import EXCERPTS, minima_from, report_minima
-from mrwork.identification.minimise.plain_search import optimise, trace_of_generations
-from mrwork.identification.minimise.starting_points import StartingPoints
+from mrwork.identification.minimise.plain_search import optimise
+from mrwork.identification.minimise.polish import StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import Identifying
+from mrwork.identification.progress import Identifying, part_of
 from mrwork.identification.settings import Multistart
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
@@ -43,15 +42,13 @@ _RAISED = 4.0
 _LEAST_FORCE = 0.1
 
 
-def scaled_laws(
-    spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Floats
-) -> Callable[[Floats], Floats]:
+def scaled_laws(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Callable[[Floats], Floats]:
     """Map from plain parameters at the mean command, (n_batch, n_plain), to coefficients, (n_batch, n_params).
 
     Parameters that have a law and scale with the force follow the straight line of the measured force over the command;
     others with a law start constant. Each coefficient is a plain parameter times a factor, or the factor alone.
     """
-    force = relative_force(spec, tests, commands)
+    spec, force = form.spec, relative_force(form.spec, tests, commands)
     # The plain parameter of each coefficient, -1 for none.
     owner: list[int] = []
     factor: list[float] = []
@@ -66,11 +63,11 @@ def scaled_laws(
     for index, parameter in enumerate(spec.parameters):
         if parameter.coefficient is not None and parameter.coefficient.is_exponent:
             owner[index] = -1
-    owners, factors, box = np.array(owner), np.array(factor), Box.of(spec)
+    owners, factors = np.array(owner), np.array(factor)
 
     def scale(plain: Floats) -> Floats:
         scaled = np.where(owners < 0, 1.0, plain[:, owners]) * factors
-        return np.asarray(np.clip(scaled, box.lower, box.upper))
+        return np.asarray(np.clip(scaled, form.box.lower, form.box.upper))
 
     return scale
 
@@ -104,47 +101,37 @@ def points_from_scaled_forces(
     if isinstance(search, Multistart):
         # It only has to find the basin of the minimum.
         search = EfficientGA(stop=StopRules(max_generations=_GENERATIONS))
-    form = problem.form
-    tests = problem.objective.tests
-    objective = problem.objective.on(form.spec, excerpts_of_laws(problem))
+    spec, tests = problem.form.spec, problem.objective.tests
+    objective = problem.objective.on(spec, excerpts_of(problem))
     shortest = min(test.dt for test in objective.tests)
     objective = up_to(objective, _FIRST_SUBSTEPS / shortest)
-    commands = tested_commands(form.spec, tests)
-    refuse_few_levels(form.spec, len(commands))
-    plain, bounds = plain_of(form)
-    box = search_box(plain, bounds, tests)
-    laws_of = scaled_laws(form.spec, tests, commands)
-    joint_form = replace(form, box=joint_box(form, tests, commands))
-
-    def from_unit(unit: Floats) -> Floats:
-        theta = laws_of(np.asarray(box.theta_from_unit(unit)))
-        return np.clip(theta, joint_form.box.lower, joint_form.box.upper)
-
-    elite = optimise(
+    commands = tested_commands(spec, tests)
+    refuse_few_levels(spec, len(commands))
+    searched = search_box(*plain_of(problem.form), tests)
+    form = replace(problem.form, box=joint_box(problem.form, tests, commands))
+    laws_of = scaled_laws(form, tests, commands)
+    elite, trace = optimise(
         search,
         objective,
-        from_unit,
-        n_params=len(box.free),
+        lambda unit: laws_of(np.asarray(searched.theta_from_unit(unit))),
+        n_params=len(searched.free),
         rng=problem.settings.rng,
-        on_search=partial(call.on_search, EXCERPTS),
+        on_search=part_of(call.on_search, 0.0, 1.0, fitted=EXCERPTS),
     )
-    starts = from_unit(elite.elite[:_SCALED_STARTS])
-    if form.spec.lagged:
+    starts = elite[:_SCALED_STARTS]
+    if spec.lagged:
         starts[:, -1] *= np.resize(_RATES, len(starts))
-    box = joint_form.box
-    starts = np.array([box.inside(start) for start in np.clip(starts, box.lower, box.upper)])
-    trace = trace_of_generations(elite)
     on_iteration = partial(report_minima, call, EXCERPTS, trace)
-    theta = minima_from(objective, box, starts, mirrored=joint_form.mirrored, on_iteration=on_iteration)
+    starts = np.asarray(form.box.inside(starts))
+    theta = minima_from(objective, form.box, starts, mirrored=form.mirrored, on_iteration=on_iteration)
     # Long records: only a share of the misfit pays for stiffer loops, whatever it is in points.
     objective, theta = examine_limit(
-        objective, joint_form, theta, raised=_RAISED, points=math.inf, on_iteration=on_iteration
+        objective, form, theta, raised=_RAISED, points=math.inf, on_iteration=on_iteration
     )
     return StartingPoints(
         objective=objective,
-        form=joint_form,
+        form=form,
         theta=theta,
         trace=trace,
-        minima=True,
-        warnings=friction_warning(objective, joint_form, theta),
+        warnings=friction_warning(objective, form, theta),
     )

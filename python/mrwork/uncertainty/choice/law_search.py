@@ -363,7 +363,7 @@ class LawSearch:
         rows = [
             with_other_laws(current.spec, theta, spec, self.folds.commands) for theta in current.fit.theta
         ]
-        return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
+        return np.asarray(box.inside(np.array(rows)))
 
 
 def prepare_search(
