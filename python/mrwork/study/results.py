@@ -582,7 +582,7 @@ class StudyResults(Plotted, Summarised):
         if off.any():
             # An energy error that is not a number counts as the largest.
             errors = np.where(off, searched(self.quantities.energy_error[:, :, 0]), 0.0)
-            worst, motion = np.unravel_index(int(errors.argmax()), errors.shape)
+            worst, motion = divmod(int(errors.argmax()), errors.shape[1])
             of_rows = list_names([self.rows[number].label for number in np.flatnonzero(off.any(axis=1))])
             warnings.append(
                 f"the energies of {counted(int(off.sum()), 'run')} do not balance to {ENERGY_TOLERANCE:.0e} of the "
