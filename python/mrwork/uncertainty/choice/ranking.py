@@ -316,6 +316,10 @@ def error_of_mean(values: Floats) -> float | None:
     return float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else None
 
 
+# Number of folds below which a standard error is uncertain.
+_FEW_FOLDS = 4
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Ranking(WithAxes, Summarised):
     """Candidates in order of merit, the chosen model, and the reason; an interrupt left the `missing` models undone.
@@ -340,11 +344,11 @@ class Ranking(WithAxes, Summarised):
     @classmethod
     def of(cls, candidates: Sequence[Standing], **facts: Any) -> Ranking:
         """The ranking of candidates, with its sentence; `facts` are further fields."""
-        standings = rank(candidates)
-        chosen = next(standing for standing in standings if standing.is_chosen)
-        ranking = cls(chosen=chosen.model, standings=standings, **facts)
-        remarks = (*ranking.remarks, *_remark_on_cost(standings, chosen))
-        return replace(ranking, remarks=remarks, sentence=_sentence_on(ranking))
+        ranking = cls(chosen="", standings=rank(candidates), **facts)
+        remarks = (*ranking.remarks, *ranking._remark_on_cost())
+        return replace(
+            ranking, chosen=ranking.chosen_standing.model, remarks=remarks, sentence=ranking._sentence()
+        )
 
     def document(self) -> dict[str, Any]:
         """What the command line prints as JSON; where laws were chosen, with the names of their table."""
@@ -355,9 +359,7 @@ class Ranking(WithAxes, Summarised):
             row | {"behind": row["left_out_behind"], "behind_error": row["left_out_behind_error"]}
             for row in document["standings"]
         ]
-        failed = {
-            standing.model: standing.reason for standing in self.standings if standing.verdict == "failed"
-        }
+        failed = {standing.model: standing.reason for standing in self._of("failed")}
         models = [*dict.fromkeys(standing.model for standing in self.standings), *self.missing]
         return document | {"model": self.chosen, "tried": tried, "failed": failed, "models": models}
 
@@ -392,6 +394,9 @@ class Ranking(WithAxes, Summarised):
         """The chosen candidate, or the provisional one."""
         return next(standing for standing in self.standings if standing.is_chosen)
 
+    def _of(self, verdict: Verdict) -> list[Standing]:
+        return [standing for standing in self.standings if standing.verdict == verdict]
+
     @property
     def n_models(self) -> int:
         """Number of models."""
@@ -400,14 +405,10 @@ class Ranking(WithAxes, Summarised):
     @property
     def doubts(self) -> tuple[str, ...]:
         """Sentences on candidates that failed, and on why none is chosen."""
-        failed = [
-            f"{standing.model} ({standing.reason})"
-            for standing in self.standings
-            if standing.verdict == "failed"
-        ]
+        failed = [f"{standing.model} ({standing.reason})" for standing in self._of("failed")]
         their = "its predictions" if len(failed) == 1 else "their predictions"
         sentence = f"not compared, as {their} failed: {list_names(failed)}" if failed else ""
-        return tuple(filter(None, (sentence, _none_chosen(self.standings, self.chosen_standing))))
+        return tuple(filter(None, (sentence, self._none_chosen())))
 
     @property
     def table(self) -> Table:
@@ -430,113 +431,101 @@ class Ranking(WithAxes, Summarised):
             notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
         )
 
-
-# Number of folds below which a standard error is uncertain.
-_FEW_FOLDS = 4
-
-
-def _remark_on_cost(standings: Sequence[Standing], chosen: Standing) -> tuple[str, ...]:
-    """A sentence where the chosen candidate is costly in a building; it names the best candidate that is not."""
-    if not chosen.is_costly:
-        return ()
-    steps = inf if chosen.steps is None else chosen.steps
-    text = f"the fit of {chosen.in_words} takes {BuildingCost(steps=steps).in_words}"
-    cheap = [standing for standing in standings if standing.has_predicted and not standing.is_costly]
-    if not cheap:
-        return (f"{text}, and so does every other that predicts what was left out",)
-    best = min(cheap, key=attrgetter("error"))
-    return (
-        f"{text}; of those that take fewer than {MANY} {best.in_words} comes nearest ({best.left_out_percent:.2f} % "
-        f"against {chosen.left_out_percent:.2f} % left out)",
-    )
-
-
-def _none_chosen(standings: Sequence[Standing], chosen: Standing) -> str:
-    """A sentence where the choice is provisional, else nothing."""
-    if chosen.verdict != "provisional":
-        return ""
-    better = [
-        f"{standing.in_words}, which failed, fits all tests far better ({standing.fit_percent:.2f} %)"
-        for standing in standings
-        if (standing.verdict == "failed" or standing.not_predicted) and _is_far_better(standing, chosen)
-    ]
-    return (
-        f"No {'family' if not chosen.laws else 'set of laws'} is chosen: {list_names(better)} than {chosen.title} "
-        f"({chosen.fit_percent:.2f} %), the best of those that could be compared; change what it failed for and "
-        "compare again"
-    )
-
-
-def _sentence_on(ranking: Ranking) -> str:
-    """What was chosen, how it predicts, and what lies behind."""
-    standings, chosen = ranking.standings, ranking.chosen_standing
-    of_verdict = {
-        verdict: [standing for standing in standings if standing.verdict == verdict]
-        for verdict in ("failed", "as good", "behind", "unusable", "collapsed")
-    }
-    failed = list_names([standing.title for standing in of_verdict["failed"]])
-    parts = [f"Failed, and so not compared: {failed}"] if failed else []
-    parts += [_none_chosen(standings, chosen), _choice(ranking, chosen)]
-    best = standings[0]
-    others = [standing.in_words for standing in of_verdict["as good"] if standing is not best]
-    if others:
-        parts.append(f"As good with no fewer parameters: {list_names(others)}")
-    if of_verdict["behind"]:
-        runner_up = of_verdict["behind"][0]
-        parts.append(
-            f"Next comes {runner_up.in_words} with {runner_up.n_params} parameters, "
-            f"{_points(runner_up, chosen)} behind the best"
+    def _remark_on_cost(self) -> tuple[str, ...]:
+        """A sentence where the chosen candidate is costly in a building; it names the best candidate that is not."""
+        chosen = self.chosen_standing
+        if not chosen.is_costly:
+            return ()
+        steps = inf if chosen.steps is None else chosen.steps
+        text = f"the fit of {chosen.in_words} takes {BuildingCost(steps=steps).in_words}"
+        cheap = [standing for standing in self.standings if standing.has_predicted and not standing.is_costly]
+        if not cheap:
+            return (f"{text}, and so does every other that predicts what was left out",)
+        best = min(cheap, key=attrgetter("error"))
+        return (
+            f"{text}; of those that take fewer than {MANY} {best.in_words} comes nearest "
+            f"({best.left_out_percent:.2f} % against {chosen.left_out_percent:.2f} % left out)",
         )
-    if chosen.not_predicted:
-        names = list_names(chosen.not_predicted)
-        parts.append(f"{names} could not be simulated when left out, which counts as 0 %")
-    if chosen.objection:
-        parts.append(
-            f"Something speaks against every candidate, against the chosen one that {chosen.objection}"
-        )
-    ahead = [standing for standing in of_verdict["unusable"] if standing.error < best.error]
-    if ahead:
-        points = 100.0 * (best.error - ahead[0].error)
-        parts.append(
-            f"{ahead[0].in_words} predicts {points:.2f} points better and is left alone, because {ahead[0].objection}"
-        )
-    if 1 < ranking.n_folds < _FEW_FOLDS:
-        parts.append(f"A standard error from {ranking.n_folds} folds is uncertain")
-    titles = {standing.model: standing.title for standing in standings}
-    parts += [f"{row.title} counts as {titles[row.same_as]}: {row.reason}" for row in of_verdict["collapsed"]]
-    if ranking.missing:
-        parts.append(f"The comparison was interrupted and lacks {', '.join(ranking.missing)}")
-    elif not ranking.complete:
-        parts.append("The choice was interrupted, and further laws were not tried")
-    return ". ".join(part for part in parts if part) + "."
 
-
-def _choice(ranking: Ranking, chosen: Standing) -> str:
-    standings, best = ranking.standings, ranking.standings[0]
-    tried = len(standings)
-    count = "The only family" if tried == 1 else f"Of {tried} families"
-    if ranking.unit is not None:
-        of_models = f" of {ranking.n_models} models" if ranking.n_models > 1 else ""
-        count = f"Of {tried} sets of laws{of_models}"
-    error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
-    verb = "remains" if chosen.verdict == "provisional" else "is chosen"
-    laws = "" if ranking.unit is None else f" ({chosen.laws_in_words})"
-    text = (
-        f"{count}, {chosen.title} with {chosen.n_params} parameters{laws} {verb}: its mean left-out fit is "
-        f"{chosen.left_out_percent:.2f} % ({ranking.held_out}{error})"
-    )
-    if chosen.inside_percent is not None and chosen.outside_percent is not None:
-        inside, outside = chosen.inside_percent, chosen.outside_percent
-        text += f", {inside:.2f} % inside the tests that remain and {outside:.2f} % beyond them"
-    if best is not chosen:
-        more = best.n_params - chosen.n_params
-        reason = (
-            f"which has {more} parameters more: as good, and simpler"
-            if more > 0
-            else "as good, and it takes fewer steps in a building"
+    def _none_chosen(self) -> str:
+        """A sentence where the choice is provisional, else nothing."""
+        chosen = self.chosen_standing
+        if chosen.verdict != "provisional":
+            return ""
+        better = [
+            f"{standing.in_words}, which failed, fits all tests far better ({standing.fit_percent:.2f} %)"
+            for standing in self.standings
+            if (standing.verdict == "failed" or standing.not_predicted) and _is_far_better(standing, chosen)
+        ]
+        return (
+            f"No {'family' if not chosen.laws else 'set of laws'} is chosen: {list_names(better)} than {chosen.title} "
+            f"({chosen.fit_percent:.2f} %), the best of those that could be compared; change what it failed for and "
+            "compare again"
         )
-        text += f", {_points(chosen, best)} behind {best.in_words}, the best, {reason}"
-    return text
+
+    def _sentence(self) -> str:
+        """What was chosen, how it predicts, and what lies behind."""
+        chosen, best = self.chosen_standing, self.standings[0]
+        failed = list_names([standing.title for standing in self._of("failed")])
+        parts = [f"Failed, and so not compared: {failed}"] if failed else []
+        parts += [self._none_chosen(), self._choice()]
+        others = [standing.in_words for standing in self._of("as good") if standing is not best]
+        if others:
+            parts.append(f"As good with no fewer parameters: {list_names(others)}")
+        for runner_up in self._of("behind")[:1]:
+            parts.append(
+                f"Next comes {runner_up.in_words} with {runner_up.n_params} parameters, "
+                f"{_points(runner_up, chosen)} behind the best"
+            )
+        if chosen.not_predicted:
+            names = list_names(chosen.not_predicted)
+            parts.append(f"{names} could not be simulated when left out, which counts as 0 %")
+        if chosen.objection:
+            parts.append(
+                f"Something speaks against every candidate, against the chosen one that {chosen.objection}"
+            )
+        for ahead in [standing for standing in self._of("unusable") if standing.error < best.error][:1]:
+            points = 100.0 * (best.error - ahead.error)
+            parts.append(
+                f"{ahead.in_words} predicts {points:.2f} points better and is left alone, because {ahead.objection}"
+            )
+        if 1 < self.n_folds < _FEW_FOLDS:
+            parts.append(f"A standard error from {self.n_folds} folds is uncertain")
+        titles = {standing.model: standing.title for standing in self.standings}
+        parts += [
+            f"{row.title} counts as {titles[row.same_as]}: {row.reason}" for row in self._of("collapsed")
+        ]
+        if self.missing:
+            parts.append(f"The comparison was interrupted and lacks {', '.join(self.missing)}")
+        elif not self.complete:
+            parts.append("The choice was interrupted, and further laws were not tried")
+        return ". ".join(part for part in parts if part) + "."
+
+    def _choice(self) -> str:
+        chosen, best, tried = self.chosen_standing, self.standings[0], len(self.standings)
+        count = "The only family" if tried == 1 else f"Of {tried} families"
+        if self.unit is not None:
+            of_models = f" of {self.n_models} models" if self.n_models > 1 else ""
+            count = f"Of {tried} sets of laws{of_models}"
+        error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
+        verb = "remains" if chosen.verdict == "provisional" else "is chosen"
+        laws = "" if self.unit is None else f" ({chosen.laws_in_words})"
+        text = (
+            f"{count}, {chosen.title} with {chosen.n_params} parameters{laws} {verb}: its mean left-out fit is "
+            f"{chosen.left_out_percent:.2f} % ({self.held_out}{error})"
+        )
+        if chosen.inside_percent is not None and chosen.outside_percent is not None:
+            inside, outside = chosen.inside_percent, chosen.outside_percent
+            text += f", {inside:.2f} % inside the tests that remain and {outside:.2f} % beyond them"
+        if best is not chosen:
+            more = best.n_params - chosen.n_params
+            reason = (
+                f"which has {more} parameters more: as good, and simpler"
+                if more > 0
+                else "as good, and it takes fewer steps in a building"
+            )
+            text += f", {_points(chosen, best)} behind {best.in_words}, the best, {reason}"
+        return text
 
 
 def _points(standing: Standing, other: Standing) -> str:
