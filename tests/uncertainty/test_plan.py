@@ -173,6 +173,9 @@ def test_candidates_come_from_a_file(tmp_path: Path) -> None:
     read = read_candidates(table, STATIC)
     assert read == (Candidate(amplitude=0.01, frequency=1.0), Candidate(amplitude=0.02, frequency=2.0))
     assert read_candidates(table, STATIC, Limits(stroke=0.03)) == read[:1]
+    table.write_text("frequency;amplitude;note\n1,0;0,01;a\n2,0;0,02;b\n")
+    assert read_candidates(table, STATIC) == read
+    table.write_text("frequency,amplitude\n1,0.01\n")
     model = STATIC.with_current_laws({"alpha": "linear"})
     refusal(read_candidates, table, model, match="line 2: .* current")
     table.write_text("amplitude,frequency\n0.01,0\n")

@@ -69,7 +69,6 @@ TOML: Final = FileKind(
     smaller="keep matrices and motions in files of their own",
 )
 MATRIX: Final = FileKind(name="a matrix", largest=256 * _MIB, remedy="name a file with a matrix")
-CANDIDATES: Final = FileKind(name="a table of candidates", largest=4 * _MIB, remedy="name a CSV file")
 
 
 def make_stored_kind(verb: str, *, name: str = "a file of the run") -> FileKind:

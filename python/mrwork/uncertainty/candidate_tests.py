@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
-from math import isfinite, pi
+from math import pi
 from pathlib import Path
 from typing import Annotated
 
@@ -18,10 +16,10 @@ from mrwork.dampers.command import LARGEST_COMMAND, CommandValues, command_level
 from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
+from mrwork.files.delimited import open_delimited
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests, range_of_tests
 from mrwork.records.motion import spectrum
-from mrwork.store.input_file import CANDIDATES, text_of
 
 # Default grid: range beyond the tested amplitudes and frequencies either way, number of values, excess of velocity.
 _FURTHER = 2.0
@@ -169,29 +167,23 @@ def _refuse_far_commands(commands: Sequence[float], spec: DamperSpec, tests: Seq
 
 
 def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) -> tuple[Candidate, ...]:
-    """Candidates from a CSV file: columns `amplitude` [m], `frequency` [Hz], and `current` for models with laws."""
+    """Candidates from a text file: columns `amplitude` [m], `frequency` [Hz], and `current` for models with laws."""
     columns = _COLUMNS if spec.command_unit is not None else _COLUMNS[:2]
-    text = text_of(path, CANDIDATES)
-    try:
-        rows = list(csv.DictReader(io.StringIO(text, newline="")))
-    except csv.Error as reason:
-        raise RecordError(
-            f"{path} cannot be read as CSV ({reason}); give a table with {', '.join(columns)}"
-        ) from None
+    table = open_delimited(path)
+    expected = (
+        f"expected the columns {', '.join(columns)} with numbers in SI, amplitude and frequency positive"
+    )
+    if not set(columns) <= set(table.names):
+        raise RecordError(f"{path}, {table.locate(0)}: {expected}")
+    rows = np.stack([*table.read(columns).values()], axis=1)
     _check_count(len(rows), spec)
-    candidates = []
-    for number, row in enumerate(rows, start=2):
-        try:
-            values = [float(row[name]) for name in columns]
-        except (KeyError, TypeError, ValueError):
-            values = [float("nan")]
-        if not all(map(isfinite, values)) or min(values[:2]) <= 0.0:
-            raise RecordError(
-                f"{path}, line {number}: expected the columns {', '.join(columns)} with numbers in SI, "
-                "amplitude and frequency positive"
-            )
-        command = values[2] if len(values) > 2 else None
-        candidates.append(Candidate(amplitude=values[0], frequency=values[1], command=command))
+    wrong = ~np.isfinite(rows).all(axis=1) | (rows[:, :2] <= 0.0).any(axis=1)
+    if wrong.any():
+        raise RecordError(f"{path}, {table.locate(int(np.argmax(wrong)))}: {expected}")
+    candidates = [
+        Candidate(amplitude=amplitude, frequency=frequency, command=command[0] if command else None)
+        for amplitude, frequency, *command in rows.tolist()
+    ]
     allowed = tuple(candidate for candidate in candidates if (limits or Limits()).allow(candidate))
     if not allowed:
         raise RecordError(
