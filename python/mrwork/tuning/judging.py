@@ -220,26 +220,21 @@ def _judge_front(
     """A front whose points have their objectives on the test motions, from a study with the points as rows."""
     law = next(law for law in tuned.laws if law.label == front.label)
     constant = next(reference for reference in tuned.references if reference.kind == "best_passive")
-    rows = (
-        arrange_law(study, front.law, point.candidate, Row(label=f"point {number}", kind="controller"))
+    points = (
+        replace(law, label=f"point {number}", settings=point.settings)
         for number, point in enumerate(front.points, start=1)
     )
-    points_study = replace(
-        study,
-        arrangements=(study.at_zero, _arrange_found(study, constant), *rows),
-        histories=(),
-        realisations=study.realisations if law.robust else None,
-    )
+    rows = (study.at_zero, *(_arrange_found(study, found) for found in (constant, *points)))
+    realisations = study.realisations if law.robust else None
+    points_study = replace(study, arrangements=rows, histories=(), realisations=realisations)
     results = run_study(points_study, journal=journal, threads=threads)
-
-    def tested(point: FrontPoint, row: int) -> FrontPoint:
-        parts = {name: replace(law.objective, weights={name: 1.0}) for name in front.objectives}
-        values = {
-            name: _value_of(results, part, row, motions, robust=law.robust)[0] for name, part in parts.items()
-        }
-        return replace(point, test=values)
-
-    return replace(front, points=tuple(map(tested, front.points, range(2, 2 + len(front.points)))))
+    parts = {name: replace(law.objective, weights={name: 1.0}) for name in front.objectives}
+    values = [
+        {name: _value_of(results, part, row, motions, robust=law.robust)[0] for name, part in parts.items()}
+        for row in range(2, len(rows))
+    ]
+    judged = (replace(point, test=test) for point, test in zip(front.points, values, strict=True))
+    return replace(front, points=tuple(judged))
 
 
 def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:

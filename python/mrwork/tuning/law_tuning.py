@@ -177,16 +177,10 @@ def _search(
 ) -> SearchResult:
     """Search the free settings, with the best first candidates in the first generation, or from the best of them."""
     table, space = plan.table, plan.space
-    misfits: dict[str, float] = {}
 
     def misfit(units: Floats) -> Floats:
-        asked = [space.candidate(unit) for unit in units]
-        keys = [repr(name) for name in asked]
-        fresh = {key: name for key, name in zip(keys, asked, strict=True) if key not in misfits}
-        if fresh:
-            fresh_scores = plan.bench.scores(plan.objective, plan.law, list(fresh.values()))
-            misfits.update(zip(fresh, fresh_scores.penalised_scores.tolist(), strict=True))
-        return np.array([misfits[key] for key in keys])
+        candidates = [space.candidate(unit) for unit in units]
+        return plan.bench.scores(plan.objective, plan.law, candidates).penalised_scores
 
     order = np.argsort(scores.penalised_scores, kind="stable")
     starts = [unit for index in order if (unit := space.unit(firsts[int(index)])) is not None]

@@ -114,8 +114,6 @@ def tune(
     call = LongCall[TuningProgress, TuningResults](
         journal=journal, on_progress=on_progress, so_far=lambda: replace(found, seconds=call.seconds)
     )
-    total = sum(len(table.laws) for table in tables)
-
     done, total = 0, sum((1 + bool(table.objectives)) * len(table.laws) for table in tables)
     total += study.table.places is not None
 
