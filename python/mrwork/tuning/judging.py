@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import apart, significant, with_decimals
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
+from mrwork.control.laws.law_settings import design_law, settings_of
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
 from mrwork.study.course import StudyProgress
@@ -21,9 +22,9 @@ from mrwork.study.run import run_study
 from mrwork.study.schema import Use
 from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.placing import placed_study
-from mrwork.tuning.problem import arrange_law, check_controllable
+from mrwork.tuning.problem import check_controllable
 from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults
-from mrwork.tuning.space import TuningObjective
+from mrwork.tuning.space import LawCandidate, TuningObjective
 from mrwork.workers.engine import Workers, on_executor
 
 TRAINING_ONLY = (
@@ -259,7 +260,21 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
 
 def _arrange_found(study: Study, law: TunedLaw) -> Arrangement:
     row = Row(label=law.label, kind=law.kind, description=law.origin)
-    return arrange_law(study, law.law, law.candidate, row)
+    return _arrange(study, law.law, law.settings, row)
+
+
+def _arrange(study: Study, law: str, settings: Mapping[str, Any], row: Row) -> Arrangement:
+    """The dampers of a study under a law with these settings, as `mrwork respond` simulates it."""
+    candidate = LawCandidate(settings)
+    limited = study.problem.limited_to(candidate.largest_command)
+    designed = design_law(law, limited, settings_of(law, candidate.of_law))
+    dead_zone, slope = candidate.shape
+    return replace(
+        study.at_zero,
+        row=row,
+        devices=limited.all_devices,
+        law=replace(designed, dead_zone=dead_zone, command_slope=slope),
+    )
 
 
 @checked
@@ -290,14 +305,11 @@ def with_tuned_law(
     >>> mr.run_study(picked).to_pandas().loc[front.label]  # doctest: +SKIP
     """
     check_controllable(study)
-    if isinstance(found, TunedLaw):
-        if point is not None:
-            raise SettingError(f"`point` is of a front, and `found` is the law {found.label}; leave it out")
-        candidate = found.candidate
-    else:
-        candidate = (found.pick() if point is None else point).candidate
+    if isinstance(found, TunedLaw) and point is not None:
+        raise SettingError(f"`point` is of a front, and `found` is the law {found.label}; leave it out")
+    chosen = found if isinstance(found, TunedLaw) else point or found.pick()
     name = label or found.label
     if name in (row.label for row in study.rows):
         raise SettingError(f"the study has a row called {name!r} already; give another `label`")
-    arrangement = arrange_law(study, found.law, candidate, Row(label=name, kind="controller"))
+    arrangement = _arrange(study, found.law, chosen.settings, Row(label=name, kind="controller"))
     return replace(study, is_whole=False, arrangements=(*study.arrangements, arrangement))

@@ -16,7 +16,7 @@ from mrwork.buildings.groups import largest_command
 from mrwork.buildings.matrices import Device
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
-from mrwork.control.laws.law_settings import SETTINGS, design_candidates, design_law, settings_of
+from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.long_call import LongCall
@@ -25,7 +25,7 @@ from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.realisations import Realisations, nominal
 from mrwork.study.runs import Runs, candidate_axes, study_criteria
 from mrwork.study.schema import TuneTable
-from mrwork.study.study import Arrangement, Row, Study
+from mrwork.study.study import Study
 from mrwork.tuning.space import LARGEST, LawCandidate, Scores, SettingSpace, TuningObjective
 
 
@@ -165,19 +165,6 @@ class LawPlan:
     def law(self) -> str:
         """Name of the law."""
         return self.space.law
-
-
-def arrange_law(study: Study, law: str, candidate: LawCandidate, row: Row) -> Arrangement:
-    """The dampers of a study under a law with these settings, as `mrwork respond` simulates it."""
-    limited = study.problem.limited_to(candidate.largest_command)
-    designed = design_law(law, limited, settings_of(law, candidate.of_law))
-    dead_zone, slope = candidate.shape
-    return replace(
-        study.at_zero,
-        row=row,
-        devices=limited.all_devices,
-        law=replace(designed, dead_zone=dead_zone, command_slope=slope),
-    )
 
 
 def check_controllable(study: Study) -> None:

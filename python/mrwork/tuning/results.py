@@ -137,11 +137,6 @@ class FrontPoint:
     certificate: str
     test: dict[str, float] | None = None
 
-    @property
-    def candidate(self) -> LawCandidate:
-        """The settings as a candidate."""
-        return LawCandidate(self.settings)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Front(Plotted, WithAxes, Summarised):
