@@ -84,6 +84,9 @@ def numbers_of(results: mr.tuning.TunedStudy, law: mr.tuning.TunedLaw) -> dict[s
     train, test = results.judgement(law, "training"), results.judgement(law, "test")
     ratios = [results.ratios(row, motion, "passive_off") for motion in judged]
     runs = [results.criteria(row, motion) for motion in judged]
+    both = results.realised.part([row, results.row_of("passive_off")], list(judged))
+    realised, off = both.of_row(0), both.of_row(1)
+    values = {"score": realised.scores(off), "peak_drift": realised.over(off)["peak_drift"]}
     return {
         "training": train.score,
         "motions": {results.motions[motion].name: results.score_under(row, [motion]) for motion in judged},
@@ -92,9 +95,9 @@ def numbers_of(results: mr.tuning.TunedStudy, law: mr.tuning.TunedLaw) -> dict[s
         "current": max(each["rms_current"] for each in runs),
         "stroke": max(each["peak_stroke"] for each in runs),
         "bands": {
-            name: [test.bands[name].median, test.bands[name].lower, test.bands[name].upper]
-            for name in ("score", "peak_drift")
-            if name in test.bands
+            name: np.quantile(numbers[0].mean(axis=0), (0.5, 0.05, 0.95)).tolist()
+            for name, numbers in values.items()
+            if results.n_realisations
         },
     }
 

@@ -11,13 +11,13 @@ from typing import Any, ClassVar
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import apart, significant, with_decimals
-from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
+from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.control.laws.law_settings import design_law, settings_of
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
 from mrwork.study.course import StudyProgress
 from mrwork.study.histories import RunHistory
-from mrwork.study.results import RealisationBand, StudyResults, bands_over
+from mrwork.study.results import StudyResults
 from mrwork.study.run import run_study
 from mrwork.study.schema import Use
 from mrwork.study.study import Arrangement, Row, Study
@@ -39,8 +39,7 @@ class Judgement:
 
     `score` is the study's, whatever was minimised, `criteria` are mean ratios of the criteria to i = 0, and `spread`
     says how far score and ratios differ between single motions. `objective` and `violation` are what the tuning has
-    minimised, with its risk, and over the realisations where it is robust. `bands` hold the score and its ratios over
-    the realisations of the study, on the judged motions.
+    minimised, with its risk, and over the realisations where it is robust.
     """
 
     score: float
@@ -48,7 +47,6 @@ class Judgement:
     spread: dict[str, Spread]
     objective: float
     violation: float
-    bands: dict[str, RealisationBand]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -83,14 +81,12 @@ class TunedStudy(StudyResults):
         ratios, names = self.ratios_over(off), [entry.name for entry in criteria() if entry.ratio]
         spread = {name: Spread.of(ratios[name][row, list(motions)].tolist()) for name in names}
         objective, violation = _value_of(self, law.objective, row, motions, robust=law.robust)
-        bands = bands_over(self, row, off) if motions == tuple(self.judged_motions) else {}
         return Judgement(
             score=self.score_under(row, motions),
             criteria={name: ratio.mean for name, ratio in spread.items()},
             spread={"score": self.spread(row, motions), **spread},
             objective=objective,
             violation=violation,
-            bands={name: bands[name] for name in ("score", *SCORE) if name in bands},
         )
 
     @checked
