@@ -571,6 +571,11 @@ def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales
     return {name: float(value)}
 
 
+# A response this many limits high is of a frame that collapses in the step between two levels, whether its run diverged
+# or not: the limit lies anywhere between them.
+_FAR = 10.0
+
+
 def _crossing(record: str, levels: Floats, responses: Floats, limit: float) -> Crossing:
     """The interval of a record from its responses at its levels, rising, and the intensity interpolated in it."""
     above, before = 0.0, math.nan
@@ -578,7 +583,7 @@ def _crossing(record: str, levels: Floats, responses: Floats, limit: float) -> C
         if math.isnan(response):
             return Crossing(record=record, above=above, below=math.inf, unresolved=True)
         if response >= limit:
-            share = (limit - before) / (response - before) if response < math.inf else math.nan
+            share = (limit - before) / (response - before) if response < _FAR * limit else math.nan
             between = above + share * (level - above)
             return Crossing(record=record, above=above, below=level, interpolated=between)
         above, before = level, response
