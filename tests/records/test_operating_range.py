@@ -54,6 +54,18 @@ def test_the_frequency_of_a_sinusoid_does_not_depend_on_where_its_cycles_are_sam
     assert found == pytest.approx((frequency, frequency), rel=5e-4)
 
 
+@pytest.mark.parametrize("cycles", [1.2, 1.7, 2.0])
+def test_the_frequency_of_a_record_without_a_whole_cycle_is_that_of_its_halves(cycles: float) -> None:
+    time = 0.005 * np.arange(round(cycles / 0.5 / 0.005))
+    displacement = 0.01 * np.sin(2.0 * np.pi * 0.5 * time)
+    test = mr.test_from_arrays(
+        name="slow", time=time, displacement=displacement, force=1e3 * displacement, synthetic=True
+    )
+    found = range_of_test(test, None).frequency
+    # The mean of the displacement moves crossings by up to a tenth of a period.
+    assert found == pytest.approx((0.5, 0.5), rel=0.2)
+
+
 def test_ranges_of_a_sinusoid_are_those_of_its_equation() -> None:
     found = range_of_tests([a_test(0.01, 2.0, 0.5)])
     assert found.stroke == pytest.approx(0.01, rel=1e-6)

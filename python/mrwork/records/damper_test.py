@@ -30,7 +30,7 @@ from mrwork.dampers.tested_range import Outside as Outside
 from mrwork.dampers.tested_range import covering, least_stroke
 from mrwork.errors import RecordError, SettingError
 from mrwork.records.finding import Finding as Finding
-from mrwork.records.motion import cycle_lengths
+from mrwork.records.motion import cycle_lengths, half_cycle_lengths
 
 _Seconds = Annotated[float, Within(least=0.0, most=1e6), InUnit("s")]
 
@@ -517,8 +517,12 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
 
 
 def _frequencies(test: DamperTest) -> tuple[float, float] | None:
-    """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a whole cycle."""
+    """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a half cycle."""
     seconds = test.dt * cycle_lengths(test.displacement)
+    if not seconds.size:
+        # About the mean of so short a record, halves are of unequal lengths.
+        halves = half_cycle_lengths(test.displacement)
+        seconds = 2.0 * test.dt * np.array([halves.mean()] if halves.size else [])
     if not seconds.size:
         return None
     lowest, highest = np.quantile(1.0 / seconds, [_RARE, 1.0 - _RARE])

@@ -186,10 +186,19 @@ def upward_crossings(displacement: Floats) -> NDArray[np.intp]:
 
 def cycle_lengths(displacement: Floats) -> Floats:
     """Lengths of the complete cycles, shape (n_cycles,), in samples: crossings are interpolated between two of them."""
+    return np.diff(_crossing_instants(displacement))
+
+
+def half_cycle_lengths(displacement: Floats) -> Floats:
+    """Lengths between crossings of either direction, shape (n_half_cycles,), in samples."""
+    return np.diff(np.sort(np.append(_crossing_instants(displacement), _crossing_instants(-displacement))))
+
+
+def _crossing_instants(displacement: Floats) -> Floats:
     crossings = upward_crossings(displacement)
     centred = displacement - np.mean(displacement)
     after = centred[crossings]
-    return np.diff(crossings - after / (after - centred[crossings - 1]))
+    return np.asarray(crossings - after / (after - centred[crossings - 1]))
 
 
 def whole_cycles(displacement: Floats) -> tuple[slice, ...]:
