@@ -27,33 +27,27 @@ _QUIET = np.errstate(divide="ignore", invalid="ignore", over="ignore")
 _STEP = 1e-100
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Conversion:
-    """A map of parameter sets, shape (..., n_from) to (..., n_to), and its Jacobian, shape (..., n_to, n_from)."""
+    """A map of parameter sets by an analytic function, from shape (..., n_from) to (..., n_to)."""
 
     convert: Callable[..., Array]
-    jacobian: Callable[[Floats], Floats]
-
-    @classmethod
-    def of(cls, convert: Callable[..., Array]) -> Conversion:
-        """The conversion by an analytic function, whose Jacobian is its imaginary part after an imaginary step.
-
-        It is exact to rounding (Squire & Trapp, SIAM Rev. 40, 1998, 110-112).
-        """
-
-        def jacobian(theta: Floats) -> Floats:
-            stepped = theta[..., None, :] + 1j * _STEP * np.eye(theta.shape[-1])
-            return np.asarray(np.swapaxes(convert(stepped).imag / _STEP, -1, -2))
-
-        return cls(convert=convert, jacobian=jacobian)
 
     def __call__(self, theta: Array) -> Array:
         """Converted parameters, shape (..., n_to)."""
         return self.convert(theta)
 
+    def jacobian(self, theta: Floats) -> Floats:
+        """Derivatives, shape (..., n_to, n_from): the imaginary part after an imaginary step, exact to rounding.
+
+        Squire & Trapp, SIAM Rev. 40, 1998, 110-112.
+        """
+        stepped = theta[..., None, :] + 1j * _STEP * np.eye(theta.shape[-1])
+        return np.asarray(np.swapaxes(self.convert(stepped).imag / _STEP, -1, -2))
+
     def at(self, A: float) -> Conversion:
         """The same conversion with a fixed `A`, for forms with one redundant scale parameter."""
-        return Conversion.of(lambda theta: self.convert(theta, A))
+        return Conversion(lambda theta: self.convert(theta, A))
 
 
 def check_columns(theta: Array, count: int) -> None:
@@ -116,8 +110,8 @@ def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     return _bouc_wen_from_normalised(theta, A)
 
 
-NORMALISED_FROM_BOUC_WEN: Final = Conversion.of(_normalised_from_bouc_wen)
-BOUC_WEN_FROM_NORMALISED: Final = Conversion.of(_bouc_wen_from_normalised)
+NORMALISED_FROM_BOUC_WEN: Final = Conversion(_normalised_from_bouc_wen)
+BOUC_WEN_FROM_NORMALISED: Final = Conversion(_bouc_wen_from_normalised)
 
 
 @_QUIET
@@ -144,7 +138,7 @@ def of_modified(plain: Conversion) -> Conversion:
         loop = plain.convert(without_series(theta), *scale)
         return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)
 
-    return Conversion.of(convert)
+    return Conversion(convert)
 
 
 Values = Mapping[str, float]

@@ -112,19 +112,11 @@ class Misfits:
 
 @array_dataclass()
 class ForceHistories:
-    """Forces [N] of a batch, shape (n_batch, n_time); rows that did not finish are infinite."""
-
-    force: Floats
-    outcome: NDArray[np.uint8]
-    substeps: NDArray[np.uint32]
-
-
-@array_dataclass()
-class Sensitivities:
     """Forces [N] of a batch, shape (n_batch, n_time), and their derivatives with respect to columns of `theta`.
 
-    `jacobian` has shape (n_batch, n_columns, n_time), in newtons per unit of each column. Force and derivatives of rows
-    that did not finish are infinite; a row whose derivatives are not finite counts as diverged.
+    `jacobian` has shape (n_batch, n_columns, n_time), in newtons per unit of each column, with no columns from
+    `simulate_forces`. Force and derivatives of rows that did not finish are infinite; a row whose derivatives are not
+    finite counts as diverged.
     """
 
     force: Floats
@@ -198,12 +190,14 @@ def simulate_forces(
     rows = _rows(spec, theta)
     if spec.own is not None:
         force, substeps = _own_batches().forces(spec, rows, history, substep_factor, most=MOST_SUBSTEPS)
-        return ForceHistories(force=force, outcome=_outcome_of(force, substeps), substeps=substeps)
-    with core_refusals():
-        force, outcome, substeps = _rust.force_histories(
-            spec.name, rows, history, *_laws(spec), substep_factor, threads
-        )
-    return ForceHistories(force=force, outcome=outcome, substeps=substeps)
+        outcome = _outcome_of(force, substeps)
+    else:
+        with core_refusals():
+            force, outcome, substeps = _rust.force_histories(
+                spec.name, rows, history, *_laws(spec), substep_factor, threads
+            )
+    none = np.empty((len(force), 0, history.n_time))
+    return ForceHistories(force=force, jacobian=none, outcome=outcome, substeps=substeps)
 
 
 @checked
@@ -214,7 +208,7 @@ def simulate_sensitivities(
     *,
     columns: Sequence[int] | None = None,
     threads: Threads = 0,
-) -> Sensitivities:
+) -> ForceHistories:
     """Simulate a batch with the exact derivatives of its forces; other parameters as in `simulate_misfits`.
 
     The forces have the same bits as from `simulate_forces`. The derivatives are exact up to rounding for the discrete
@@ -237,12 +231,12 @@ def simulate_sensitivities(
             spec, rows, history, wanted, 1, most=MOST_SUBSTEPS
         )
         outcome = _outcome_of(force, substeps)
-        return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
-    with core_refusals():
-        force, jacobian, outcome, substeps = _rust.sensitivities(
-            spec.name, rows, history, wanted, *_laws(spec), threads=threads
-        )
-    return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
+    else:
+        with core_refusals():
+            force, jacobian, outcome, substeps = _rust.sensitivities(
+                spec.name, rows, history, wanted, *_laws(spec), threads=threads
+            )
+    return ForceHistories(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
 
 
 @checked

@@ -101,7 +101,7 @@ class _Equivalent:
     shared: Mapping[str, str]
 
 
-_IDENTITY = Conversion(convert=lambda theta: theta, jacobian=lambda theta: np.eye(theta.shape[-1]))
+_IDENTITY = Conversion(lambda theta: theta)
 
 _EQUIVALENTS = {
     "bouc_wen": _Equivalent(

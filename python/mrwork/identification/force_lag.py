@@ -144,15 +144,9 @@ def _with_late(objective: Objective, form: Form, kind: LateForce, theta: Floats)
 def _beside(conversion: Conversion) -> Conversion:
     """The conversion of all parameters but the last, which stays."""
 
-    def convert(theta: Floats) -> Floats:
-        return np.concatenate([conversion(theta[..., :-1]), theta[..., -1:]], axis=-1)
-
-    def jacobian(theta: Floats) -> Floats:
-        whole = np.pad(conversion.jacobian(theta[:-1]), (0, 1))
-        whole[-1, -1] = 1.0
-        return whole
-
-    return Conversion(convert=convert, jacobian=jacobian)
+    return Conversion(
+        lambda theta: np.concatenate([conversion(theta[..., :-1]), theta[..., -1:]], axis=-1)
+    )
 
 
 def _fit_late(

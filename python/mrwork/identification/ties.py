@@ -99,7 +99,7 @@ class Ties:
     @property
     def conversion(self) -> Conversion:
         """`apply` with its derivatives by the parameters that are not tied."""
-        return Conversion.of(self.apply)
+        return Conversion(self.apply)
 
 
 class _StrangeSyntaxError(Exception):
