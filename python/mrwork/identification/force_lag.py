@@ -143,10 +143,7 @@ def _with_late(objective: Objective, form: Form, kind: LateForce, theta: Floats)
 
 def _beside(conversion: Conversion) -> Conversion:
     """The conversion of all parameters but the last, which stays."""
-
-    return Conversion(
-        lambda theta: np.concatenate([conversion(theta[..., :-1]), theta[..., -1:]], axis=-1)
-    )
+    return Conversion(lambda theta: np.concatenate([conversion(theta[..., :-1]), theta[..., -1:]], axis=-1))
 
 
 def _fit_late(

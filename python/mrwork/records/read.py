@@ -74,7 +74,6 @@ from mrwork.records.rig_table import (
 )
 from mrwork.records.window import (
     Signals,
-    check_time,
     complete_rows,
     settling_samples,
     spans_with,
@@ -181,17 +180,14 @@ def test_from_arrays(
                 f"{source}: the {channel_name} has {channel.size} samples where the time has "
                 f"{raw.time.size}; give one value per sample"
             )
-    complete, first_row, dropped = complete_rows(record, source=source, locate=origin.locate)
-    check_time(complete.time, source=source, locate=lambda row: origin.locate(row + first_row))
+    findings = list[Finding]()
+    complete = complete_rows(record, findings, source=source, locate=origin.locate)
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
-    smooth, spiky, about_spikes = without_spikes(complete)
-    uniform = uniform_step(smooth, spiky, source=source)
-    signals, dt = uniform.signals, uniform.dt
-
-    displaced = signals.displacement
+    signals = uniform_step(without_spikes(complete, findings), findings, source=source)
+    displaced, dt = signals.displacement, signals.dt
     motion = smooth_motion(displaced, dt)
-    uncompared = uncompared_spans(displaced, motion.velocity, uniform.spiky, uniform.missing, dt)
+    uncompared = uncompared_spans(signals, motion.velocity)
     moving = motion.velocity
     velocity_source: VelocitySource = "derived"
     about_velocity: tuple[Finding, ...] = ()
@@ -212,14 +208,7 @@ def test_from_arrays(
         [on_grid.get(given_command.unit, given_command) for given_command in commands]
     )
     resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
-    findings = [
-        *dropped,
-        *about_spikes,
-        *uniform.findings,
-        *about_velocity,
-        *about_sign,
-        *(finding for _, about in read for finding in about),
-    ]
+    findings += [*about_velocity, *about_sign, *(finding for _, about in read for finding in about)]
     test = DamperTest(
         name=name,
         path=origin.path,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import field, replace
 from math import ceil
 from typing import Any, Final
 
@@ -31,13 +31,23 @@ _GAP_STEPS: Final = 3.0
 
 @array_dataclass()
 class Signals:
-    """Channels in SI on one time base, each of shape (n_time,); `commands` vary."""
+    """Channels in SI on one time base, each of shape (n_time,); `commands` vary.
+
+    `spiky` and `missing` are the samples that no sensor gave, in spikes and in gaps.
+    """
 
     time: Floats
     displacement: Floats
     force: Floats
     velocity: Floats | None = None
     commands: tuple[Command, ...] = ()
+    spiky: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((), dtype=np.bool_))
+    missing: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((), dtype=np.bool_))
+
+    @property
+    def dt(self) -> float:
+        """Mean step [s]."""
+        return float(self.time[-1] - self.time[0]) / (self.time.size - 1)
 
     @property
     def measured(self) -> dict[str, Floats]:
@@ -53,9 +63,10 @@ class Signals:
 
     def rows(self, chosen: slice) -> Signals:
         """The chosen samples of every channel."""
+        measured: dict[str, Any] = {name: channel[chosen] for name, channel in self.measured.items()}
         return Signals(
             time=self.time[chosen],
-            **{name: channel[chosen] for name, channel in self.measured.items()},
+            **measured,
             commands=tuple(Command(np.asarray(values)[chosen], unit) for values, unit in self.commands),
         )
 
@@ -66,9 +77,9 @@ _DROPPED: Final = FindingKind(
 
 
 def complete_rows(
-    signals: Signals, *, source: str, locate: Callable[[int], str]
-) -> tuple[Signals, int, tuple[Finding, ...]]:
-    """Drop incomplete rows (NaN) at either end: the signals, the file row at which they start, and findings."""
+    signals: Signals, findings: list[Finding], *, source: str, locate: Callable[[int], str]
+) -> Signals:
+    """Drop incomplete rows (NaN) at either end, with a finding; what is left must have a time that increases."""
     for name, channel in signals.channels.items():
         absurd = np.abs(channel) > _LARGEST
         if absurd.any():
@@ -94,18 +105,13 @@ def complete_rows(
         raise RecordError(
             f"{source}: {locate(row)} has no value for {missing}{more}; fill in the values or delete the rows"
         )
-    if last - first == complete.size:
-        return signals, first, ()
-    return signals.rows(slice(first, last)), first, (_DROPPED.found(start=first, end=complete.size - last),)
-
-
-def check_time(time: Floats, *, source: str, locate: Callable[[int], str]) -> None:
-    """Check that time increases."""
-    wrong = np.flatnonzero(np.diff(time) <= _SAME)
+    if last - first < complete.size:
+        findings.append(_DROPPED.found(start=first, end=complete.size - last))
+    wrong = first + np.flatnonzero(np.diff(signals.time[first:last]) <= _SAME)
     if wrong.size == 0:
-        return
+        return signals.rows(slice(first, last))
     row = int(wrong[0]) + 1
-    now, before = time[row], time[row - 1]
+    now, before = signals.time[row], signals.time[row - 1]
     more = f" (as do {wrong.size - 1} more rows)" if wrong.size > 1 else ""
     if now >= before:
         raise RecordError(
@@ -157,16 +163,14 @@ _SPIKES: Final = FindingKind(
 )
 
 
-def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[Finding, ...]]:
-    """Signals with straight lines across the spikes, except in commands, and which samples these are."""
+def without_spikes(signals: Signals, findings: list[Finding]) -> Signals:
+    """Signals with straight lines across the spikes, except in commands, each channel with a finding."""
     bridged = np.zeros(signals.time.size, dtype=np.bool_)
     bridges: dict[str, Any] = {}
-    findings = []
     for name, samples in signals.measured.items():
         spiky = spikes_of(samples)
         if not spiky.any():
             continue
-        line = np.interp(signals.time, signals.time[~spiky], samples[~spiky])
         largest = float(samples[spiky][np.argmax(np.abs(samples[spiky]))])
         count = np.count_nonzero(spiky)
         findings.append(
@@ -178,23 +182,9 @@ def without_spikes(signals: Signals) -> tuple[Signals, NDArray[np.bool_], tuple[
                 at=signals.time[spiky][0],
             )
         )
-        bridges[name] = line
+        bridges[name] = np.interp(signals.time, signals.time[~spiky], samples[~spiky])
         bridged |= spiky
-    return replace(signals, **bridges), bridged, tuple(findings)
-
-
-@array_dataclass()
-class UniformSamples:
-    """Signals on a uniform grid of step `dt` [s].
-
-    `spiky` and `missing` are the samples that no sensor gave, in spikes and in gaps, shape (n_time,).
-    """
-
-    signals: Signals
-    dt: float
-    spiky: NDArray[np.bool_]
-    missing: NDArray[np.bool_]
-    findings: tuple[Finding, ...] = ()
+    return replace(signals, **bridges, spiky=bridged, missing=np.zeros_like(bridged))
 
 
 _ROUNDED_TIMES: Final = FindingKind(
@@ -216,8 +206,8 @@ _RESAMPLED: Final = FindingKind(
 )
 
 
-def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> UniformSamples:
-    """Put signals, of which the `spiky` samples were bridged, shape (n_time,), on a uniform grid.
+def uniform_step(signals: Signals, findings: list[Finding], *, source: str) -> Signals:
+    """Put signals on a uniform grid, with findings.
 
     Steps that differ from the median by more than 1e-3 of it are resampled to about that step: by a cubic spline, or by
     PCHIP, which does not overshoot, if there are gaps; stepped commands are held, others linear. Times that are uniform
@@ -231,18 +221,15 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
         raise RecordError(
             f"{source}: the time step is {median:.3g} s, below any rig's; check the unit of the time"
         )
-    mean, none = duration / (time.size - 1), np.zeros_like(spiky)
     deviation = float(np.max(np.abs(steps - median)))
     if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
-        return UniformSamples(signals=signals, dt=mean, spiky=spiky, missing=none)
+        return signals
     uniform = rounded_grid(time)
     if uniform is not None:
-        dt = float(uniform[-1] - uniform[0]) / (time.size - 1)
-        rounded = _ROUNDED_TIMES.found(
-            least=1e3 * steps.min(), most=1e3 * steps.max(), dt=1e3 * dt, rate=1.0 / dt
-        )
-        uniform_signals = replace(signals, time=uniform)
-        return UniformSamples(signals=uniform_signals, dt=dt, spiky=spiky, missing=none, findings=(rounded,))
+        signals = replace(signals, time=uniform)
+        least, most, dt = 1e3 * steps.min(), 1e3 * steps.max(), signals.dt
+        findings.append(_ROUNDED_TIMES.found(least=least, most=most, dt=1e3 * dt, rate=1.0 / dt))
+        return signals
 
     n_uniform = round(duration / median) + 1
     gaps = np.flatnonzero(steps > _GAP_STEPS * median)
@@ -252,7 +239,6 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
             f"(largest gap {steps.max():.4g} s after {time[int(np.argmax(steps))]:.4g} s); "
             "cut out one continuous part"
         )
-    findings: list[Finding] = []
     if gaps.size:
         longest = int(gaps[np.argmax(steps[gaps])])
         gap = Measured(float(steps[longest]), "s")
@@ -274,13 +260,12 @@ def uniform_step(signals: Signals, spiky: NDArray[np.bool_], *, source: str) -> 
     before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, time.size - 2)
     # A sample of the grid lies between two of the record; next to one of them, it is measured.
     beside = np.minimum(grid - time[before], time[before + 1] - grid) > _JITTER * median
-    missing = beside & (steps > _GAP_STEPS * median)[before]
-    return UniformSamples(
-        signals=Signals(time=grid, **measured, commands=commands),
-        dt=dt,
-        spiky=spiky[before] | spiky[before + 1],
-        missing=missing,
-        findings=tuple(findings),
+    return Signals(
+        time=grid,
+        **measured,
+        commands=commands,
+        spiky=signals.spiky[before] | signals.spiky[before + 1],
+        missing=beside & (steps > _GAP_STEPS * median)[before],
     )
 
 
@@ -293,19 +278,17 @@ def settling_samples(displacement: Floats) -> int:
     return int(np.searchsorted(travel, np.ptp(displacement) / 2))
 
 
-def uncompared_spans(
-    displacement: Floats, velocity: Floats, spiky: NDArray[np.bool_], missing: NDArray[np.bool_], dt: float
-) -> tuple[tuple[int, int], ...]:
+def uncompared_spans(signals: Signals, velocity: Floats) -> tuple[tuple[int, int], ...]:
     """Spans of samples, first and beyond the last, that are not compared: in spikes, in gaps and after these.
 
     After a gap the damper must travel as far as it could have in it, at most half its peak-to-peak stroke, until its
-    force no longer depends on the unknown motion. Arrays have shape (n_time,).
+    force no longer depends on the unknown motion. `velocity`: smoothed, shape (n_time,).
     """
-    left_out = spiky | missing
+    displacement, left_out = signals.displacement, signals.spiky | signals.missing
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
     fastest = float(np.abs(velocity).max())
-    for first, last in runs_of(missing):
-        unknown = min(0.5 * float(np.ptp(displacement)), (last - first + 1) * dt * fastest)
+    for first, last in runs_of(signals.missing):
+        unknown = min(0.5 * float(np.ptp(displacement)), (last - first + 1) * signals.dt * fastest)
         left_out[first : int(np.searchsorted(travel, travel[last - 1] + unknown))] = True
     return runs_of(left_out)
 
