@@ -17,8 +17,6 @@ from mrwork.records.likeness import (
     alike_groups,
     likeness,
     likest,
-    likest_of_other_force,
-    likest_of_same_force,
 )
 from mrwork.store.codec import built
 
@@ -95,8 +93,8 @@ def test_versions_of_a_record_are_alike_and_have_its_force(test: DamperTest, ver
     if version != "a part":
         assert alike(test, other)
     own, whole = RecordedMotion.of(other), RecordedMotion.of(test)
-    assert likest_of_same_force(own, [whole]) is not None
-    assert likest_of_other_force(own, [whole]) is None
+    assert likest(own, [whole], force="same") is not None
+    assert likest(own, [whole], force="other") is None
 
 
 def test_a_repeated_run_is_alike_with_its_own_noise_and_phase() -> None:
@@ -153,8 +151,8 @@ def test_the_motion_of_a_test_with_another_force_is_that_of_another_condition(
     whole = RANDOM if test is not SINE else SINE
     hot = RecordedMotion.of(replace(test, sha256="hot", force=gain * test.force + shift))
     seen = [RecordedMotion.of(whole)]
-    assert likest_of_same_force(hot, seen) is None
-    found = likest_of_other_force(hot, seen)
+    assert likest(hot, seen, force="same") is None
+    found = likest(hot, seen, force="other")
     assert found is not None
     assert found.force_ratio == pytest.approx(gain, rel=0.02)
     assert found.force_shift == pytest.approx(shift, abs=5.0)
@@ -167,11 +165,11 @@ def test_the_motion_of_a_test_with_another_force_is_that_of_another_condition(
 def test_at_an_unknown_command_a_far_larger_force_is_of_another_command_or_condition() -> None:
     unknown = recorded(sine(0.01, 1.0), current=None, seed=3)
     stronger = RecordedMotion.of(replace(unknown, sha256="other", force=2.0 * unknown.force))
-    found = likest_of_other_force(stronger, [RecordedMotion.of(unknown)])
+    found = likest(stronger, [RecordedMotion.of(unknown)], force="other")
     assert found is not None
     assert "command, temperature" in found.condition_in_words
     another = RecordedMotion.of(recorded(sine(0.01, 1.0), current=2.0))
-    assert likest_of_other_force(another, [RecordedMotion.of(SINE)]) is None
+    assert likest(another, [RecordedMotion.of(SINE)], force="other") is None
 
 
 def test_a_varying_command_is_compared_with_the_motion() -> None:

@@ -24,7 +24,7 @@ from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation, observed
 from mrwork.records.damper_test import AS_IT_IS, OperatingRange, Outside, range_of_test
-from mrwork.records.likeness import Likeness, RecordedMotion, likest_of_other_force, likest_of_same_force
+from mrwork.records.likeness import Likeness, RecordedMotion, likest
 from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import built, digest_of
@@ -390,7 +390,7 @@ class Fit(Plotted, WithAxes, Summarised):
     @checked
     def seen(self, test: DamperTest) -> Likeness | None:
         """The test of the fit with the motion, command and force of `test`; `None` if there is none."""
-        alike = likest_of_same_force(RecordedMotion.of(test), self.motions)
+        alike = likest(RecordedMotion.of(test), self.motions, force="same")
         if alike is None and test.sha256:
             same = (label for label, digest in self.provenance.inputs.items() if digest == test.sha256)
             alike = next((Likeness(test=test.label, like=label, correlation=1.0) for label in same), None)
@@ -401,7 +401,7 @@ class Fit(Plotted, WithAxes, Summarised):
         """The test of the fit with the motion of `test` but another force; `None` without one, or if it is seen."""
         if self.seen(test) is not None:
             return None
-        return likest_of_other_force(RecordedMotion.of(test), self.motions)
+        return likest(RecordedMotion.of(test), self.motions, force="other")
 
     @property
     def observation_in_words(self) -> str:

@@ -16,7 +16,7 @@ from mrwork.base.values import Floats
 from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import ONCE, Finding, FindingKind, Measured, Verb
-from mrwork.records.likeness import RecordedMotion, likest_of_other_force
+from mrwork.records.likeness import RecordedMotion, likest
 from mrwork.records.motion import smooth_motion
 
 _RECORD_REPEATED: Final = FindingKind(
@@ -51,7 +51,7 @@ def repeats_that_differ(tests: Sequence[DamperTest]) -> Iterator[Finding]:
     """Warn of tests of one motion at one command whose forces differ: no model can describe both."""
     motions = [RecordedMotion.of(test) for test in tests]
     for index, motion in enumerate(motions):
-        pair = likest_of_other_force(motion, motions[:index])
+        pair = likest(motion, motions[:index], force="other")
         if pair is not None and pair.known_command:
             yield _REPEAT_DIFFERS.found(pair.force_in_words)
 

@@ -7,10 +7,10 @@ damper was in another condition, which the fit has not seen.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import floor, log2, log10
-from typing import ClassVar, Final
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 
@@ -231,23 +231,14 @@ def motion_likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | No
     )
 
 
-def likest(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
-    """The closest of several tests that a test is like."""
-    return _closest(likeness(test, other) for other in seen)
-
-
-def likest_of_same_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
-    """The closest of several tests that a test is like in its force, too."""
-    return _closest(pair for other in seen if (pair := likeness(test, other)) and pair.same_force)
-
-
-def likest_of_other_force(test: RecordedMotion, seen: Sequence[RecordedMotion]) -> Likeness | None:
-    """The closest of several tests that a test is like in its motion, and unlike in its force."""
-    return _closest(pair for other in seen if (pair := motion_likeness(test, other)) and not pair.same_force)
-
-
-def _closest(likenesses: Iterable[Likeness | None]) -> Likeness | None:
-    return max(filter(None, likenesses), key=lambda pair: pair.correlation, default=None)
+def likest(
+    test: RecordedMotion, seen: Sequence[RecordedMotion], *, force: Literal["any", "same", "other"] = "any"
+) -> Likeness | None:
+    """The closest of several tests that a test is like: with any force, in its force too, or unlike in its force."""
+    compare = motion_likeness if force == "other" else likeness
+    pairs = [pair for other in seen if (pair := compare(test, other))]
+    wanted = [pair for pair in pairs if force == "any" or pair.same_force == (force == "same")]
+    return max(wanted, key=lambda pair: pair.correlation, default=None)
 
 
 def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
