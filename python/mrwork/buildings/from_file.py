@@ -379,27 +379,16 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
         B = matrices.get("B", np.empty((len(A), 0)))
         system = LinearSystem(A=A, B=B, C=np.empty((0, len(A))), D=np.empty((0, B.shape[1])))
         order, n = order_of_states(A, name), len(A) // 2
-    floors = arrays.get("floors", np.eye(n))
-    influence, mass = arrays.get("influence", np.ones(n)), arrays.get("mass", matrices.get("M"))
-    inputs = table.inputs or ()
+    mass, inputs = arrays.get("mass", matrices.get("M")), table.inputs or ()
     if inputs and len(inputs) != B.shape[1]:
         raise InvalidSettingError(
             "inputs",
             f"inputs has {counted(len(inputs), 'name')}, and B has {counted(B.shape[1], 'column')}; name each",
         )
     if "ground" in inputs and "influence" not in arrays:
-        influence = -B[order[n:], inputs.index("ground")]
-    built = partial(
-        building_of,
-        system,
-        name=name,
-        influence=influence.ravel(),
-        floors=floors,
-        storeys=arrays.get("storeys", np.diff(floors, axis=0, prepend=0.0)),
-        floor_names=table.floor_names or (),
-        storey_names=table.storey_names or (),
-        source=table.source or str(path),
-    )
+        arrays["influence"] = -B[order[n:], inputs.index("ground")]
+    source = table.source or str(path)
+    built = partial(building_of, system, name=name, source=source, **_rows(arrays, table, n))
     with keyed("system"):
         building = built(mass=mass)
     forces = [number for number, input_name in enumerate(inputs) if input_name != "ground"]
@@ -426,17 +415,24 @@ def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Buil
             sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {names}"
             raise InvalidSettingError((), sentence)
     n = len(named["mass"])
-    floors = named.get("floors", np.eye(n))
-    storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))
     return Building(
         name=table.name or "building",
         mass=named["mass"],
         damping=named.get("damping", np.zeros((n, n))),
         stiffness=named["stiffness"],
-        influence=named.get("influence", np.ones(n)).ravel(),
-        floors=floors,
-        storeys=storeys,
-        floor_names=table.floor_names or number_names("floor", len(floors)),
-        storey_names=table.storey_names or number_names("storey", len(storeys)),
         source=table.source or "",
+        **_rows(named, table, n),
     )
+
+
+def _rows(arrays: Mapping[str, Floats], table: BuildingTable, n: int) -> dict[str, Any]:
+    """Influence, rows and names of floors and storeys; by default each coordinate is a floor."""
+    floors = arrays.get("floors", np.eye(n))
+    storeys = arrays.get("storeys", np.diff(floors, axis=0, prepend=0.0))
+    return {
+        "influence": arrays.get("influence", np.ones(n)).ravel(),
+        "floors": floors,
+        "storeys": storeys,
+        "floor_names": table.floor_names or number_names("floor", len(floors)),
+        "storey_names": table.storey_names or number_names("storey", len(storeys)),
+    }

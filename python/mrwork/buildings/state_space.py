@@ -229,7 +229,10 @@ def building_of(
     ordered = system.A[np.ix_(order, order)]
     stiffness, damping = -ordered[n:, :n], -ordered[n:, n:]
     status: Status = WITHOUT_MASSES if mass is None else "ours"
-    mass = _mass_of(stiffness, name) if mass is None else np.asarray(mass, dtype=np.float64)
+    if mass is None:
+        is_symmetric = np.abs(stiffness - stiffness.T).max() <= _ROUNDING * np.abs(stiffness).max()
+        inverse = np.eye(n) if is_symmetric else np.linalg.inv(_real_modes(stiffness, name)[0])
+        mass = inverse.T @ inverse
     if mass.shape != (n, n):
         raise SettingError(f"building {name}: the mass is not {n} x {n}, as half of A is")
     scaled = mass @ stiffness
@@ -329,14 +332,6 @@ def read_system(path: str | Path) -> LinearSystem:
             raise SettingError(f"{path}: a linear system needs A, B and C; found {given_names}")
     A, B, C = (matrices[letter] for letter in "ABC")
     return LinearSystem(A=A, B=B, C=C, D=matrices.get("D", np.zeros((len(C), B.shape[1]))))
-
-
-def _mass_of(stiffness: Floats, name: str) -> Floats:
-    """Return a mass that makes mass @ stiffness symmetric; `stiffness` is M^-1 K."""
-    if np.abs(stiffness - stiffness.T).max() <= _ROUNDING * np.abs(stiffness).max():
-        return np.eye(len(stiffness))
-    inverse = np.linalg.inv(_real_modes(stiffness, name)[0])
-    return np.asarray(inverse.T @ inverse)
 
 
 def _real_modes(stiffness: Floats, name: str) -> tuple[Floats, list[slice]]:
