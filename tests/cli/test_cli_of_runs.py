@@ -174,8 +174,8 @@ def test_bands_are_calibrated_on_tests_that_the_fit_has_not_seen(calibrated: Pat
     assert row["mean_width_n"] == 2.0 * row["band"]["half_width_n"]
     assert row["interval_score"] >= row["mean_width_n"]
     assert (made["level"], made["coverage_percent"]) == (0.9, None)
-    # A wider motion than those of the fit, which the calibration has seen.
-    assert predicted["files"][0]["outside_tested_range"] == ["stroke"]
+    # A wider and slower motion than those of the fit, which the calibration has seen.
+    assert predicted["files"][0]["outside_tested_range"] == ["stroke", "frequency"]
 
 
 def test_without_files_the_tests_of_the_run_are_left_out_in_turn_and_kept(calibrated: Path) -> None:

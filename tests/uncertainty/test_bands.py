@@ -103,10 +103,12 @@ def band_of(calibration: Calibration, prediction: Prediction, level: float) -> B
     return band
 
 
-def beyond(prediction: Prediction, velocity: float) -> Prediction:
-    """The prediction by a fit to tests up to this velocity."""
+def beyond(
+    prediction: Prediction, velocity: float, frequency: tuple[float, float] | None = None
+) -> Prediction:
+    """The prediction by a fit to tests up to this velocity, of these frequencies or of that of the prediction."""
     demand = range_of_tests([prediction.test])
-    tested = replace(demand, velocity=velocity)
+    tested = replace(demand, velocity=velocity, frequency=frequency or demand.frequency)
     return replace(prediction, outside=Outside(exceedances=tested.exceeded_by(demand)))
 
 
@@ -141,6 +143,24 @@ def test_a_band_beyond_the_tests_is_as_wide_as_errors_there_and_none_farther() -
     assert band_of(few, asked, 0.9).upper == pytest.approx(band_of(alone, inside, 0.9).upper)
     assert "beyond" not in band_of(alone, inside, 0.9).basis
     assert "is little evidence for the next" in calibrate(known[:1], held_out="").basis
+
+
+def test_a_band_beyond_the_tests_in_two_quantities_takes_a_test_left_out_beyond_in_both() -> None:
+    """The smallest test and the slowest one say nothing about a small and slow one."""
+    known = [beyond(each, 1.0) for each in group(np.random.default_rng(5), 6)]
+    fast, slow = faster(1.4), replace(faster(1.4), test=replace(faster(1.4).test, name="slow"))
+    velocity, frequencies = range_of_tests([fast.test]).velocity, (4.5, 6.0)
+    both = beyond(faster(1.4), velocity / 1.4, frequencies)
+    asked = beyond(faster(1.3), range_of_tests([faster(1.3).test]).velocity / 1.3, frequencies)
+    apart = [fast, beyond(slow, velocity, frequencies)]
+    tested = replace(range_of_tests([each.test for each in known]), frequency=frequencies)
+    for left_out, is_known in ((apart, False), ([*apart, both], True)):
+        calibration = replace(calibrate(known, held_out="", beyond=left_out), tested=tested)
+        assert [reach.side for reach in calibration.reach] == [("velocity", False), ("frequency", True)]
+        assert (calibration.band(asked, 0.9) is not None) is is_known
+        assert is_known or "frequency" in calibration.test_to_run(asked)
+        alone = beyond(faster(1.3), range_of_tests([faster(1.3).test]).velocity / 1.3)
+        assert calibration.band(alone, 0.9) is not None
 
 
 def test_tests_of_the_calibration_are_not_beyond_it_whatever_the_fit_has_seen() -> None:

@@ -54,13 +54,25 @@ _FARTHER = 0.05
 class Reach:
     """How far beyond its tests the model was tried: up to `severity` times their range of a quantity, or below it.
 
-    `scores` are the errors there, by fits without such tests, of each of these tests in the scale of the calibration.
+    `severities` are of each of the `tests` that were left out for that, and `scores` the errors there, by fits without
+    such tests, in the scale of the calibration.
     """
 
     quantity: OperatingQuantity
     below: bool
-    severity: Positive
+    tests: tuple[str, ...]
+    severities: tuple[Positive, ...]
     scores: tuple[Floats, ...]
+
+    @property
+    def severity(self) -> float:
+        """The largest of the `severities`."""
+        return max(self.severities)
+
+    def tests_as_far(self, exceedance: Exceedance) -> set[str]:
+        """The tests that are as far beyond the others in this quantity as an exceedance, or nearly so."""
+        pairs = zip(self.tests, self.severities, strict=True)
+        return {test for test, severity in pairs if exceedance.severity <= (1.0 + _FARTHER) * severity}
 
     @property
     def side(self) -> tuple[OperatingQuantity, bool]:
@@ -75,19 +87,22 @@ class Reach:
     @classmethod
     def of(cls, predictions: Sequence[Prediction], shape: ErrorShape) -> tuple[Reach, ...]:
         """Reach in each quantity in which predictions are beyond the tests of their fits."""
-        reached = defaultdict[tuple[OperatingQuantity, bool], list[tuple[float, Floats]]](list)
+        reached = defaultdict[tuple[OperatingQuantity, bool], list[tuple[str, float, Floats]]](list)
         for prediction in predictions:
             for one in driven(prediction.outside):
                 if not one.between and np.isfinite(one.severity):
-                    reached[side_of(one)].append((one.severity, shape.scores(prediction)))
+                    reached[side_of(one)].append(
+                        (prediction.test.label, one.severity, shape.scores(prediction))
+                    )
         return tuple(
             cls(
                 quantity=quantity,
                 below=below,
-                severity=max(severity for severity, _ in pairs),
-                scores=tuple(scores for _, scores in pairs),
+                tests=tuple(test for test, _, _ in rows),
+                severities=tuple(severity for _, severity, _ in rows),
+                scores=tuple(scores for _, _, scores in rows),
             )
-            for (quantity, below), pairs in reached.items()
+            for (quantity, below), rows in reached.items()
         )
 
 
@@ -139,13 +154,19 @@ class Calibration(Summarised):
 
     @checked
     def untested(self, prediction: Prediction) -> tuple[Exceedance, ...]:
-        """What is farther beyond the tests than the model was tried, where no band is known."""
-        most = {reach_of_test.side: (1.0 + _FARTHER) * reach_of_test.severity for reach_of_test in self.reach}
-        return tuple(
-            excess
-            for excess in self.beyond(prediction)
-            if excess.between or excess.severity > most.get(side_of(excess), 0.0)
-        )
+        """What is farther beyond the tests than the model was tried, where no band is known.
+
+        Several quantities are, each of which was tried, if no test that was left out is so far beyond in all of them.
+        """
+        beyond, tried = self.beyond(prediction), {reach.side: reach for reach in self.reach}
+        as_far = [
+            set[str]() if excess.between or reach is None else reach.tests_as_far(excess)
+            for excess in beyond
+            for reach in [tried.get(side_of(excess))]
+        ]
+        if all(as_far):
+            return beyond if beyond and not set.intersection(*as_far) else ()
+        return tuple(excess for excess, tests in zip(beyond, as_far, strict=True) if not tests)
 
     @checked
     def test_to_run(self, prediction: Prediction) -> str:
