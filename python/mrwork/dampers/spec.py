@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import keyword
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from math import ceil, isfinite, log10
 from typing import ClassVar, Literal, NamedTuple
@@ -196,7 +196,7 @@ class DamperSpec(Summarised):
     @property
     def presets(self) -> tuple[str, ...]:
         """Names of the model's published parameter sets."""
-        return tuple(law_set.name for law_set in published_sets() if law_set.spec.name == self.name)
+        return tuple(law_set.name for law_set in published_sets() if law_set.model == self.name)
 
     @checked
     def preset(self, name: str) -> Preset:
@@ -209,7 +209,7 @@ class DamperSpec(Summarised):
         >>> prototype.status, prototype.spec.command_unit, len(prototype.theta)
         ('verified', 'V', 14)
         """
-        presets = {law_set.name: law_set for law_set in published_sets() if law_set.spec.name == self.name}
+        presets = {law_set.name: law_set for law_set in published_sets() if law_set.model == self.name}
         check_known(name, presets, f"{self.name} has no published set called {name!r}", otherwise="it has")
         return presets[name]
 
@@ -239,19 +239,36 @@ class DamperSpec(Summarised):
 class Preset(Summarised):
     """A published set: the model with its current laws, and `theta` in order.
 
-    `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
-    are only quoted. `rated_force` [N] and `rated_stroke` [m], to either side, are what source or data sheet state.
+    `values` has each parameter of the plain `model`, or its coefficients of a polynomial in a command in `unit`; `eta`
+    [1/s] is the rate of the driver's lag; without a command the `note` tells it. `status` is "verified" if an
+    independent simulation reproduced the results of the paper, "published" if the numbers are only quoted.
+    `rated_force` [N] and `rated_stroke` [m], to either side, are what source or data sheet state.
     """
 
     name: str
-    spec: DamperSpec
-    theta: tuple[float, ...]
+    model: str
+    values: Mapping[str, _Value] = field(compare=False)
+    unit: Literal["A", "V"] | None = None
+    eta: float | None = None
     source: str
-    status: Literal["verified", "published"]
-    largest_command: float | None
-    rated_force: float | None
-    rated_stroke: float | None
-    note: str
+    status: Literal["verified", "published"] = "published"
+    largest_command: float | None = None
+    rated_force: float | None = None
+    rated_stroke: float | None = None
+    note: str = ""
+    spec: DamperSpec = field(init=False)
+    theta: tuple[float, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        spec = damper(self.model)
+        listed = [np.atleast_1d(self.values[name]).tolist() for name in spec.names]
+        theta = [coefficient for coefficients in listed for coefficient in coefficients]
+        if self.unit is not None:
+            laws = {name: CommandLaw(len(row) - 1) for name, row in zip(spec.names, listed, strict=True)}
+            spec = spec.with_current_laws(laws, unit=self.unit, lagged=self.eta is not None)
+            theta += () if self.eta is None else (self.eta,)
+        object.__setattr__(self, "spec", spec)
+        object.__setattr__(self, "theta", tuple(theta))
 
     @property
     def command_in_words(self) -> str:
@@ -317,44 +334,6 @@ def damper(name: str) -> DamperSpec:
     return specs[name]
 
 
-def _published(
-    name: str,
-    model: str,
-    *,
-    values: Mapping[str, _Value],
-    source: str,
-    status: Literal["verified", "published"] = "published",
-    unit: Literal["A", "V"] | None = None,
-    largest_command: float | None = None,
-    eta: float | None = None,
-    rated_force: float | None = None,
-    rated_stroke: float | None = None,
-    note: str = "",
-) -> Preset:
-    """A published set from the value of each parameter, or the coefficients of a polynomial in the command.
-
-    `eta` [1/s] is the rate of the lag of the driver; without a command the `note` tells it.
-    """
-    spec = damper(model)
-    listed = [item if isinstance(item, tuple) else (item,) for item in map(values.__getitem__, spec.names)]
-    theta = [coefficient for coefficients in listed for coefficient in coefficients]
-    if unit is not None:
-        laws = {name: CommandLaw(len(numbers) - 1) for name, numbers in zip(spec.names, listed, strict=True)}
-        spec = spec.with_current_laws(laws, unit=unit, lagged=eta is not None)
-        theta += () if eta is None else (eta,)
-    return Preset(
-        name=name,
-        spec=spec,
-        theta=tuple(theta),
-        source=source,
-        status=status,
-        largest_command=largest_command,
-        rated_force=rated_force,
-        rated_stroke=rated_stroke,
-        note=note,
-    )
-
-
 def _with_loop(
     others: Mapping[str, _Value], alpha: _Value, *, gamma: float, A: float, n: float
 ) -> dict[str, _Value]:
@@ -372,34 +351,34 @@ _FORCE, _STROKE = 3000.0, 0.025
 def published_sets() -> tuple[Preset, ...]:
     """Every published set."""
     return (
-        _published("spencer1997", "bingham", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
+        Preset(name="spencer1997", model="bingham", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
             values={"f_c": 670.0, "v_s": 1e-3, "c0": 5000.0, "f0": -95.0},
             note="at 1.5 V; v_s is ours, the paper has sgn(v)"),
-        _published("spencer1997", "bouc_wen", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
+        Preset(name="spencer1997", model="bouc_wen", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
             values=_with_loop({"c0": 5000.0, "k0": 2500.0, "x0": 0.038}, 88e3, gamma=1e6, A=120.0, n=2.0),
             note="at 1.5 V"),
-        _published("jansen2000", "bouc_wen", status="verified",
+        Preset(name="jansen2000", model="bouc_wen", status="verified",
             values=_with_loop({"c0": (0.64, 0.52), "k0": 0.0, "x0": 0.0}, (866.0, 886.0), gamma=3e6, A=120.0, n=2.0),
             unit="V", largest_command=5.0, eta=190.0, rated_force=29.0,
             source="Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803"),
-        _published("yoshida2004", "bouc_wen", note="a damper of 1000 kN",
+        Preset(name="yoshida2004", model="bouc_wen", note="a damper of 1000 kN",
             values=_with_loop({"c0": (440.0, 4400.0), "k0": 0.0, "x0": 0.0}, (1.0872e7, 4.9616e7), gamma=300.0,
                 A=1.2, n=1.0),
             unit="V", largest_command=10.0, eta=50.0, rated_force=1e6,
             source="Yoshida, Dyke, J. Eng. Mech. 130(4), 2004"),
-        _published("dyke1996", "modified_bouc_wen", status="verified",
+        Preset(name="dyke1996", model="modified_bouc_wen", status="verified",
             values=_with_loop({"c0": (2100.0, 350.0), "k0": 4690.0, "c1": (28300.0, 295.0), "k1": 500.0, "x0": 0.143},
                 (14000.0, 69500.0), gamma=3.63e6, A=301.0, n=2.0),
             unit="V", largest_command=2.25, eta=190.0, rated_force=_FORCE, rated_stroke=_STROKE,
             source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
             note="the prototype; in a building drop the constant force k1 x0. Stiff: the loop yields within 0.02 mm"),
-        _published("leva2002", "modified_bouc_wen",
+        Preset(name="leva2002", model="modified_bouc_wen",
             values=_with_loop({"c0": (2020.0, 268.0), "k0": 1500.0, "c1": (35000.0, 7070.0), "k1": 537.0, "x0": 0.0},
                 (4490.0, 63800.0), gamma=3.93e5, A=47.2, n=2.0),
             unit="V", largest_command=2.25, eta=251.0, rated_force=_FORCE, rated_stroke=_STROKE,
             source="Leva, Piroddi, Smart Mater. Struct. 11, 2002, 79",
             note="the largest command is that of the same prototype in Dyke et al. 1996"),
-        _published("kwok2006", "static_hysteretic",
+        Preset(name="kwok2006", model="static_hysteretic",
             values={"c": (1232.0, 1929.0), "k": (5100.0, -1700.0), "alpha": (32.0, 918.0, -244.0), "beta": 100.0,
                 "delta": (0.58, 0.30), "x_s": 1e-4, "f0": (57.0, -18.0)},
             unit="A", largest_command=1.88, rated_force=2224.0, rated_stroke=0.0265,
