@@ -145,6 +145,14 @@ def of_unit(value: float | None, unit: str, digits: int = 4) -> str:
     return f"{format_rounded(value, digits)} {unit if unit != '1' else ''}".rstrip()
 
 
+def in_newtons(force: float, digits: int = 6) -> str:
+    """A force [N] with a prefix of its unit, as "4.448 kN"."""
+    for unit, factor in (("MN", 1e6), ("kN", 1e3)):
+        if force >= factor:
+            return of_unit(force / factor, unit, digits)
+    return of_unit(force, "N", digits)
+
+
 def format_rate(rate: float) -> str:
     """Three digits, as in 950, 1.25k, 3.10M."""
     for unit in ("", "k", "M"):

@@ -16,7 +16,7 @@ from mrwork import _rust
 from mrwork.base.arguments import checked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.keys import check_known
-from mrwork.base.numbers import format_rounded, of_unit
+from mrwork.base.numbers import format_rounded, in_newtons, of_unit
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.units import CommandUnit
@@ -281,7 +281,7 @@ class Preset(Summarised):
         """The decade of the rated force, as "up to 10 kN"; empty where that is not known."""
         if self.rated_force is None:
             return ""
-        return f"up to {_force_in_words(10.0 ** ceil(log10(self.rated_force)))}"
+        return f"up to {in_newtons(10.0 ** ceil(log10(self.rated_force)))}"
 
     def _summary(self) -> Summary:
         rows = [
@@ -292,20 +292,12 @@ class Preset(Summarised):
             title=f"Preset {self.name} of {self.spec.name}, {self.status}: {self.source}",
             facts=(
                 ("command", self.command_in_words),
-                ("rated force", "" if self.rated_force is None else _force_in_words(self.rated_force)),
+                ("rated force", "" if self.rated_force is None else in_newtons(self.rated_force)),
                 ("rated stroke", "" if self.rated_stroke is None else f"+-{1e3 * self.rated_stroke:g} mm"),
             ),
             tables=[Table(columns=("parameter", "value", "unit"), rows=rows)],
             notes=(self.note,),
         )
-
-
-def _force_in_words(force: float) -> str:
-    """A force with a prefix of its unit, as "4.448 kN"."""
-    for unit, factor in (("MN", 1e6), ("kN", 1e3)):
-        if force >= factor:
-            return f"{force / factor:g} {unit}"
-    return f"{force:g} N"
 
 
 @cache

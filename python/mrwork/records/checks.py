@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.numbers import in_newtons
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import runs_of
@@ -306,7 +307,6 @@ _GROWS: Final = 0.4
 # The seal of the smallest cylinder takes some newtons; the largest magnetorheological dampers built have 400 to 500 kN.
 _SMALLEST_FORCE: Final = 5.0
 _LARGEST_FORCE: Final = 6e5
-_NEWTONS: Final = ((1e6, "MN"), (1e3, "kN"), (1.0, "N"))
 # Slow tests have some mm/s, and are sampled twenty times in a second or more often; recoil dampers reach some 15 m/s
 # and 100 g, and mounts are tested up to some 300 Hz.
 _SLOWEST: Final = 5e-4
@@ -336,9 +336,9 @@ def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     scale = (force / _OF_FORCE) ** _GROWS
     measured = Measured(stroke, "m")
     if stroke > min(_LONGEST_STROKE, _LONG_STROKE * scale):
-        yield _STROKE.found(*_LONG, measured=measured, span=stroke, force=_in_newtons(force))
+        yield _STROKE.found(*_LONG, measured=measured, span=stroke, force=in_newtons(force, 3))
     elif stroke < _SHORTEST_STROKE * scale:
-        yield _STROKE.found(*_SHORT, measured=measured, span=1e6 * stroke, force=_in_newtons(force))
+        yield _STROKE.found(*_SHORT, measured=measured, span=1e6 * stroke, force=in_newtons(force, 3))
 
 
 _FORCE: Final = FindingKind(
@@ -353,7 +353,7 @@ def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     force = float(np.abs(test.force).max())
     if not _SMALLEST_FORCE <= force <= _LARGEST_FORCE:
         words = _LARGE if force > _LARGEST_FORCE else _SMALL
-        yield _FORCE.found(*words, measured=Measured(force, "N"), force=_in_newtons(force))
+        yield _FORCE.found(*words, measured=Measured(force, "N"), force=in_newtons(force, 3))
 
 
 _PACE: Final = FindingKind(
@@ -388,11 +388,6 @@ def command_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
         highest = float(np.max(values))
         if highest > _LARGEST_COMMANDS.get(unit, np.inf):
             yield _LARGE_COMMAND.found(unit, measured=Measured(highest, unit))
-
-
-def _in_newtons(force: float) -> str:
-    scale, unit = next(pair for pair in _NEWTONS if force >= pair[0] or pair[0] == 1.0)
-    return f"{force / scale:.3g} {unit}"
 
 
 _DIFFERENCES: Final = 2
