@@ -8,6 +8,7 @@ import pytest
 
 from mrwork.cli.output import progress_line
 from mrwork.identification import Progress
+from mrwork.identification.progress import since
 
 pytestmark = pytest.mark.words
 
@@ -37,16 +38,16 @@ NOW = replace(
 
 def test_a_search_tells_generation_best_median_rates_and_time_left() -> None:
     # 5000 evaluations and ten million steps in two seconds; 0.3 of the allowance took these, 0.6 are left.
-    assert NOW.since(BEGAN).in_words == (
+    assert since(BEGAN, NOW).in_words == (
         "search 120, best 92.08 %, median 81.50 %, 2.5k evaluations/s, 5M steps/s, 3 s, "
         "at most 4 s of this stage left"
     )
 
 
 def test_the_time_left_is_not_told_before_a_second_or_without_progress() -> None:
-    assert replace(NOW, seconds=1.9).since(BEGAN).left is None
-    assert replace(NOW, share=0.1).since(BEGAN).left is None
-    assert replace(NOW, share=1.2).since(BEGAN).left == 0.0
+    assert since(BEGAN, replace(NOW, seconds=1.9)).left is None
+    assert since(BEGAN, replace(NOW, share=0.1)).left is None
+    assert since(BEGAN, replace(NOW, share=1.2)).left == 0.0
 
 
 def test_without_a_terminal_a_plain_line_is_written_every_half_minute(

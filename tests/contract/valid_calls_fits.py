@@ -59,7 +59,7 @@ def _free(coordinates: Any = "theta") -> identification.CandidateObjective:
 def identification_calls(_: Path) -> Calls:
     """Fits, objectives and their minimisation."""
     theta = _BINGHAM.nominal
-    target, start = small_sampling().target, small_sampling().start
+    target, start = small_sampling().target, small_sampling().target.start
     objective = target.objective
     fit, test = small_fit(), small_test()
     values = {

@@ -238,6 +238,7 @@ class Box:
     @checked
     def inside(self, theta: AnyArray) -> Array:
         """Move parameters into the box and off its faces, where the latent coordinate is infinite."""
+        self._check("theta", theta, len(self.names))
         xp = theta.__array_namespace__()
         theta = xp.clip(theta, xp.asarray(self.lower), xp.asarray(self.upper))
         return self.theta_from_unit(xp.clip(self.unit_from_theta(theta), 1e-6, 1.0 - 1e-6))

@@ -112,17 +112,6 @@ class Progress(ProgressReport):
     rates: tuple[float, float] = (0.0, 0.0)
     left: float | None = None
 
-    def since(self, began: Progress) -> Progress:
-        """The progress with the rates of the stage that `began` there, and the time that it takes at most."""
-        running, done = self.seconds - began.seconds, min(self.share, 1.0) - began.share
-        if running <= 0.0:
-            return self
-        rates = (self.evaluations - began.evaluations) / running, (self.steps - began.steps) / running
-        is_known = running >= _FIRST_ESTIMATE and done > 0.0
-        return replace(
-            self, rates=rates, left=running * (1.0 - began.share - done) / done if is_known else None
-        )
-
     @property
     def best_in_words(self) -> str:
         """The best fit, and of what it is where that is not the model on all samples."""
@@ -143,6 +132,21 @@ class Progress(ProgressReport):
         if self.left is not None:
             parts.append(f"at most {duration_in_words(self.left)} of this stage left")
         return ", ".join(parts)
+
+
+def since(began: Progress, progress: Progress) -> Progress:
+    """The progress with the rates of the stage that `began` there, and the time that it takes at most."""
+    running, done = progress.seconds - began.seconds, min(progress.share, 1.0) - began.share
+    if running <= 0.0:
+        return progress
+    rates = (
+        (progress.evaluations - began.evaluations) / running,
+        (progress.steps - began.steps) / running,
+    )
+    is_known = running >= _FIRST_ESTIMATE and done > 0.0
+    return replace(
+        progress, rates=rates, left=running * (1.0 - began.share - done) / done if is_known else None
+    )
 
 
 @array_dataclass()
@@ -231,4 +235,4 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
     def _report(self, progress: Progress) -> None:
         if self.stage_began is None or self.stage_began.stage != progress.stage or self.recalling:
             self.stage_began = progress
-        self.report(progress.since(self.stage_began))
+        self.report(since(self.stage_began, progress))

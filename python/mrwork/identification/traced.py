@@ -28,7 +28,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.residual import Loss, NuisanceName, without_nuisance
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
-from mrwork.records.damper_test import AS_IT_IS
+from mrwork.records.damper_test import AS_IT_IS, observe_by
 from mrwork.twins.kernel import Kernel
 from mrwork.twins.models import on_processor
 from mrwork.twins.record_arrays import RecordArrays
@@ -97,7 +97,7 @@ class Residuals:
         for (observation, dt), test in zip(self.observed, tests, strict=True):
             force = self.kernel(tied, test.record)
             failed = jnp.isinf(force[-1])
-            force = observation.observe_by(_filtered, jnp.where(failed, 0.0, force), dt)
+            force = observe_by(observation, _filtered, jnp.where(failed, 0.0, force), dt)
             (residual,) = without_nuisance(force[None, test.counted], test.measured, self.nuisances)
             results.append((jnp.where(failed, 0.0, residual), failed))
         return results

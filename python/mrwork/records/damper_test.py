@@ -83,23 +83,24 @@ class Observation:
         """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
         if force.ndim < 1 or force.shape[-1] < 2:
             raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
-        observed: Floats = self.observe_by(_filtered, force, dt)
+        observed: Floats = observe_by(self, _filtered, force, dt)
         return observed
 
-    def observe_by(self, filtered: Filter, force: Any, dt: float) -> Any:
-        """As `observe`, for an array of NumPy or JAX, with the filter of that library."""
-        observed = force
-        if self.delay_seconds != 0.0:
-            observed = delay_signal(observed, self.delay_seconds / dt)
-        if self.lag_seconds > 0.0:
-            observed = _lagged(filtered, observed, self.lag_seconds / dt)
-        if self.lowpass_hz > 0.0:
-            observed = _low_passed(filtered, observed, self.lowpass_hz, dt)
-        if self.average_seconds > 0.0:
-            observed = average_signal(observed, self.average_seconds / dt)
-        if self.gain != 1.0:
-            observed = self.gain * observed
-        return observed + self.offset if self.offset != 0.0 else observed
+
+def observe_by(model: Observation, filtered: Filter, force: Any, dt: float) -> Any:
+    """As `Observation.observe`, for an array of NumPy or JAX, with the filter of that library."""
+    observed = force
+    if model.delay_seconds != 0.0:
+        observed = delay_signal(observed, model.delay_seconds / dt)
+    if model.lag_seconds > 0.0:
+        observed = _lagged(filtered, observed, model.lag_seconds / dt)
+    if model.lowpass_hz > 0.0:
+        observed = _low_passed(filtered, observed, model.lowpass_hz, dt)
+    if model.average_seconds > 0.0:
+        observed = average_signal(observed, model.average_seconds / dt)
+    if model.gain != 1.0:
+        observed = model.gain * observed
+    return observed + model.offset if model.offset != 0.0 else observed
 
 
 AS_IT_IS = Observation()
