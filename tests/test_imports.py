@@ -32,7 +32,6 @@ HOMES = {
     ("emcee",): ("uncertainty.posterior",),
     ("xarray", "pandas"): ("base.labelled", "plots.drawn", "uncertainty.posterior"),
     ("h5py",): ("store.members", "store.netcdf"),
-    ("h5netcdf",): ("store.netcdf",),
     ("nptdms",): ("files.open_table",),
     ("python_calamine",): ("store.members",),
     ("matplotlib",): ("plots", "report"),

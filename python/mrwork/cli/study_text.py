@@ -14,8 +14,8 @@ from mrwork import __version__
 from mrwork.base.progress import ProgressLine
 from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.options import on_workers
-from mrwork.cli.output import is_quiet, print_result, progress_line, renew_page
-from mrwork.cli.terminal import keep_stdout, note
+from mrwork.cli.output import is_quiet, print_json, progress_line, renew_page
+from mrwork.cli.terminal import keep_stdout, note, show
 from mrwork.runs.study import read_study
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
@@ -93,11 +93,13 @@ def run_on_study(
             # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
             if not interrupted:
                 status = renew_page(folder, quiet=is_quiet(options))
-        text = study_summary(results).text(whole=True, width=_WIDEST)
-        if not written or (folder / REPORT).is_file():
-            text = f"{text}\nReport: {folder / REPORT}"
-        document = verb.document(results) | {"out": str(folder)}
-        print_result(options, document, verb.text(results, text))
+        if options.json:
+            print_json(verb.document(results) | {"out": str(folder)})
+        else:
+            text = study_summary(results).text(whole=True, width=_WIDEST)
+            if not written or (folder / REPORT).is_file():
+                text = f"{text}\nReport: {folder / REPORT}"
+            show(verb.text(results, text))
         if interrupted:
             frame.note_stop(written=written)
         return status

@@ -1,11 +1,11 @@
-"""Labelled arrays as netCDF 4, which xarray, MATLAB, Julia and `ncdump` open; h5py alone reads them back."""
+"""Labelled arrays as netCDF 4, which xarray, MATLAB, Julia and `ncdump` open; h5py alone writes and reads them."""
 
 from __future__ import annotations
 
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,39 +18,46 @@ from mrwork.store.input_file import Allowance
 def netcdf_of(groups: Mapping[str, NamedArrays], *, checksums: bool = False) -> bytes:
     """The content of a file with these groups, each complete with its axes; the name "" stands for the root.
 
-    Arrays over an axis without labels are left out, and so is the axis. Reading compares `checksums`.
+    Arrays over an axis without labels are left out, and so is the axis. Reading compares `checksums`. Dimensions are
+    HDF5 scales, as the netCDF-4 format has them.
     """
-    import h5netcdf
     import h5py
 
     with h5py.File("memory", "w", driver="core", backing_store=False, track_order=True) as file:
-        with h5netcdf.File(file, "w") as netcdf:
-            for name, arrays in groups.items():
-                group = netcdf.create_group(name) if name else netcdf
-                group.attrs["title"] = arrays.title
-                labels = {axis: label for axis, label in arrays.labels.items() if label.values.size}
-                group.dimensions = {axis: label.values.size for axis, label in labels.items()}
-                for axis, label in labels.items():
-                    _write(group, axis, replace(label, axes=(axis,)), checksums=checksums)
-                for array_name, array in arrays.arrays.items():
-                    if labels.keys() >= set(array.axes):
-                        _write(group, array_name, array, checksums=checksums)
+        numbers = count()
+        for name, arrays in groups.items():
+            group = file.create_group(name, track_order=True) if name else file
+            group.attrs["title"] = arrays.title
+            scales: dict[str, Any] = {}
+            for axis, label in arrays.labels.items():
+                if label.values.size:
+                    scales[axis] = _write(group, axis, label, checksums=checksums)
+                    scales[axis].make_scale(axis)
+                    scales[axis].attrs["_Netcdf4Dimid"] = np.int32(next(numbers))
+            for array_name, array in arrays.arrays.items():
+                if scales.keys() >= set(array.axes):
+                    made = _write(group, array_name, array, checksums=checksums)
+                    for number, axis in enumerate(array.axes):
+                        made.dims[number].attach_scale(scales[axis])
         file.flush()
         return bytes(file.id.get_file_image())
 
 
-def _write(group: Any, name: str, array: NamedArray, *, checksums: bool) -> None:
+def _write(group: Any, name: str, array: NamedArray, *, checksums: bool) -> Any:
     import h5py
 
     values: Any = array.values
     if values.dtype.kind in "UO":
-        made = group.create_variable(name, array.axes, dtype=h5py.string_dtype())
-        made[...] = values.astype(object)
+        made = group.create_dataset(
+            name, data=values.astype(object), dtype=h5py.string_dtype(), track_order=True
+        )
     else:
-        missing = np.nan if values.dtype.kind == "f" else None
         block: Any = {"fletcher32": True, "chunks": values.shape} if checksums else {}
-        made = group.create_variable(name, array.axes, data=values, fillvalue=missing, **block)
+        made = group.create_dataset(name, data=values, track_order=True, **block)
+        if values.dtype.kind == "f":
+            made.attrs["_FillValue"] = np.array([np.nan], dtype=values.dtype)
     made.attrs.update(array.attributes)
+    return made
 
 
 def read_netcdf(file: Path | bytes, path: Path) -> dict[str, NamedArrays]:
