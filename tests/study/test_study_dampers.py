@@ -22,7 +22,7 @@ from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import MrworkWarning, RecordError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.study.comparison import compared
-from mrwork.study.dampers import ChosenDamper, chosen_damper
+from mrwork.study.dampers import chosen_damper
 from mrwork.study.reading import parse
 from mrwork.study.schema import DamperTable
 
@@ -39,12 +39,12 @@ def identified(run: Path) -> FittedDamper:
     return FittedDamper(spec=preset.spec, theta=preset.theta, tested=TESTED if run.name == "run" else None)
 
 
-def chosen(text: str) -> ChosenDamper:
+def chosen(text: str) -> mr.Device:
     document, lines = parse(f"storey = 1\n{text}", "study.toml")
     place = Place(origin="study.toml", lines=lines)
     table = read_table(DamperTable, document, place)
     with place.prefix_errors(SettingError):
-        return chosen_damper(table, Path("place"), identified)
+        return chosen_damper(table, Path("place"), identified)[0]
 
 
 @pytest.mark.parametrize(
@@ -55,14 +55,14 @@ def test_a_preset_is_that_of_its_model(model: str, name: str) -> None:
     preset = damper(model).preset(name)
     found = chosen(f'preset = "{name}"')
     assert found.spec == preset.spec
-    assert found.theta.tolist() == list(preset.theta)
+    assert found.draws[0].tolist() == list(preset.theta)
     assert found.largest_command == preset.largest_command
 
 
 def test_a_parameter_of_a_preset_is_changed_and_no_other() -> None:
     preset = damper("modified_bouc_wen").preset("dyke1996")
     found = chosen('preset = "dyke1996"\nparameters = { x0 = 0.0 }\nlargest_command = 1.5')
-    differs = np.flatnonzero(found.theta != np.array(preset.theta))
+    differs = np.flatnonzero(found.draws[0] != np.array(preset.theta))
     assert [preset.spec.names[index] for index in differs] == ["x0"]
     assert found.largest_command == 1.5
 
@@ -75,7 +75,7 @@ def test_a_damper_written_out_is_the_same_as_its_preset() -> None:
         "gamma = 3e6, beta = 3e6, A = 120, n = 2 }"
     )
     assert found.spec == preset.spec
-    assert found.theta.tolist() == list(preset.theta)
+    assert found.draws[0].tolist() == list(preset.theta)
 
 
 def test_a_law_that_is_no_polynomial_is_named() -> None:

@@ -17,7 +17,7 @@ from mrwork.base.numbers import counted
 from mrwork.base.places import keyed, read_each
 from mrwork.base.summary import named
 from mrwork.base.units import CommandUnit, DriverUnit, number_in
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.frames import brace_across
 from mrwork.buildings.from_file import refuse_without_masses
@@ -25,7 +25,7 @@ from mrwork.buildings.matrices import Device
 from mrwork.dampers.command import command_level
 from mrwork.dampers.laws import MOST_DEGREE, CommandLaw, law_of
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
-from mrwork.dampers.tested_range import FittedDamper, OperatingRange
+from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.study.schema import DamperTable
 
@@ -33,68 +33,56 @@ Identified = Callable[[Path], FittedDamper]
 """Reads the damper from the folder of an identified run."""
 
 
-@array_dataclass()
-class ChosenDamper:
-    """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
+def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> tuple[Device, str]:
+    """The dampers of a table, without a row in the building, and where their parameters are from.
 
-    `largest_command` is 1 for a passive damper, which follows no command. `tested` are the ranges of the tests of an
-    identified run, `rated_force` [N] and `rated_stroke` [m] stand in the table or in its published set.
+    The path of a run is relative to `folder`.
     """
-
-    spec: DamperSpec
-    theta: Floats
-    largest_command: float
-    source: str
-    tested: OperatingRange | None = None
-    rated_force: float | None = None
-    rated_stroke: float | None = None
-
-
-def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
-    """The damper of a table; the path of a run is relative to `folder`."""
-    chosen = _known(table, folder, identified)
-    plain, unit = chosen.spec.without_laws, chosen.spec.command_unit or table.unit or "A"
-    laws, values, lag = _parameters(table, plain, chosen)
+    known: Preset | FittedDamper | None = None
+    largest: float | None = None
+    if table.preset is not None:
+        known = _preset(table, table.preset)
+        source, largest = f"{table.preset}, {known.status}: {known.source}", known.largest_command
+    elif table.run is not None:
+        known = fitted_of(table, folder, identified)
+        source, largest = (
+            f"run {table.run}" if isinstance(table.run, str) else "a fit",
+            _largest_tested(known),
+        )
+        source += "" if table.like is None else f", taken as {table.like}: {known.remark}"
+    else:
+        source = "parameters of the study"
+    known_spec = _model(table.model) if known is None else known.spec
+    plain, unit = known_spec.without_laws, known_spec.command_unit or table.unit or "A"
+    laws, values, lag = _parameters(table, known_spec, () if known is None else known.theta)
     if missing := [name for name in plain.names if name not in values]:
         raise SettingError(f"[[damper]] has no {', '.join(missing)} of {plain.name}; add to its parameters")
     spec = plain.with_current_laws(laws, unit=unit, lagged=lag is not None)
-    _refuse_unless_passive(table, spec, chosen.source)
+    _refuse_unless_passive(table, spec, source)
     if table.unit is not None and table.unit != unit and spec.follows_command:
-        sentence = f"the command of this damper ({chosen.source}) is in {unit}; leave unit out"
+        sentence = f"the command of this damper ({source}) is in {unit}; leave unit out"
         raise InvalidSettingError("unit", sentence)
-    largest = _command_given(table, "largest_command", unit) or chosen.largest_command
+    largest = _command_given(table, "largest_command", unit) or largest
     if not largest and spec.follows_command:
         raise SettingError(
             f"[[damper]] has no largest_command; give the largest command of the driver [{unit}]"
         )
-    return replace(
-        chosen,
+    rated = known if isinstance(known, Preset) else table
+    return Device(
+        name="the damper",
         spec=spec,
-        theta=np.array([*chain(*(values[name] for name in plain.names)), *([] if lag is None else [lag])]),
-        largest_command=largest or 1.0,
-        rated_force=table.rated_force or chosen.rated_force,
-        rated_stroke=table.rated_stroke or chosen.rated_stroke,
-    )
+        theta=[*chain(*(values[name] for name in plain.names)), *([] if lag is None else [lag])],
+        row=(),
+        largest_command=largest or 0.0,
+        command=_command_given(table, "command", unit),
+        tested=known.tested if isinstance(known, FittedDamper) else None,
+        rated_force=table.rated_force or rated.rated_force,
+        rated_stroke=table.rated_stroke or rated.rated_stroke,
+    ), source
 
 
-def _known(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
-    """The damper that a table names; a largest command that is not known is 0, a model alone has no parameters."""
-    if table.preset is not None:
-        preset = _preset(table, table.preset)
-        return ChosenDamper(
-            spec=preset.spec,
-            theta=np.array(preset.theta),
-            largest_command=preset.largest_command or 0.0,
-            source=f"{table.preset}, {preset.status}: {preset.source}",
-            rated_force=preset.rated_force,
-            rated_stroke=preset.rated_stroke,
-        )
-    if table.run is None:
-        spec = _model(table.model)
-        return ChosenDamper(
-            spec=spec, theta=np.empty(0), largest_command=0.0, source="parameters of the study"
-        )
-    fitted = fitted_of(table, folder, identified)
+def _largest_tested(fitted: FittedDamper) -> float | None:
+    """The largest tested command of a fit, `None` if unknown; a command that no controller sends is refused."""
     unit = fitted.spec.command_unit
     if fitted.spec.follows_command and unit not in get_args(DriverUnit):
         raise InvalidSettingError(
@@ -103,14 +91,7 @@ def _known(table: DamperTable, folder: Path, identified: Identified) -> ChosenDa
             "voltage; identify it from tests with their current or voltage",
         )
     commands = fitted.tested and fitted.tested.command
-    source = f"run {table.run}" if isinstance(table.run, str) else "a fit"
-    return ChosenDamper(
-        spec=fitted.spec,
-        theta=np.array(fitted.theta),
-        largest_command=command_level(commands[1], unit or "A") if commands else 0.0,
-        source=source if table.like is None else f"{source}, taken as {table.like}: {fitted.remark}",
-        tested=fitted.tested,
-    )
+    return command_level(commands[1], unit or "A") if commands else None
 
 
 def _command_given(table: DamperTable, key: str, unit: CommandUnit) -> float | None:
@@ -180,13 +161,14 @@ def fitted_of(table: DamperTable, folder: Path, identified: Identified) -> Fitte
 
 
 def _parameters(
-    table: DamperTable, plain: DamperSpec, chosen: ChosenDamper
+    table: DamperTable, known: DamperSpec, theta: Sequence[float]
 ) -> tuple[dict[str, CommandLaw], dict[str, tuple[float, ...]], float | None]:
     """Laws of the parameters, their coefficients, and the rate of the lag: as known, with changes that are given."""
-    laws, values, lag = dict(chosen.spec.laws_by_name), dict[str, tuple[float, ...]](), table.lag
-    if chosen.theta.size:
+    laws, values, lag = known.laws_by_name, dict[str, tuple[float, ...]](), table.lag
+    plain = known.without_laws
+    if theta:
         # Coefficients in the order of the parameters, then the rate of the lag.
-        numbers = iter(chosen.theta.tolist())
+        numbers = iter(theta)
         values = {name: tuple(islice(numbers, law.n_coefficients)) for name, law in laws.items()}
         lag = next(numbers, None) if lag is None else lag
     has = f"{plain.name} has no parameter"
@@ -219,7 +201,7 @@ class OtherSet:
     """Another set of laws that predicts nearly as well: fitted dampers by run, and the dampers of the tables."""
 
     fitted: Mapping[Path, FittedDamper]
-    dampers: tuple[ChosenDamper, ...]
+    dampers: tuple[Device, ...]
 
 
 def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> tuple[OtherSet, ...]:
@@ -235,15 +217,15 @@ def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identifi
             if other.spec == wanted.spec
         }
         with suppress(SettingError, KeyError):
-            dampers = tuple(chosen_damper(table, folder, fitted.__getitem__) for table in tables)
+            dampers = tuple(chosen_damper(table, folder, fitted.__getitem__)[0] for table in tables)
             sets.append(OtherSet(fitted=fitted, dampers=dampers))
     return tuple(sets)
 
 
 def equip_building(
-    bare: Building, tables: Sequence[DamperTable], chosen: Sequence[ChosenDamper]
+    bare: Building, tables: Sequence[DamperTable], chosen: Sequence[Device]
 ) -> tuple[Building, tuple[Device, ...]]:
-    """The building with braces, and its devices."""
+    """The building with braces, and the chosen devices in their places."""
 
     def row_of(number: int) -> Floats:
         with keyed("damper", number):
@@ -255,34 +237,27 @@ def equip_building(
         # Braces of other dampers add coordinates, which do not move this one.
         return np.append(row, np.zeros(building.n_coordinates - len(row)))
 
-    storeys = [bare.storey_name(table.storey) for table in tables]
-    names = [table.name or f"damper in {storey}" for table, storey in zip(tables, storeys, strict=True)]
+    names = list[str]()
     for number, table in enumerate(tables):
+        storey = bare.storey_name(table.storey)
+        name = table.name or f"damper in {storey}"
         if (brace := table.brace) is not None:
             with keyed("damper", number, "brace"):
                 building = brace_across(
                     building,
                     whole(rows[number]),
-                    storeys[number],
+                    storey,
                     **named(brace, "stiffness", "damping"),
                     mass=brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names),
-                    name=names[number],
+                    name=name,
                 )
             rows[number] = building.storeys[-1]
-    devices: list[Device] = []
-    for number, (table, one, name) in enumerate(zip(tables, chosen, names, strict=True)):
-        before = 0 if table.name else sum(device.name.startswith(name) for device in devices)
-        with keyed("damper", number):
-            devices.append(
-                Device(
-                    name=f"{name}, number {before + 1}" if before else name,
-                    row=whole(rows[number]),
-                    **named(table, "count", "differential"),
-                    command=_command_given(table, "command", one.spec.command_unit or "A"),
-                    **named(one, "spec", "theta", "largest_command", "tested", "rated_force", "rated_stroke"),
-                )
-            )
-    return building, tuple(devices)
+        before = 0 if table.name else sum(other.startswith(name) for other in names)
+        names.append(f"{name}, number {before + 1}" if before else name)
+    return building, tuple(
+        replace(one, name=name, row=whole(row), **named(table, "count", "differential"))
+        for one, name, row, table in zip(chosen, names, rows, tables, strict=True)
+    )
 
 
 def _row_of(bare: Building, table: DamperTable) -> Floats:

@@ -96,11 +96,11 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
             np.ascontiguousarray(history.numbers[name][:, number])
             for name in ("deformation", "rate", "command")
         )
-        device, forces = study.devices[number], []
-        others = [law_set.dampers[number] for law_set in study.other_sets]
+        forces, device = [], study.devices[number]
+        sets = [device, *(law_set.dampers[number] for law_set in study.other_sets)]
         # Without the sets from the first on that cannot be simulated there.
         with suppress(SimulationError):
-            for spec, theta in ((device.spec, device.draws[0]), *((one.spec, one.theta) for one in others)):
+            for spec, theta in ((one.spec, one.draws[0]) for one in sets):
                 loading = Loading(dt=study.hardware.sample_time, displacement=x, velocity=v)
                 if spec.command_unit is not None:
                     loading = replace(loading, command=sent, command_unit=spec.command_unit)

@@ -37,7 +37,7 @@ from mrwork.motions.targets import SuiteCheck, TargetSpectrum, check_suite
 from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.store.parse import toml_lines
 from mrwork.study.arrangements import arrangements, resolve_settings, settings_of_law
-from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper, equip_building, other_sets
+from mrwork.study.dampers import Identified, chosen_damper, equip_building, other_sets
 from mrwork.study.fragilities import limit_of
 from mrwork.study.motions import Aims, BareMotion, bare_motions, motions_of_study, refuse_same
 from mrwork.study.realisations import realisations_of
@@ -98,7 +98,7 @@ class _Found:
     on_python: Callable[[str], None]
     bare: Building | None = None
     target: TargetSpectrum | None = None
-    dampers: list[ChosenDamper] = field(default_factory=list)
+    dampers: list[tuple[Device, str]] = field(default_factory=list)
     records: list[BareMotion] = field(default_factory=list)
     settings: list[Mapping[str, Any] | None] = field(default_factory=list)
     tunes: list[TuneTable] = field(default_factory=list)
@@ -181,13 +181,13 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
     aims = Aims(first_period=first, target=inputs.target, target_period=period or first)
     with all_mistakes() as part:
         with part():
-            building, devices = equip_building(bare, table.damper, inputs.dampers)
+            building, devices = equip_building(bare, table.damper, [device for device, _ in inputs.dampers])
             refuse_same([device.name for device in devices], "damper", "dampers", "name")
             # Dampers that a law commands come first, whatever their order in the file.
             order = sorted(range(len(devices)), key=lambda number: not devices[number].is_commanded)
             devices = tuple(devices[number] for number in order)
             table = replace(table, damper=tuple(table.damper[number] for number in order))
-            inputs = replace(inputs, dampers=[inputs.dampers[number] for number in order])
+            sources = [inputs.dampers[number][1] for number in order]
         with part():
             motions = motions_of_study(inputs.records, aims)
     with all_mistakes() as part:
@@ -253,7 +253,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         limit=limit,
         hardware=hardware,
         devices=devices,
-        described=_facts(bare, devices, inputs.dampers, hardware),
+        described=_facts(bare, devices, sources, hardware),
         detailed=detailed,
         histories=histories[table.report.histories],
         problem=problem,
@@ -331,20 +331,20 @@ def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy]) -> int
 
 
 def _facts(
-    bare: Building, devices: Sequence[Device], chosen: Sequence[ChosenDamper], hardware: Hardware
+    bare: Building, devices: Sequence[Device], sources: Sequence[str], hardware: Hardware
 ) -> tuple[tuple[str, str], ...]:
     frequencies = ", ".join(f"{frequency:.3g}" for frequency in bare.frequencies[:5])
     source = f"; {bare.source} ({bare.status})" if bare.source else ""
     facts = [("Building", f"{bare.name}, {frequencies} Hz{source}")]
-    for device, damper in zip(devices, chosen, strict=True):
+    for device in devices:
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""
-        fixed = "" if damper.spec.follows_command else ", passive: all its parameters are constant"
+        fixed = "" if device.spec.follows_command else ", passive: all its parameters are constant"
         if device.command is not None:
             fixed = f", held at {of_unit(device.command, device.spec.command_unit or '')}"
         facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
-    facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
-    tested = [damper.tested.in_words if damper.tested else "not known" for damper in chosen]
+    facts += [("Parameters", text) for text in dict.fromkeys(sources)]
+    tested = [device.tested.in_words if device.tested else "not known" for device in devices]
     facts += [("Tested ranges", text) for text in dict.fromkeys(tested)]
     loop = (
         f"a command every {1e3 * hardware.sample_time:g} ms, delay {1e3 * hardware.delay:g} ms, steps of "

@@ -90,7 +90,7 @@ def realisations_of(
         # Equally spread over the chains, in a random order, which is the same for all devices of one run.
         chosen = rows[np.linspace(0, len(rows) - 1, n).round().astype(np.int64)[order]]
         drawn = (replace(damper, run=replace(fit, theta=tuple(row.tolist()))) for row in chosen)
-        theta.append(np.stack([chosen_damper(table, folder, identified).theta for table in drawn]))
+        theta.append(np.concatenate([chosen_damper(table, folder, identified)[0].draws for table in drawn]))
         parts.append(1.0)
     if not any(parts):
         raise InvalidSettingError(
