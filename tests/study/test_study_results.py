@@ -19,7 +19,7 @@ from mrwork.store.run_folder import STUDY_RUN
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study import StudyResults, compared, read_results, tables
 from mrwork.study.comparison import judged_in_words, motion_groups, times_better
-from mrwork.study.folder import study_document, write_study
+from mrwork.study.folder import study_document, study_files
 from mrwork.study.results import largest_step_changes
 from mrwork.study.runs import HALF_STEP, NOMINAL
 from mrwork.study.study import StudyFile
@@ -200,19 +200,9 @@ def test_xarray_has_every_criterion_and_quantity_by_the_labels_of_its_axes() -> 
     assert tree["quantities/peak_force"].sel(row="Isolation").isnull().all()
 
 
-class NoHistories:
-    names = ()
-
-
 def read_back(results: StudyResults, folder: Path) -> StudyResults:
     with RunAtWork(folder / "run", STUDY_RUN) as work:
-        write_study(
-            work,
-            results,
-            study_file=StudyFile(path=folder, content=b""),
-            manifest={},
-            histories=NoHistories(),
-        )
+        work.commit(study_files(results, StudyFile(path=folder, content=b"")), {})
     return read_results(folder / "run")
 
 

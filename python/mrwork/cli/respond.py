@@ -171,7 +171,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
     """The responses of a study, with the histories that it stores."""
     from mrwork.cli.study_text import StudyVerb, design_lines
     from mrwork.study.ensemble import dampers_apart
-    from mrwork.study.folder import design_document, study_document, write_study
+    from mrwork.study.folder import design_document, study_document, study_files
     from mrwork.study.histories import Histories
 
     if options.ensemble and not study.other_sets:
@@ -221,7 +221,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
 
     return StudyVerb(
         compute=compute,
-        write=partial(write_study, histories=histories),
+        files=study_files,
         document=lambda results: study_document(results) | design_document(study) | further,
         text=lambda results, simulated: "\n".join([*design_lines(study), *lines, simulated]),
     )

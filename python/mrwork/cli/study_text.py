@@ -19,13 +19,14 @@ from mrwork.cli.terminal import keep_stdout, note, show
 from mrwork.runs.study import read_study
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
-from mrwork.store.run_folder import REPORT, RunKind
+from mrwork.store.run_folder import JOURNAL, REPORT, RunKind
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study.course import StudyProgress
+from mrwork.study.histories import history_names
 from mrwork.study.named_laws import designed
 from mrwork.study.results import StudyResults
 from mrwork.study.schema import Use
-from mrwork.study.study import Study
+from mrwork.study.study import Study, StudyFile
 from mrwork.study.tables import study_summary
 
 Results = TypeVar("Results", bound=StudyResults)
@@ -36,10 +37,10 @@ _SOON = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyVerb(Generic[Results]):
-    """A verb on a study: computes the results and their folder, JSON object, and text around that of the study."""
+    """A verb on a study: computes the results, their files, JSON object, and text around that of the study."""
 
     compute: Callable[[Journal, ProgressLine], Results]
-    write: Callable[..., None]
+    files: Callable[[Results, StudyFile], dict[str, bytes]]
     document: Callable[[Results], dict[str, Any]]
     text: Callable[[Results, str], str]
 
@@ -89,7 +90,8 @@ def run_on_study(
                 "created": datetime.now(UTC).isoformat(timespec="seconds"),
                 "seconds": time.perf_counter() - began,
             }
-            verb.write(work, results, study_file=study.file, manifest=manifest)
+            histories = history_names(len(results.rows), len(results.motions))
+            work.commit(verb.files(results, study.file), manifest, grown=(JOURNAL, *histories))
             # After Ctrl-C nothing that takes long: the page is drawn when the run is resumed.
             if not interrupted:
                 status = renew_page(folder, quiet=is_quiet(options))

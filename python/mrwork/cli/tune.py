@@ -75,14 +75,14 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
     from mrwork.cli.study_text import StudyVerb, design_lines
     from mrwork.study.folder import design_document
     from mrwork.study.histories import Histories
-    from mrwork.tuning.folder import tuning_document, write_tuning
+    from mrwork.tuning.folder import tuning_document, tuning_files
     from mrwork.tuning.judging import judge, unjudged, with_tuned_rows
     from mrwork.tuning.run import tune
 
-    tables, wider, stored = _tables(study, options), study, Histories(work, study)
+    tables, wider = _tables(study, options), study
 
     def compute(journal: Journal, line: ProgressLine) -> TunedStudy:
-        nonlocal wider, stored
+        nonlocal wider
         try:
             tuned = tune(
                 study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
@@ -109,7 +109,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
 
     return StudyVerb(
         compute=compute,
-        write=lambda *args, **named: write_tuning(*args, **named, histories=stored),
+        files=tuning_files,
         document=lambda results: tuning_document(results) | design_document(wider),
         text=text,
     )

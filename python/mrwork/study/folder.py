@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -20,7 +20,6 @@ from mrwork.store.netcdf import netcdf_of, read_netcdf
 from mrwork.store.run_folder import (
     CRITERIA_TABLE,
     ENSEMBLE,
-    JOURNAL,
     PROFILES_TABLE,
     RESULTS,
     RUNS,
@@ -28,10 +27,8 @@ from mrwork.store.run_folder import (
     STUDY_RUN,
     RunFolder,
 )
-from mrwork.store.run_writer import RunAtWork
 from mrwork.study.comparison import Comparison, compared, findings, judged_in_words, motion_groups
 from mrwork.study.damper_size import worst_by_quantity
-from mrwork.study.histories import Histories
 from mrwork.study.results import (
     DeviceDemand,
     Ensemble,
@@ -148,18 +145,6 @@ def runs_content(results: StudyResults) -> bytes:
         }
         named[name] = replace(runs, labels=labels, arrays=arrays)
     return netcdf_of({**named, _CRITERIA: results.labelled._named_arrays()})
-
-
-def write_study(
-    work: RunAtWork,
-    results: StudyResults,
-    *,
-    study_file: StudyFile,
-    manifest: Mapping[str, object],
-    histories: Histories,
-) -> None:
-    """Commit the folder of a study without its page, in place of an earlier one."""
-    work.commit(study_files(results, study_file), manifest, grown=(JOURNAL, *histories.names))
 
 
 def study_files(results: StudyResults, study_file: StudyFile) -> dict[str, bytes]:

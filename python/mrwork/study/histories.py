@@ -68,12 +68,6 @@ class Histories:
     def __init__(self, work: RunAtWork, study: Study) -> None:
         self._work, self._study = work, study
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Paths in the run folder, also of histories that are not stored."""
-        motions = range(len(self._study.motions))
-        return tuple(_name_of(row, motion) for row in range(len(self._study.rows)) for motion in motions)
-
     def is_stored(self, row: int, motion: int) -> bool:
         """Whether the history of a run is stored and whole; a damaged one will be written again."""
         path = self._work.grown(_name_of(row, motion))
@@ -118,6 +112,11 @@ def _read_history(path: Path) -> RunHistory:
     numbers = {name: array.values.astype(np.float64) for name, array in stored.arrays.items()}
     empty = np.empty((time.size, 0))
     return RunHistory(time=time, numbers={signal.name: empty for signal in _kept_signals()} | numbers)
+
+
+def history_names(n_rows: int, n_motions: int) -> list[str]:
+    """Paths in the run folder of the histories of a study, also of those that are not stored."""
+    return [_name_of(row, motion) for row in range(n_rows) for motion in range(n_motions)]
 
 
 def _name_of(row: int, motion: int) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,35 +14,22 @@ from mrwork.base.table import csv_text
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import CHOSEN, JOURNAL, SCORES_TABLE, TUNED, TUNING_RUN, RunFolder
-from mrwork.store.run_writer import RunAtWork
+from mrwork.store.run_folder import CHOSEN, SCORES_TABLE, TUNED, TUNING_RUN, RunFolder
 from mrwork.study.folder import results_of_folder, study_document, study_files
-from mrwork.study.histories import Histories
 from mrwork.study.study import StudyFile
 from mrwork.tuning.judging import TunedStudy, with_tuning
 from mrwork.tuning.results import TunedLaw, TuningResults
 from mrwork.tuning.space import LARGEST, follows_command
 
 
-def write_tuning(
-    work: RunAtWork,
-    results: TunedStudy,
-    *,
-    study_file: StudyFile,
-    manifest: Mapping[str, object],
-    histories: Histories,
-) -> None:
-    """Commit the folder of a tuning without its page, in place of an earlier one."""
+def tuning_files(results: TunedStudy, study_file: StudyFile) -> dict[str, bytes]:
+    """The files of a tuning by name, but its manifest, journal, histories and page."""
     texts = {
         TUNED: json_document(asdict(results.tuned)),
         SCORES_TABLE: _scores_csv(results),
         CHOSEN: chosen_study(results.tuned, study_file),
     }
-    work.commit(
-        study_files(results, study_file) | {name: text.encode() for name, text in texts.items()},
-        manifest,
-        grown=(JOURNAL, *histories.names),
-    )
+    return study_files(results, study_file) | {name: text.encode() for name, text in texts.items()}
 
 
 @checked
