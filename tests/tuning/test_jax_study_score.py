@@ -18,7 +18,6 @@ from refusals import refusal
 import mrwork as mr
 from mrwork.study import TuneTable
 from mrwork.tuning.run import plan_of
-from mrwork.tuning.score_slopes import slopes_at
 
 LAW = "proportional_direct"
 # The building of two storeys has a gain of one number in a setting, and its designs take no time.
@@ -43,7 +42,7 @@ def test_value_and_gradient_are_those_of_the_loop() -> None:
     names = [each.label for each in plan.space.free if each.name != "largest_command"]
     assert list(score_of().names) == names
     unit = np.append(np.asarray(place()), 0.99)
-    value, expected = slopes_at(plan, unit)
+    value, expected = plan.slopes(unit)
     found = jax.value_and_grad(score_of())(place())
     assert float(found[0]) == pytest.approx(value, rel=1e-12)
     np.testing.assert_allclose(found[1], expected[: len(names)], rtol=1e-9, atol=1e-12)

@@ -42,7 +42,7 @@ def test_gradients_train_a_network_and_are_the_differences_of_the_loop() -> None
     start = np.where(np.array([each.name for each in space.free]) == "largest_command", 0.99, space.start)
     found = follow_gradients(plan, start, 3)
     candidates = [space.candidate(unit) for unit in (start, found.unit)]
-    before, after = plan.bench.scores(plan.objective, LAW, candidates).objective
+    before, after = plan.scores(candidates).objective
     assert after < before
 
 

@@ -18,10 +18,9 @@ from mrwork.control import control_laws
 from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
 from mrwork.tuning import law_tuning
+from mrwork.tuning.law_plan import LawPlan, without_gradient
 from mrwork.tuning.law_tuning import follow_gradients
-from mrwork.tuning.problem import LawPlan
 from mrwork.tuning.run import plan_of
-from mrwork.tuning.score_slopes import slopes_at, values_at, without_gradient
 from mrwork.tuning.space import LARGEST
 
 SMOOTH = [law.name for law in control_laws() if not law.switches]
@@ -48,12 +47,12 @@ def inside(plan: LawPlan) -> np.ndarray[Any, Any]:
 
 
 def score(plan: LawPlan, unit: Any) -> float:
-    return float(values_at(plan, np.atleast_2d(unit))[0])
+    return float(plan.values(np.atleast_2d(unit), exact=True)[0])
 
 
 def agree_with_differences(plan: LawPlan, unit: Any, *, settings: int = 3) -> None:
     """Value to the bit, derivatives in the first settings to 1e-6 of the largest."""
-    value, found = slopes_at(plan, unit)
+    value, found = plan.slopes(unit)
     assert value == score(plan, unit)
     largest = np.abs(found).max()
     assert largest > 0.0
@@ -128,7 +127,7 @@ def test_derivatives_at_the_ends_of_a_range_are_as_good_as_inside() -> None:
     study = tuning_samples.study_with(motions=SHORT, tune="")
     plan = plan_for(study, TuneTable(laws=("proportional_direct",), free={"slope": ()}))
     for end, inward in ((0.0, 1e-6), (1.0, -1e-6)):
-        _, found = slopes_at(plan, np.array([end]))
+        _, found = plan.slopes(np.array([end]))
         difference = (score(plan, [end + inward]) - score(plan, [end])) / inward
         assert found[0] == pytest.approx(difference, rel=1e-4)
 
@@ -141,7 +140,7 @@ def test_threads_and_instruction_sets_change_no_bit(
     first, *others = [
         (value, slopes.tobytes())
         for each in (one, two)
-        for value, slopes in of_instruction_sets(lambda each=each: slopes_at(each, inside(each)))
+        for value, slopes in of_instruction_sets(lambda each=each: each.slopes(inside(each)))
     ]
     assert all(other == first for other in others)
 
@@ -150,7 +149,7 @@ def test_settings_that_make_no_law_have_an_infinite_score_without_derivatives() 
     study = tuning_samples.study_with(motions=SHORT, tune="")
     for weights in ((1e-30, 1e-26), (1e-22, 1e-18)):
         plan = plan_for(study, TuneTable(laws=("active",), free={"control_weight": weights}))
-        value, found = slopes_at(plan, np.array([0.5]))
+        value, found = plan.slopes(np.array([0.5]))
         assert value == math.inf
         assert not found.any()
 
@@ -169,7 +168,7 @@ def test_gradients_lower_the_objective_of_the_loop() -> None:
     plan, start = plan_of(study, table, 1), np.array([0.4, 0.99])
     found = follow_gradients(plan, start, 3)
     candidates = [plan.space.candidate(start), plan.space.candidate(found.unit)]
-    before, after = plan.bench.scores(plan.objective, LAW, candidates).objective
+    before, after = plan.scores(candidates).objective
     assert after < before
     assert found.unit[1] == start[1]
 
@@ -197,7 +196,7 @@ def test_gradients_that_are_interrupted_keep_what_the_search_found(monkeypatch: 
     followed = []
 
     def interrupted(plan: LawPlan, *_: object) -> None:
-        followed.append(len(plan.bench.realisations))
+        followed.append(plan.bench.n_realisations)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(law_tuning, "follow_gradients", interrupted)

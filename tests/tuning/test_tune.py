@@ -19,7 +19,7 @@ from mrwork.study.results import bands_over
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.folder import chosen_study, tuning_document
 from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, unjudged, with_tuned_rows
-from mrwork.tuning.problem import Bench
+from mrwork.tuning.law_plan import Bench
 from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.space import LawCandidate
 
@@ -230,7 +230,7 @@ def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command() -> Non
 def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_of_single_ones(
     study: mr.Study, law: str
 ) -> None:
-    bench = Bench.of(study, threads=1)
+    bench = Bench(study=study, threads=1)
     settings = {"drifts": 1.0, "control_weight": 1e-13} if law == "clipped_optimal" else {}
     candidates = [LawCandidate({**settings, "largest_command": largest}) for largest in (0.3, 1.0, 1.88)]
     together, alone = bench.run(law, candidates), [bench.run(law, [each]) for each in candidates]

@@ -13,9 +13,10 @@ import mrwork as mr
 from mrwork.study import TuneTable
 from mrwork.tuning import tune
 from mrwork.tuning.folder import chosen_study
-from mrwork.tuning.problem import Bench, magnitudes_of
+from mrwork.tuning.law_plan import Bench
 from mrwork.tuning.results import settings_in_words
-from mrwork.tuning.space import LawCandidate, space_of
+from mrwork.tuning.run import plan_of
+from mrwork.tuning.space import LawCandidate
 
 TUNE = """
 [[tune]]
@@ -53,7 +54,7 @@ def test_a_candidate_states_its_dead_zone_and_slope(tmp_path: Path) -> None:
 
 
 def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> None:
-    bench = Bench.of(tuning_samples.small_study(), threads=1)
+    bench = Bench(study=tuning_samples.small_study(), threads=1)
     shapes = [(0.0, np.inf), (0.002, np.inf), (0.01, 40.0), (0.0, 40.0), (0.05, np.inf)]
     for name, settings in (
         ("clipped_optimal", {"drifts": 1.0, "control_weight": 1e-12}),
@@ -75,17 +76,15 @@ def test_candidates_of_different_shapes_are_simulated_together_as_alone() -> Non
 
 def test_they_are_searched_only_where_asked() -> None:
     study = tuning_samples.small_study()
-    bench = Bench.of(study, threads=1)
-    magnitudes = magnitudes_of(bench)
 
     def names(table: TuneTable) -> list[str]:
-        return [each.name for each in space_of(table, table.laws[0], magnitudes).free]
+        return [each.name for each in plan_of(study, table, 1).space.free]
 
     plain = TuneTable(laws=("clipped_optimal",))
     assert not {"dead_zone", "command_slope"} & {*names(plain)}
     asked = TuneTable(laws=("mixed_skyhook",), free={"crossover": (), "dead_zone": (), "command_slope": ()})
     assert names(asked) == ["crossover", "dead_zone", "command_slope"]
-    space = space_of(asked, "mixed_skyhook", magnitudes)
+    space = plan_of(study, asked, 1).space
     # A law that is sent as it is begins where its command is shaped least.
     candidate = space.candidate(space.start)
     unshaped = LawCandidate({**candidate.of_law, "largest_command": space.largest_command})

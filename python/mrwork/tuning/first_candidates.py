@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mrwork.base.numbers import round_to
-from mrwork.base.summary import Summarised
+from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.evaluation import SCORE, searched
 from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
-from mrwork.control.laws.law_problem import Magnitudes
+from mrwork.control.laws.law_problem import DesignProblem, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, plain_weight
 from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import SettingError
 from mrwork.study.constant import LEVELS, BestConstant, ConstantSearch
-from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON, TuneTable
+from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import Kind
-from mrwork.tuning.problem import Bench, constant_candidate
+from mrwork.tuning.law_plan import Bench, LawPlan
 from mrwork.tuning.results import TunedLaw
 from mrwork.tuning.space import (
     BUDGET_SCALE,
@@ -32,7 +32,6 @@ from mrwork.tuning.space import (
     SettingSpace,
     TuningObjective,
     is_semi_active,
-    space_of,
 )
 
 _STEPS = 12
@@ -45,27 +44,17 @@ SEMI_ACTIVE = "semi-active weights"
 _SHARE = 0.1
 _SCALES = (0.2, 0.4, 0.8, 1.6, 3.2)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Basis(Summarised):
-    """Inputs of the first candidates: nominal bench, magnitudes of the response, and convex weights.
-
-    `limits` are those on rms responses by name, of drifts, and of drifts and accelerations.
-    """
-
-    bench: Bench
-    magnitudes: Magnitudes
-    limits: tuple[Mapping[str, float], ...]
-    convex: tuple[Mapping[str, Any], ...]
+Shape = tuple[Mapping[str, Any], str]
+"""Weights by name, and where they are from."""
 
 
-def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
-    """The basis of the first candidates of a study.
+def regulator_shapes(problem: DesignProblem, magnitudes: Magnitudes) -> list[Shape]:
+    """Shapes of the weights of a regulator: of dashpots, convex and semi-active ones, and published ones.
 
     Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under the
     stationary ground of the training motions, with the damper's force as budget; a peak counts as three times the rms.
     """
-    convex, problem = list[Mapping[str, Any]](), bench.study.problem
+    convex, semi_active = list[Shape](), list[Shape]()
     drift = {"rms_drift": round_to(magnitudes.drift / PEAK_FACTOR)}
     limits = (drift, {**drift, "rms_acceleration": round_to(magnitudes.acceleration / PEAK_FACTOR)})
     # A building with an undamped mode has no such weights, motions that are too short no ground.
@@ -78,8 +67,17 @@ def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
                 budget=magnitudes.force / PEAK_FACTOR,
                 spectrum=ground_of(problem).spectrum,
             )
-            convex.append({name: _round_all(value) for name, value in designed.settings().items()})
-    return Basis(bench=bench, magnitudes=magnitudes, limits=limits, convex=tuple(convex))
+            weights = {name: _round_all(value) for name, value in designed.settings().items()}
+            convex.append((weights, CONVEX))
+    # Where the weights of limits exist, their semi-active form does, too.
+    for limit in limits if convex else ():
+        semi_active.append(({"designed": {**limit, "semi_active": _SHARE}}, SEMI_ACTIVE))
+    published = [
+        ({"accelerations": entry.weights, _WEIGHT: entry.control_weight}, f"published weights {entry.name}")
+        for entry in PUBLISHED_REGULATORS
+        if entry.n_floors == len(problem.building.floor_names)
+    ]
+    return [({"rates": 1.0}, DASHPOTS), *convex, *semi_active, *published]
 
 
 def _round_all(value: Any) -> Any:
@@ -87,7 +85,9 @@ def _round_all(value: Any) -> Any:
     return tuple(_round_all(entry) for entry in value) if isinstance(value, tuple) else round_to(float(value))
 
 
-def first_candidates(space: SettingSpace, basis: Basis) -> tuple[LawCandidate, ...]:
+def first_candidates(
+    space: SettingSpace, of_regulators: Sequence[Shape], magnitudes: Magnitudes
+) -> tuple[LawCandidate, ...]:
     """Candidates of a law that are tried before the search, at the largest command of the dampers.
 
     Weights are only given to laws of whose weights the table states nothing. The size of R is scanned for each shape of
@@ -102,35 +102,19 @@ def first_candidates(space: SettingSpace, basis: Basis) -> tuple[LawCandidate, .
     at_most = {LARGEST: space.largest_command}
     if not kind.weight_names():
         return (LawCandidate({**middle, **at_most}, "middle of the ranges"),)
+    weights = kind.weights_among(space.held)
+    others = {name: value for name, value in space.held.items() if name not in weights}
+    # The first weights are those that the table holds.
+    shapes = [(space.held, EQUAL if weights == kind.weighed_by_default else "weights of the study")]
+    if space.any_weights:
+        further = of_regulators if kind.is_regulator else ()
+        shapes += [({**others, **shape}, name) for shape, name in (({}, "energy of the building"), *further)]
     scanned = next((setting for setting in space.free if setting.name == _WEIGHT), None)
     return distinct(
         LawCandidate({**shape, **middle, **R, **at_most}, origin)
-        for shape, origin in _shapes(space, basis)
-        for R in _sizes(scanned, shape, space, basis.magnitudes)
+        for shape, origin in shapes
+        for R in _sizes(scanned, shape, space, magnitudes)
     )
-
-
-def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any], str]]:
-    """Weights by name, and where they are from; the first are those that the table holds."""
-    kind = SETTINGS[space.law]
-    weights = kind.weights_among(space.held)
-    others = {name: value for name, value in space.held.items() if name not in weights}
-    yield dict(space.held), EQUAL if weights == kind.weighed_by_default else "weights of the study"
-    if not space.any_weights:
-        return
-    yield others, "energy of the building"
-    if not kind.is_regulator:
-        return
-    yield {**others, "rates": 1.0}, DASHPOTS
-    for convex in basis.convex:
-        yield {**others, **convex}, CONVEX
-    # Where the weights of limits exist, their semi-active form does, too.
-    for limits in basis.limits if basis.convex else ():
-        yield {**others, "designed": {**limits, "semi_active": _SHARE}}, SEMI_ACTIVE
-    for published in PUBLISHED_REGULATORS:
-        if published.n_floors == len(basis.bench.study.building.floor_names):
-            weights = {"accelerations": published.weights, _WEIGHT: published.control_weight}
-            yield {**others, **weights}, f"published weights {published.name}"
 
 
 def _sizes(
@@ -165,62 +149,60 @@ def constant_commands(bench: Bench) -> tuple[TunedLaw, ...]:
         threads=bench.threads,
     )
     found = bench.call.step("constant commands", BestConstant, lambda: search.scan()[0])
-    scores = searched(np.array(found.scores))
-    best = f"best of {LEVELS} on the training motions"
-    rows: tuple[tuple[str, Kind, int, str], ...] = (
-        (PASSIVE_OFF, "passive_off", 0, "no command"),
-        (OPTIMAL_PASSIVE, "best_passive", int(np.argmin(scores)), best),
-        (PASSIVE_ON, "passive", LEVELS - 1, "largest command"),
-    )
-    shares = np.linspace(0.0, 1.0, LEVELS).tolist()
-    candidates = [constant_candidate(study.problem.devices, shares[level]) for _, _, level, _ in rows]
-    return tuple(
-        TunedLaw(
+    scores, devices = searched(np.array(found.scores)), study.problem.devices
+    alike = len({(device.largest_command, device.spec.command_unit) for device in devices}) == 1
+
+    def reference(label: str, kind: Kind, level: int, origin: str, count: int = 1) -> TunedLaw:
+        share = float(np.linspace(0.0, 1.0, LEVELS)[level])
+        commands = tuple(round_to(share * device.largest_command) for device in devices)
+        settings = {"command": commands[0] if alike else commands, LARGEST: largest_command(devices)}
+        return TunedLaw(
             law="passive",
             label=label,
             kind=kind,
-            settings=dict(candidate.settings),
+            settings=settings,
             origin=origin,
             objective=TuningObjective(weights=dict.fromkeys(SCORE, 1.0)),
             least=float(scores[level]),
-            candidates=LEVELS if kind == "best_passive" else 1,
+            candidates=count,
             seconds=time.perf_counter() - began,
-            certificate=bench.certificate("passive", candidate),
+            certificate=bench.certificate("passive", LawCandidate(settings)),
         )
-        for (label, kind, level, origin), candidate in zip(rows, candidates, strict=True)
+
+    best = f"best of {LEVELS} on the training motions"
+    return (
+        reference(PASSIVE_OFF, "passive_off", 0, "no command"),
+        reference(OPTIMAL_PASSIVE, "best_passive", int(np.argmin(scores)), best, LEVELS),
+        reference(PASSIVE_ON, "passive", LEVELS - 1, "largest command"),
     )
 
 
-def weights_of_regulators(basis: Basis, objective: TuningObjective) -> Iterator[TunedLaw]:
+def weights_of_regulators(plan: LawPlan) -> Iterator[TunedLaw]:
     """References with weights that no search has touched: of each shape the best R, or the best budget.
 
-    They are compared to i = 0, also where laws are compared to the best constant command, and without realisations.
+    They are of a plan whose objective is over i = 0, without realisations.
     """
-    objective, law, bench = replace(objective, relative_to="passive_off"), "clipped_optimal", basis.bench
-    taken = {row.label for row in bench.study.rows if row.kind == "controller"}
-    shapes: dict[str, list[LawCandidate]] = {}
-    for candidate in first_candidates(space_of(TuneTable(laws=(law,)), law, basis.magnitudes), basis):
-        shapes.setdefault(candidate.origin, []).append(candidate)
+    taken = {row.label for row in plan.bench.study.rows if row.kind == "controller"}
     of_R, of_budget = ("R scanned", "sizes of R"), ("budget scanned", "limits and budgets")
     for origin in (EQUAL, CONVEX, DASHPOTS, SEMI_ACTIVE):
-        if origin not in shapes:
+        candidates = [candidate for candidate in plan.firsts if candidate.origin == origin]
+        if not candidates:
             continue
-        candidates, began = shapes[origin], time.perf_counter()
         scanned, choices = of_budget if origin == SEMI_ACTIVE else of_R
-        label = f"{origin[:1].upper()}{origin[1:]}, {scanned}"
-        scores = bench.scores(objective, law, candidates, "reference")
+        label, began = f"{origin[:1].upper()}{origin[1:]}, {scanned}", time.perf_counter()
+        scores = plan.scores(candidates, "reference")
         best = candidates[scores.best]
         yield TunedLaw(
-            law=law,
+            law=plan.law,
             label=f"{label}, reference" if label in taken else label,
             settings=dict(best.settings),
             origin=f"{origin}, best of {len(candidates)} {choices} on the training motions",
-            objective=objective,
+            objective=plan.objective,
             least=float(scores.objective[scores.best]),
             violation=float(scores.violation[scores.best]),
             candidates=len(candidates),
             seconds=time.perf_counter() - began,
-            certificate=bench.certificate(law, best),
+            certificate=plan.bench.certificate(plan.law, best),
         )
 
 

@@ -21,8 +21,8 @@ from mrwork.study.results import StudyResults
 from mrwork.study.run import run_study
 from mrwork.study.schema import Use
 from mrwork.study.study import Arrangement, Row, Study
+from mrwork.tuning.law_plan import check_controllable
 from mrwork.tuning.placing import placed_study
-from mrwork.tuning.problem import check_controllable
 from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults
 from mrwork.tuning.space import LawCandidate, TuningObjective
 from mrwork.workers.engine import Workers, on_executor

@@ -1,81 +1,105 @@
-"""Benches of a tuning: simulate candidates in batches, and return their criteria, scores and certificates."""
+"""A law that is tuned: the bench that simulates its candidates in batches, their scores, and derivatives of these.
+
+Derivatives of the loop in the gains are exact, by dual numbers; derivatives of the gains in the settings are
+differences of designs. The score is composed by the code that composes it anywhere else, from results of runs that are
+moved along their derivatives.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from mrwork.base.numbers import round_to
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
-from mrwork.buildings.groups import largest_command
-from mrwork.buildings.matrices import Device
-from mrwork.control.laws.control_law import ControlLaw, control_law
+from mrwork.closed_loop.evaluation import criterion
+from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
 from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.long_call import LongCall
-from mrwork.study.loop_runs import simulate_criteria
+from mrwork.study.loop_runs import REACH, simulate_criteria
 from mrwork.study.named_laws import magnitudes_of_runs
-from mrwork.study.realisations import Realisations, nominal
+from mrwork.study.realisations import Realisations
 from mrwork.study.runs import Runs, candidate_axes, study_criteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
-from mrwork.tuning.space import LARGEST, LawCandidate, Scores, SettingSpace, TuningObjective
+from mrwork.tuning.space import (
+    LARGEST,
+    SHAPING_SPANS,
+    FreeSetting,
+    LawCandidate,
+    Scores,
+    SettingSpace,
+    TuningObjective,
+)
+
+# Step of the differences of designs, of a value or of a place in its range: far above rounding, and short, because
+# designs have kinks where another limit binds.
+_STEP = 2e-4
+_NODES = np.arange(-2.0, 3.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Bench(Summarised):
-    """Realisations of a study under which candidates are simulated on its training motions, and baselines under them.
+    """Realisations of a study, or the nominal one, under which candidates are simulated on its training motions.
 
-    `baselines` are the criteria at i = 0 and under the best constant command.
+    `baselines` are the criteria under constant commands with them, by the kind of their row.
     """
 
     study: Study
-    realisations: Realisations
-    call: LongCall[Any, Any]
-    threads: int
-    baselines: Mapping[str, Runs]
+    realisations: Realisations | None = None
+    call: LongCall[Any, Any] = field(default_factory=LongCall)
+    threads: int = 0
+    baselines: Mapping[str, Runs] = field(default_factory=dict)
 
-    @staticmethod
-    def of(study: Study, call: LongCall[Any, Any] | None = None, threads: int = 0) -> Bench:
-        """The bench of the nominal study, without baselines."""
-        return Bench(
-            study=study,
-            realisations=nominal(study.devices),
-            call=LongCall() if call is None else call,
-            threads=threads,
-            baselines={},
-        )
+    @property
+    def n_realisations(self) -> int:
+        """Number of realisations, 1 of the nominal study."""
+        return 1 if self.realisations is None else len(self.realisations)
 
     def with_baselines(self, constants: Mapping[str, LawCandidate]) -> Bench:
-        """The bench with the criteria under constant commands as baselines."""
-        runs = self.recalled("baselines", "passive", [*constants.values()])
+        """The bench with the criteria under constant commands as baselines, from the journal if it has them."""
+        candidates = [*constants.values()]
+        inputs = digest_of(candidates, self.n_realisations)
+        runs = self._empty(len(candidates)).recalled(
+            self.call.journal, "baselines", inputs, lambda _: self.run("passive", candidates)
+        )
         return replace(self, baselines={name: runs.of_row(row) for row, name in enumerate(constants)})
 
     def run(self, law: str, candidates: Sequence[LawCandidate]) -> Runs:
-        """Criteria of candidates, none for those that make no law."""
-        runs = self._empty(len(candidates))
-        for members, together in self._batches(law, candidates):
-            problem = self.study.problem
-            if not together:
-                problem = problem.limited_to(candidates[members[0]].largest_command)
+        """Criteria of candidates, none for those that make no law.
+
+        Candidates whose largest commands differ are simulated together where the law sends a share of it. A single
+        candidate is simulated as in a study, to the bit.
+        """
+        runs, hardware = self._empty(len(candidates)), self.study.hardware
+        slopes = (hardware.command_rate, *(candidate.shape[1] for candidate in candidates))
+        sound = not any(fault.channel == "command" for fault in hardware.faults)
+        alike = control_law(law).sends_share and sound and all(map(math.isinf, slopes))
+        together = alike and len(candidates) > 1
+        levels = [candidate.largest_command for candidate in candidates]
+        for level in [math.inf] if together else dict.fromkeys(levels):
+            members = [n for n, largest in enumerate(levels) if together or largest == level]
+            problem = self.study.problem if together else self.study.problem.limited_to(level)
             designed = design_candidates(
                 law, problem, [settings_of(law, candidates[n].of_law) for n in members]
             )
             if designed.law is None:
                 continue
             places = [members[index] for index in designed.designed]
-            commands = np.array([candidates[n].largest_command for n in places]) if together else None
             shapes = np.array([candidates[n].shape for n in places])
             shaped = np.any(shapes != LawCandidate({}).shape)
             batch = self.simulate(
-                problem, designed.law, largest_commands=commands, shaping=shapes if shaped else None
+                problem,
+                designed.law,
+                largest_commands=np.array(levels)[places] if together else None,
+                shaping=shapes if shaped else None,
             )
             # A law without gains has one candidate, whatever the number of its settings.
             runs.outcome[places] = batch.outcome
@@ -104,42 +128,9 @@ class Bench(Summarised):
             changes=changes,
         )
 
-    def recalled(self, step: str, law: str, candidates: Sequence[LawCandidate]) -> Runs:
-        """The criteria of candidates, from the journal if it has them."""
-        inputs = digest_of(law, candidates, len(self.realisations))
-        empty = self._empty(len(candidates))
-        return empty.recalled(self.call.journal, step, inputs, lambda _: self.run(law, candidates))
-
     def _empty(self, n_candidates: int) -> Runs:
-        axes = candidate_axes(n_candidates, self.study.chosen_on, len(self.realisations))
+        axes = candidate_axes(n_candidates, self.study.chosen_on, self.n_realisations)
         return Runs.empty(axes, study_criteria(self.study.command_unit))
-
-    def scores(
-        self, objective: TuningObjective, law: str, candidates: Sequence[LawCandidate], step: str = ""
-    ) -> Scores:
-        """The scores of candidates; of a `step`, from the journal if it has them."""
-
-        def compute() -> Scores:
-            return objective.scores(self.run(law, candidates), self.baselines)
-
-        return self.call.step(step, Scores, compute, law, candidates) if step else compute()
-
-    def _batches(self, law: str, candidates: Sequence[LawCandidate]) -> list[tuple[list[int], bool]]:
-        """Indices of candidates that are simulated together, and whether their largest commands may differ.
-
-        A single candidate is simulated as in a study, to the bit.
-        """
-        hardware = self.study.hardware
-        sound = not any(fault.channel == "command" for fault in hardware.faults)
-        slopes = (hardware.command_rate, *(candidate.shape[1] for candidate in candidates))
-        alike = control_law(law).sends_share and sound and all(map(math.isinf, slopes))
-        if alike and len(candidates) > 1:
-            return [(list(range(len(candidates))), True)]
-        levels = dict.fromkeys(candidate.largest_command for candidate in candidates)
-        return [
-            ([n for n, candidate in enumerate(candidates) if candidate.largest_command == level], False)
-            for level in levels
-        ]
 
     def certificate(self, law: str, candidate: LawCandidate) -> str:
         """Stability certificate of a law with these settings, in words."""
@@ -153,18 +144,126 @@ class Bench(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawPlan:
-    """A law to be tuned: its table, the space of its settings, and the bench and objective that score them."""
+    """A law to be tuned: its table, the space of its settings, and the bench and objective that score them.
+
+    `firsts` are the candidates that are tried before a search.
+    """
 
     table: TuneTable
     label: str
     space: SettingSpace
     objective: TuningObjective
     bench: Bench
+    firsts: tuple[LawCandidate, ...]
 
     @property
     def law(self) -> str:
         """Name of the law."""
         return self.space.law
+
+    @property
+    def moved(self) -> list[int]:
+        """Indices of the free settings in which the score has derivatives: all but the largest command."""
+        return [index for index, setting in enumerate(self.space.free) if setting.name != LARGEST]
+
+    def scores(self, candidates: Sequence[LawCandidate], step: str = "") -> Scores:
+        """The scores of candidates; of a `step`, from the journal if it has them."""
+
+        def compute() -> Scores:
+            return self.objective.scores(self.bench.run(self.law, candidates), self.bench.baselines)
+
+        return self.bench.call.step(step, Scores, compute, self.law, candidates) if step else compute()
+
+    def values(self, units: Floats, *, exact: bool = False) -> Floats:
+        """Penalised objectives at points of the unit cube, (n, n_free); infinite where a point makes no law."""
+        return self.scores([self.space.candidate(unit, exact=exact) for unit in units]).penalised_scores
+
+    def slopes(self, unit: Floats) -> tuple[float, Floats]:
+        """Penalised objective at a point of the unit cube, shape (n_free,), and its derivatives there.
+
+        Where the settings make no law, or a run has no end, it is infinite, with derivatives of zero. A derivative is
+        not a number where settings next to it make no law.
+        """
+        slopes = np.zeros(len(unit))
+        try:
+            problem, law, rows, _ = self._move(unit)
+        except SettingError:
+            return math.inf, slopes
+        runs = self.bench.simulate(problem, law, changes=rows)
+        values = self.objective.scores(runs, self.bench.baselines).penalised_scores
+        if not math.isfinite(values[0]):
+            return math.inf, slopes
+        with np.errstate(invalid="ignore"):
+            slopes[self.moved] = (values[1::2] - values[2::2]) / (2.0 * REACH)
+        return float(values[0]), slopes
+
+    def check_slopes(self) -> None:
+        """Refuse settings that act on more than gains, or make no law, at the point where a search begins."""
+        *_, refusals = self._move(self.space.start)
+        for label, refusal in refusals.items():
+            raise SettingError(f"{self.law} has no gradient in {label}: {refusal}; hold that setting")
+
+    def _move(self, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats, dict[str, str]]:
+        """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
+        space, name = self.space, self.law
+        largest = space.candidate(unit, exact=True).largest_command
+        problem = self.bench.study.problem.limited_to(largest)
+        points, weights = [unit], []
+        for index in self.moved:
+            nodes, node_weights = _differences(space.free[index], float(unit[index]))
+            weights.append(node_weights)
+            points += [np.where(np.arange(len(unit)) == index, node, unit) for node in nodes]
+        settings = [settings_of(name, space.candidate(point, exact=True).of_law) for point in points]
+        designed = design_candidates(name, problem, settings)
+        if 0 in designed.refusals:
+            raise SettingError(f"{name} has no score here: {designed.refusals[0]}; choose other settings")
+        assert designed.law is not None
+        rows = designed.law.gain_rows(len(problem.devices), 2 * problem.building.n_coordinates)
+        # A law without gains has one row.
+        gains = np.full((len(points), rows.shape[1]), np.nan)
+        gains[list(designed.designed)] = rows
+        around = gains[1:].reshape(len(weights), len(_NODES), -1)
+        labels = [space.free[index].label for index in self.moved]
+        law = replace(
+            designed.law, gains={gain: np.asarray(values)[:1] for gain, values in designed.law.gains.items()}
+        )
+        changes = np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around)
+        refusals = {
+            labels[(number - 1) // len(_NODES)]: refusal for number, refusal in designed.refusals.items()
+        }
+        return problem, law, changes, refusals
+
+
+def _differences(setting: FreeSetting, share: float) -> tuple[Floats, Floats]:
+    """Five shares of the range of a setting around one, and the weights of the derivative there."""
+    step = _STEP / max(1.0, math.log(setting.upper / setting.lower)) if setting.scale == "log" else _STEP
+    shares = min(max(share, 2.0 * step), 1.0 - 2.0 * step) + step * _NODES
+    powers = np.vander((shares - share) / step, increasing=True)
+    return shares, np.linalg.solve(powers.T, np.eye(len(_NODES))[1]) / step
+
+
+def without_gradient(study: Study, table: TuneTable) -> str:
+    """Why the scores of a table have no gradients; empty if they have."""
+    jumping = next((law for law in table.laws if control_law(law).switches), "")
+    shaped = next((name for name in SHAPING_SPANS if name in (table.free or {})), "")
+    counted = next((name for name in table.constraints or {} if criterion(name).counted), "")
+    smooth = ", ".join(law.name for law in control_laws() if not law.switches)
+    for excluded, sentence in (
+        (jumping, f"{jumping} switches, so its score jumps and has no gradient; {smooth} have one"),
+        (shaped, f"a command with a free {shaped} has no gradient; leave it out of free"),
+        (counted, f"{counted} is a count, which has no gradient; limit command_travel instead"),
+        (
+            any(resolution for _, resolution in study.hardware.sensors),
+            "sensors of a resolution round what they read, which has no gradient; leave the resolution out",
+        ),
+        (
+            any(device.spec.own is not None for device in study.devices),
+            "dampers of the core have gradients, and these are your own; tune without gradients",
+        ),
+    ):
+        if excluded:
+            return sentence
+    return ""
 
 
 def check_controllable(study: Study) -> None:
@@ -176,25 +275,19 @@ def check_controllable(study: Study) -> None:
 
 
 def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
-    """Typical peaks of the response, medians over the motions, from i = 0 and the largest command.
+    """Typical peaks of the response, medians over the motions, from the baselines of the nominal bench.
 
     Those under the best constant command are found where one of the `laws` chooses among commands.
     """
-    study = bench.study
-    off, on = (
-        bench.run("passive", [constant_candidate(study.problem.devices, share)]) for share in (0.0, 1.0)
-    )
-    constant = None
+    study, constant = bench.study, None
     if study.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
         # Of the frame of the default model.
         constant = study.problem.reference_peaks(True)
     return magnitudes_of_runs(
-        study.building, study.chosen_on, off, on, devices=study.devices, constant=constant
+        study.building,
+        study.chosen_on,
+        bench.baselines["passive_off"],
+        bench.baselines["passive"],
+        devices=study.devices,
+        constant=constant,
     )
-
-
-def constant_candidate(devices: Sequence[Device], share: float) -> LawCandidate:
-    """The passive law with a share of the largest command of each device."""
-    commands = tuple(round_to(share * device.largest_command) for device in devices)
-    alike = len({(device.largest_command, device.spec.command_unit) for device in devices}) == 1
-    return LawCandidate({"command": commands[0] if alike else commands, LARGEST: largest_command(devices)})

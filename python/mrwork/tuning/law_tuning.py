@@ -22,11 +22,9 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search import SearchResult, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
 from mrwork.search.rules import EliteRule, StopRules
-from mrwork.study.runs import Runs
-from mrwork.tuning.first_candidates import Basis, distinct, first_candidates
-from mrwork.tuning.problem import LawPlan
+from mrwork.tuning.first_candidates import distinct
+from mrwork.tuning.law_plan import LawPlan
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
-from mrwork.tuning.score_slopes import check_slopes, slopes_at
 from mrwork.tuning.space import LawCandidate, Scores
 
 # A search ends where its least objective has not fallen by the tolerance within this number of generations.
@@ -84,7 +82,7 @@ def follow_gradients(plan: LawPlan, start: Floats, steps: int) -> Finish:
     from scipy.optimize import minimize
 
     minimum = minimize(
-        partial(slopes_at, plan),
+        plan.slopes,
         start,
         jac=True,
         method="L-BFGS-B",
@@ -106,14 +104,14 @@ def check_settings(plan: LawPlan) -> None:
         # The middle of the ranges may have no gain where other places of them do.
         return
     if plan.table.gradient_steps:
-        check_slopes(plan)
+        plan.check_slopes()
 
 
-def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedLaw, int], None]) -> TunedLaw:
+def tune_law(plan: LawPlan, *, rng: int, advance: Callable[[TunedLaw, int], None]) -> TunedLaw:
     """Tune a law; `advance` takes it as it is so far, and the candidates that there may be."""
     began = time.perf_counter()
     table, space, bench = plan.table, plan.space, plan.bench
-    firsts = first_candidates(space, basis)
+    firsts = plan.firsts
     if not space.continuous:
         firsts = tuple(replace(entry, origin="all levels") for entry in space.every())
     count = len(firsts)
@@ -142,7 +140,7 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
         candidate = space.candidate(so_far.best_unit)
         after(count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
 
-    scores = bench.scores(plan.objective, plan.law, firsts, "first candidates")
+    scores = plan.scores(firsts, "first candidates")
     best, refused = firsts[scores.best], int(np.isinf(scores.objective).sum())
     after(count, float(scores.penalised_scores[scores.best]), best, best.origin)
     if space.continuous:
@@ -154,10 +152,10 @@ def tune_law(plan: LawPlan, basis: Basis, *, rng: int, advance: Callable[[TunedL
             follow = partial(follow_gradients, plan, start, table.gradient_steps)
             end = bench.call.step("gradients", Finish, follow, tuned.settings)
             last = space.candidate(end.unit)
-            scores = bench.scores(plan.objective, plan.law, [last], "finish")
+            scores = plan.scores([last], "finish")
             origin = f"search, then {end.gradients} gradients"
             after(tuned.candidates + 1, float(scores.penalised_scores[0]), last, origin)
-    scores = bench.scores(plan.objective, plan.law, [tuned.candidate], "chosen")
+    scores = plan.scores([tuned.candidate], "chosen")
     return replace(
         tuned,
         least=float(scores.objective[0]),
@@ -177,11 +175,6 @@ def _search(
 ) -> SearchResult:
     """Search the free settings, with the best first candidates in the first generation, or from the best of them."""
     table, space = plan.table, plan.space
-
-    def misfit(units: Floats) -> Floats:
-        candidates = [space.candidate(unit) for unit in units]
-        return plan.bench.scores(plan.objective, plan.law, candidates).penalised_scores
-
     order = np.argsort(scores.penalised_scores, kind="stable")
     starts = [unit for index in order if (unit := space.unit(firsts[int(index)])) is not None]
     n_params, seed, chosen = len(space.free), rng + table.seed, ALL_OPTIMISERS[table.search]
@@ -208,7 +201,7 @@ def _search(
         state = replace(state, population=population)
     return run_search(
         optimiser,
-        misfit,
+        plan.values,
         rng=seed,
         n_params=n_params,
         state=state,
@@ -217,21 +210,23 @@ def _search(
     )
 
 
-def front_of(plan: LawPlan, basis: Basis, *, rng: int, report: Callable[[int, int], None]) -> Front:
+def front_of(plan: LawPlan, *, rng: int, report: Callable[[int, int], None]) -> Front:
     """Search the front of a law on the training motions; `report` takes the candidates so far, and most of them."""
     table, space, bench = plan.table, plan.space, plan.bench
     parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
 
-    def scores(runs: Runs) -> list[Scores]:
+    def scores(candidates: Sequence[LawCandidate]) -> list[Scores]:
+        runs = bench.run(plan.law, candidates)
         return [part.scores(runs, bench.baselines) for part in parts]
 
     def objectives(units: Floats) -> Floats:
-        runs = bench.run(plan.law, [space.candidate(unit) for unit in units])
-        return np.column_stack([score.penalised_scores for score in scores(runs)])
+        of_units = scores([space.candidate(unit) for unit in units])
+        return np.column_stack([score.penalised_scores for score in of_units])
 
-    starts = [
-        unit for candidate in first_candidates(space, basis) if (unit := space.unit(candidate)) is not None
-    ]
+    def alone(candidates: Sequence[LawCandidate]) -> Floats:
+        return np.column_stack([score.objective for score in scores(candidates)])
+
+    starts = [unit for candidate in plan.firsts if (unit := space.unit(candidate)) is not None]
     result = run_front(
         objectives,
         n_params=len(space.free),
@@ -244,14 +239,14 @@ def front_of(plan: LawPlan, basis: Basis, *, rng: int, report: Callable[[int, in
         on_generation=lambda evaluations: report(evaluations, table.budget),
     )
     candidates = distinct([space.candidate(unit) for unit in result.units])
-    train = [score.objective.tolist() for score in scores(bench.recalled("front", plan.law, candidates))]
+    train = bench.call.array("front", partial(alone, candidates), plan.law, candidates).tolist()
     points = (
         FrontPoint(
             settings=dict(candidate.settings),
             train=dict(zip(table.objectives, values, strict=True)),
             certificate=bench.certificate(plan.law, candidate),
         )
-        for candidate, *values in zip(candidates, *train, strict=True)
+        for candidate, values in zip(candidates, train, strict=True)
     )
     return Front(
         law=plan.law,

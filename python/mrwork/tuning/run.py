@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
-from itertools import product
-from typing import Any, get_args
+from itertools import chain, product
+from typing import Any, Literal
 
 import numpy as np
 
@@ -23,14 +23,18 @@ from mrwork.search.registry import library
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.named_laws import designed
-from mrwork.study.schema import Baseline, Risk, TuneTable
+from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.tuning.first_candidates import Basis, basis_of, constant_commands, weights_of_regulators
+from mrwork.tuning.first_candidates import (
+    constant_commands,
+    first_candidates,
+    regulator_shapes,
+    weights_of_regulators,
+)
+from mrwork.tuning.law_plan import Bench, LawPlan, check_controllable, magnitudes_of, without_gradient
 from mrwork.tuning.law_tuning import TuningProgress, check_settings, front_of, tune_law
 from mrwork.tuning.placing import compare_places, placed_study, placements_of
-from mrwork.tuning.problem import Bench, LawPlan, check_controllable, magnitudes_of
-from mrwork.tuning.results import TunedLaw, TuningResults
-from mrwork.tuning.score_slopes import without_gradient
+from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
 from mrwork.tuning.space import LawCandidate, TuningObjective, objective_of, space_of
 from mrwork.workers.engine import Workers, by_whom, on_executor
 
@@ -103,21 +107,26 @@ def tune(
     if journal is not None:
         stated = {"tune": [*map(given_in, tables)], "places": study.table.places, "rng": rng}
         journal.agree("tuning", {**fingerprint_of(study), **stated})
-    found = TuningResults(
-        title=study.title,
-        status="interrupted",
-        laws=(),
-        references=(),
-        training=tuple(motion.name for motion in study.chosen_on),
-        command_unit=study.command_unit,
-    )
-    call = LongCall[TuningProgress, TuningResults](
-        journal=journal, on_progress=on_progress, so_far=lambda: replace(found, seconds=call.seconds)
-    )
-    done, total = 0, sum((1 + bool(table.objectives)) * len(table.laws) for table in tables)
+    tuned, fronts, references, places = list[TunedLaw](), list[Front](), list[TunedLaw](), list[Placement]()
+    total = sum((1 + bool(table.objectives)) * len(table.laws) for table in tables)
     total += study.table.places is not None
 
-    def report(label: str, candidates: int, most: int, least: float) -> None:
+    def found(status: Literal["finished", "interrupted"] = "interrupted") -> TuningResults:
+        return TuningResults(
+            title=study.title,
+            status=status,
+            laws=tuple(tuned),
+            references=tuple(references),
+            training=tuple(motion.name for motion in study.chosen_on),
+            command_unit=study.command_unit,
+            fronts=tuple(fronts),
+            places=tuple(places),
+            seconds=call.seconds,
+        )
+
+    call = LongCall[TuningProgress, TuningResults](journal=journal, on_progress=on_progress, so_far=found)
+
+    def report(label: str, candidates: int, most: int, least: float = math.nan, *, done: int) -> None:
         call.report(
             TuningProgress(
                 label=f"{label}{by_whom()}",
@@ -132,36 +141,28 @@ def tune(
 
     with call.keeping("tuning"):
         if study.table.places is not None:
-            compare = partial(report, "placements")
-            places = compare_places(study, call=call, threads=threads, on_compared=compare)
-            found, done = replace(found, places=tuple(places)), 1
+            compare = partial(report, "placements", done=0)
+            places += compare_places(study, call=call, threads=threads, on_compared=compare)
             study = placed_study(study, places[0].storeys)
-        plans, basis, constants = _plan(study, tables, objectives, call, threads)
-        found = replace(found, references=constants)
-        if plans:
-            weighed = weights_of_regulators(basis, objectives[0])
-            found = replace(found, references=(*constants, *weighed))
-        for plan in plans:
-            before = found.laws
+        plans, untuned = _plan(study, tables, objectives, call, threads)
+        # One by one, so that an interrupt finds those that are done.
+        references.extend(untuned)
+        for number, plan in enumerate(plans):
+            searched = bool(places) + number + len(fronts)
 
-            def advance(law: TunedLaw, most: int, before: tuple[TunedLaw, ...] = before) -> None:
-                nonlocal found
-                found = replace(found, laws=(*before, law))
-                report(law.label, law.candidates, most, law.least)
+            def advance(law: TunedLaw, most: int, number: int = number, done: int = searched) -> None:
+                tuned[number:] = [law]
+                report(law.label, law.candidates, most, law.least, done=done)
 
-            law = tune_law(plan, basis, rng=rng, advance=advance)
-            found, done = replace(found, laws=(*before, law)), done + 1
+            tuned[number:] = [tune_law(plan, rng=rng, advance=advance)]
             if plan.table.objectives:
-                of_front = partial(report, plan.label, least=math.nan)
-                front = front_of(plan, basis, rng=rng, report=of_front)
-                found, done = replace(found, fronts=(*found.fronts, front)), done + 1
-    return replace(found, status="finished", seconds=call.seconds)
+                fronts.append(front_of(plan, rng=rng, report=partial(report, plan.label, done=searched + 1)))
+    return found("finished")
 
 
 def plan_of(study: Study, table: TuneTable, threads: int) -> LawPlan:
     """The one law of a table as `tune` plans it."""
-    plans, _, _ = _plan(study, [table], check_tables(study, [table]), LongCall(), threads)
-    return plans[0]
+    return _plan(study, [table], check_tables(study, [table]), LongCall(), threads)[0][0]
 
 
 def _plan(
@@ -170,16 +171,28 @@ def _plan(
     objectives: Sequence[TuningObjective],
     call: LongCall[Any, Any],
     threads: int,
-) -> tuple[list[LawPlan], Basis, tuple[TunedLaw, ...]]:
-    """The laws of tables, the basis of their first candidates, and the references at a constant command."""
-    bench = Bench.of(study, call, threads)
+) -> tuple[list[LawPlan], Iterator[TunedLaw]]:
+    """The laws of tables, and the references, those with weights still to be simulated."""
+    bench = Bench(study=study, call=call, threads=threads)
     constants = constant_commands(bench)
-    known = get_args(Baseline)
-    baselines: dict[str, LawCandidate] = {law.kind: law.candidate for law in constants if law.kind in known}
+    baselines: dict[str, LawCandidate] = {law.kind: law.candidate for law in constants}
     benches = [bench.with_baselines(baselines)]
     if study.realisations is not None and any(table.robust for table in tables):
         benches.append(replace(bench, realisations=study.realisations).with_baselines(baselines))
-    basis = basis_of(benches[0], magnitudes_of(bench, [law for table in tables for law in table.laws]))
+    magnitudes = magnitudes_of(benches[0], [law for table in tables for law in table.laws])
+    shapes = regulator_shapes(study.problem, magnitudes)
+
+    def plan(table: TuneTable, law: str, label: str, objective: TuningObjective, bench: Bench) -> LawPlan:
+        space = space_of(table, law, magnitudes)
+        return LawPlan(
+            table=table,
+            label=label,
+            space=space,
+            objective=objective,
+            bench=bench,
+            firsts=first_candidates(space, shapes, magnitudes),
+        )
+
     plans, labels = list[LawPlan](), {arrangement.row.label for arrangement in study.arrangements}
     for number, (table, objective) in enumerate(zip(tables, objectives, strict=True)):
         with _place_of(study, tables).prefix_errors(), keyed("tune", number):
@@ -190,17 +203,14 @@ def _plan(
                     sentence = f"two results would be called {label!r}; give a table another label"
                     raise InvalidSettingError("label", sentence)
                 labels.add(label)
-                plan = LawPlan(
-                    table=table,
-                    label=label,
-                    space=space_of(table, law, basis.magnitudes),
-                    objective=objective,
-                    bench=benches[table.robust],
-                )
-                check_settings(plan)
-                plans.append(plan)
+                plans.append(plan(table, law, label, objective, benches[table.robust]))
+                check_settings(plans[-1])
             _check_ratios(table, objective, benches[table.robust])
-    return plans, basis, constants
+    if not plans:
+        return plans, iter(constants)
+    law, over_zero = "clipped_optimal", replace(objectives[0], relative_to="passive_off")
+    weighed = plan(TuneTable(laws=(law,)), law, "", over_zero, benches[0])
+    return plans, chain(constants, weights_of_regulators(weighed))
 
 
 def _check_ratios(table: TuneTable, objective: TuningObjective, bench: Bench) -> None:

@@ -19,10 +19,9 @@ from mrwork.dampers.coordinates import Box, Coordinates
 from mrwork.errors import SettingError
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
-from mrwork.tuning.problem import LawPlan
+from mrwork.tuning.law_plan import LawPlan, without_gradient
 from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.run import plan_of
-from mrwork.tuning.score_slopes import check_slopes, slopes_at, values_at, without_gradient
 from mrwork.tuning.space import LARGEST
 from mrwork.twins.models import begin
 from mrwork.twins.traced_function import TracedFunction
@@ -46,7 +45,7 @@ class _StudyScore:
         units, _, inside = self.places(points)
         values = np.full(len(units), math.inf)
         if inside.any():
-            values[inside] = values_at(self.plan, units[inside])
+            values[inside] = self.plan.values(units[inside], exact=True)
         return values.reshape(points.shape[:-1])
 
     def linearise(self, settings: Floats) -> tuple[Floats, Floats]:
@@ -55,7 +54,7 @@ class _StudyScore:
         units, rates, inside = self.places(points)
         values, slopes = np.full(len(units), math.inf), np.zeros(units.shape)
         for row in np.flatnonzero(inside):
-            values[row], slopes[row] = slopes_at(self.plan, units[row])
+            values[row], slopes[row] = self.plan.slopes(units[row])
             slopes[row] *= rates[row]
         return values.reshape(points.shape[:-1]), slopes.reshape(points.shape)
 
@@ -192,7 +191,7 @@ def study_score(
         raise SettingError(f"{plan.law} has no free setting but the largest command; free one that it has")
     space = replace(plan.space, free=free)
     plan = replace(plan, space=space)
-    check_slopes(plan)
+    plan.check_slopes()
     box = Box(
         names=tuple(setting.label for setting in free),
         lower=tuple(setting.lower for setting in free),
