@@ -48,13 +48,13 @@ def test_median_and_dispersion_are_those_of_the_largest_likelihood(censored: flo
             ends = [norm.cdf((np.log(each) - at[0]) / np.exp(at[1])) for each in (above, below)]
         return float(-np.log(ends[1] - ends[0]).sum())
 
-    (median,), (dispersion,) = lognormal_of(above, below, np.ones((1, 24)))
+    (median,), (dispersion,), _ = lognormal_of(above, below, np.ones((1, 24)))
     np.testing.assert_allclose([median, dispersion], largest_likelihood(loss), rtol=1e-6)
     # A record that counts twice is two records.
     twice = np.ones(24)
     twice[3] = 2.0
-    weighted = lognormal_of(above, below, twice[None])
-    repeated = lognormal_of(np.append(above, above[3]), np.append(below, below[3]), np.ones((1, 25)))
+    weighted = lognormal_of(above, below, twice[None])[:2]
+    repeated = lognormal_of(np.append(above, above[3]), np.append(below, below[3]), np.ones((1, 25)))[:2]
     np.testing.assert_allclose(np.ravel(weighted), np.ravel(repeated), rtol=1e-9)
 
 
@@ -62,7 +62,7 @@ def test_stripes_have_the_likelihood_of_their_counts() -> None:
     levels, runs, reached = np.array([1.0, 2.0, 3.0, 4.0]), 10, np.array([1, 3, 6, 9])
     flags = np.concatenate([np.arange(runs) < count for count in reached])
     at = np.repeat(levels, runs)
-    (median,), (dispersion,) = lognormal_of(
+    (median,), (dispersion,), _ = lognormal_of(
         np.where(flags, 0.0, at), np.where(flags, at, np.inf), np.ones((1, at.size))
     )
 
@@ -89,7 +89,7 @@ SEPARATED: dict[str, tuple[list[float], list[float], list[float], float]] = {
 @pytest.mark.parametrize("name", SEPARATED)
 def test_records_that_one_intensity_separates_have_no_dispersion(name: str) -> None:
     above, below, weights, median = SEPARATED[name]
-    medians, dispersions = lognormal_of(np.array(above), np.array(below), np.array([weights]))
+    medians, dispersions, _ = lognormal_of(np.array(above), np.array(below), np.array([weights]))
     assert (medians.tolist(), dispersions.tolist()) == ([pytest.approx(median)], [0.0])
 
 
@@ -137,11 +137,11 @@ def test_counts_that_do_not_rise_with_the_level_determine_no_median(reached: tup
     at = np.repeat([1.0, 2.0, 3.0, 4.0], 10)
     flags = np.concatenate([np.arange(10) < count for count in reached])
     above, below = np.where(flags, 0.0, at), np.where(flags, at, np.inf)
-    medians, dispersions = lognormal_of(above, below, np.ones((1, at.size)))
+    medians, dispersions, _ = lognormal_of(above, below, np.ones((1, at.size)))
     assert np.isfinite([*medians, *dispersions]).all() == (reached[0] < reached[-1])
     # One record that is known on both sides is enough.
     above, below = np.append(above, 2.0), np.append(below, 3.0)
-    assert np.isfinite(lognormal_of(above, below, np.ones((1, at.size + 1)))).all()
+    assert np.isfinite(lognormal_of(above, below, np.ones((1, at.size + 1)))[:2]).all()
 
 
 def test_each_draw_has_the_largest_likelihood_or_is_not_determined() -> None:
@@ -149,7 +149,7 @@ def test_each_draw_has_the_largest_likelihood_or_is_not_determined() -> None:
     reached = 2.0 * np.exp(0.8 * rng.standard_normal(12))
     above, below = intervals(reached, np.array([1.0, 2.5, 4.0]))
     weights = drawn_weights(12, 1)[:200]
-    medians, dispersions = lognormal_of(above, below, weights)
+    medians, dispersions, _ = lognormal_of(above, below, weights)
     two = (weights[:, (above > 0.0) & np.isfinite(below)] > 0.0).any(axis=1)
     assert two.mean() > 0.9
     assert np.isfinite(medians[two]).all()
@@ -169,7 +169,7 @@ def test_each_draw_has_the_largest_likelihood_or_is_not_determined() -> None:
 def test_nearly_equal_intensities_converge() -> None:
     # The slope is a hundred times that of the start.
     known = np.array([1.392855848318126, 1.4027768826878086])
-    medians, dispersions = lognormal_of(known, known, np.array([[3.0, 1.0]]))
+    medians, dispersions, _ = lognormal_of(known, known, np.array([[3.0, 1.0]]))
     logs = np.log(known)
     mean = 0.75 * logs[0] + 0.25 * logs[1]
     assert medians == pytest.approx(math.exp(mean))

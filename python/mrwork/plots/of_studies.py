@@ -382,6 +382,13 @@ _SHARES, _BEYOND = (0.16, 0.5, 0.84), 3.0
 _CURVE_POINTS = 120
 
 
+def _unit_of_limit(result: Fragilities | DamperCounts) -> DisplayUnit:
+    """The unit in which a criterion and its limit are drawn: per cent of a drift ratio."""
+    if criterion(result.criterion).scale == "height":
+        return DisplayUnit(symbol="%", factor=100.0)
+    return shown_unit_of(result.unit, result.limit)
+
+
 @figure
 def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] = ()) -> Panels:
     """Incremental dynamic analysis: intensity over the criterion of the limit, a panel for each arrangement.
@@ -405,18 +412,11 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
     >>> panels = found.plot.ida(rows=["uncontrolled", "Passive-on"])  # doctest: +SKIP
     """
     labels = [*result.rows]
-    # Per cent of a drift ratio.
-    unit = DisplayUnit(
-        symbol="%" if result.in_percent else result.unit.removesuffix("1").replace("2", "²"),
-        factor=100.0 if result.in_percent else 1.0,
-    )
+    unit = _unit_of_limit(result)
     drawn = all_chosen(rows or range(min(len(labels), _MOST_PANELS)), labels, "arrangement")
     panels = panels_for(ax, len(drawn), "ida")
-    every = np.concatenate([row.responses for row in result.rows.values()])
-    largest, limit = (
-        unit.factor * float(every[np.isfinite(every)].max(initial=0.0)),
-        unit.factor * result.limit,
-    )
+    every = unit.factor * np.concatenate([row.responses for row in result.rows.values()])
+    largest, limit = every[np.isfinite(every)].max(initial=0.0), unit.factor * result.limit
     for axes, row in zip(panels, drawn, strict=True):
         one = result[labels[row]]
         levels = np.concatenate([[0.0], one.levels]) / STANDARD_GRAVITY
@@ -433,7 +433,7 @@ def ida(result: Fragilities, ax: GivenAxes = None, *, rows: Sequence[str | int] 
             label = "16, 50, 84 % of them" if share == _SHARES[0] else f"_{100.0 * share:.0f} %"
             colour = strokes(result)[row].colour
             axes.plot(at[finite], levels[whole][finite], color=colour, linewidth=width, label=label)
-        axes.set_xlim(0.0, min(max(largest, 1.1 * limit), _BEYOND * limit))
+        axes.set_xlim(0.0, min(max(float(largest), 1.1 * limit), _BEYOND * limit))
         axes.set_ylim(0.0, 1.02 * float(levels[-1]))
         finished(axes, with_unit(criterion(result.criterion).title, unit.symbol), f"{one.measure} (g)")
         axes.set_title(short(one.label, 26), loc="left", fontsize="small")
@@ -457,9 +457,7 @@ def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool 
     >>> found = mr.study.damper_counts(study, limit={"peak_drift": "10 mm"})  # doctest: +SKIP
     >>> axes = found.plot.damper_counts()  # doctest: +SKIP
     """
-    axes, of_criterion = axes_for(ax), criterion(result.criterion)
-    ratio = of_criterion.scale == "height"
-    unit = DisplayUnit(symbol="%", factor=100.0) if ratio else shown_unit_of(result.unit, result.limit)
+    axes, unit = axes_for(ax), _unit_of_limit(result)
     every = sorted((count, trial.values) for trial in result.tried if (count := trial.uniform) is not None)
     for number, (row, stroke) in enumerate(zip(result.rows, strokes(result), strict=True), start=1):
         axes.plot(
@@ -475,7 +473,12 @@ def damper_counts(result: DamperCounts, ax: Axes | None = None, *, legend: bool 
     axes.set_xscale("log", base=2)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set_ylim(bottom=0.0)
-    return finished(axes, "Dampers in each place", with_unit(of_criterion.title, unit.symbol), legend=legend)
+    return finished(
+        axes,
+        "Dampers in each place",
+        with_unit(criterion(result.criterion).title, unit.symbol),
+        legend=legend,
+    )
 
 
 @figure

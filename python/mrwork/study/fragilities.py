@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import Level, Positive, Seed, checked
 from mrwork.base.hints import May, Within
@@ -197,7 +197,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
     limit: float
     unit: str
     level: float
-    rows: Mapping[str, Fragility]
+    rows: Mapping[str, Fragility] = field(default_factory=dict)
     study_warnings: tuple[str, ...] = ()
 
     def _named_arrays(self) -> NamedArrays:
@@ -238,9 +238,8 @@ class Fragilities(Plotted, WithAxes, Summarised):
         NaN where a median lies beyond the levels or is not determined; the band then says what is known.
         """
         one, other = self[label], self[against]
-        (low, high), (other_low, other_high) = one.ends, other.ends
         with np.errstate(divide="ignore"):
-            band = _band(low / other_high, high / other_low, self.level, len(one.crossings))
+            band = _band(one.ends / other.ends[::-1], self.level, len(one.crossings))
         return math.nan if one.bound or other.bound else one.median / other.median, band
 
     @property
@@ -263,11 +262,6 @@ class Fragilities(Plotted, WithAxes, Summarised):
     def limit_value(self) -> str:
         """The limit with its unit."""
         return criterion_named(self.criterion).in_words(self.limit, self.unit)
-
-    @property
-    def in_percent(self) -> bool:
-        """Whether the criterion is a drift ratio, which is told in per cent."""
-        return criterion_named(self.criterion).scale == "height"
 
     @property
     def cautions(self) -> tuple[str, ...]:
@@ -312,12 +306,12 @@ class Fragilities(Plotted, WithAxes, Summarised):
     @checked
     def document(self, against: str | None = None) -> dict[str, Any]:
         """What `mrwork fragility --json` prints, compared with the arrangement of a label."""
-        names = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
+        facts = ("label", "kind", "measure", "median", "dispersion", "band", "bound", "cautions")
+        shares = ("levels", "crossed", "outside")
         return {
             **named(self, "criterion", "limit", "unit", "level", "cautions", "study_warnings"),
             "arrangements": [
-                named(row, *names, "levels", "crossed", "outside")
-                | {"crossings": [asdict(crossing) for crossing in row.crossings]}
+                named(row, *facts, *shares) | {"crossings": [*map(asdict, row.crossings)]}
                 for row in self.rows.values()
             ],
             "sentences": self.in_words(against),
@@ -398,26 +392,22 @@ def fragility(
             f"a fragility is over two records or more at several levels, and here are {counted(n_records, 'record')} "
             f'and {counted(n_levels, "level")}; give several, as pga = ["0.1 g", "0.2 g"] of each [[motion]]'
         )
-    there = at.places >= 0
     responses = results.labelled.up_to_collapse(name)[:, :, 0]
     outside = np.zeros(responses.shape)
     for run, demands in results.demanded.items():
         outside[run] = any(demand.outside.exceedances for demand in demands)
-    responses, outside = (np.where(there, array[:, at.places], np.nan) for array in (responses, outside))
-    return _fragilities(
-        {
-            row.label: (row.kind, *of_row)
-            for row, *of_row in zip(results.rows, responses, outside, strict=True)
-        },
-        at,
-        name,
-        value,
+    responses, outside = (
+        np.where(at.places >= 0, each[:, at.places], np.nan) for each in (responses, outside)
+    )
+    found = Fragilities(
+        criterion=name,
+        limit=value,
         unit=in_command_unit(criterion_named(name).unit, results.command_unit),
         level=level,
-        seed=seed,
-        modelling_dispersion=modelling_dispersion,
         study_warnings=results.study_warnings,
     )
+    kinds = {row.label: row.kind for row in results.rows}
+    return _with_rows(found, kinds, at, responses, outside, seed, modelling_dispersion)
 
 
 @checked
@@ -468,11 +458,11 @@ def fragilities_of(
     '1.92 m/s^2'
     """
     at = np.asarray(levels, dtype=float)
-    by_label = {label: np.asarray(response, dtype=float) for label, response in responses.items()}
-    count = len(next(iter(by_label.values()), ())) if records is None else len(records)
+    stacked = [np.asarray(response, dtype=float) for response in responses.values()]
+    count = len(next(iter(stacked), ())) if records is None else len(records)
     shape = (count, at.size)
-    if not by_label or any(response.shape != shape for response in by_label.values()):
-        text = ", ".join(f"{label} {response.shape}" for label, response in by_label.items())
+    if not stacked or any(response.shape != shape for response in stacked):
+        text = ", ".join(f"{label} {np.shape(response)}" for label, response in responses.items())
         raise SettingError(
             f"`responses` have the shapes {text or 'of nothing'}; give (n_records, n_levels) for each label, here "
             f"{shape}, with `levels` of shape (n_levels,), and as many names of `records` if you give them"
@@ -482,69 +472,59 @@ def fragilities_of(
             f"a fragility is over two records or more at several rising levels above 0, and here are "
             f"{counted(count, 'record')} at the levels {at.tolist()}; give more"
         )
+    kinds: dict[str, Kind] = {
+        label: "uncontrolled" if label == "uncontrolled" else "controller" for label in responses
+    }
     names = tuple(map(str, range(1, count + 1))) if records is None else tuple(records)
-    places, outside = np.zeros(shape, dtype=np.int64), np.zeros(shape)
-    return _fragilities(
-        {
-            label: ("uncontrolled" if label == "uncontrolled" else "controller", response, outside)
-            for label, response in by_label.items()
-        },
-        RecordLevels(records=names, measures=(measure,), levels=at, places=places),
-        criterion,
-        limit,
-        unit=criterion_named(criterion).unit,
-        level=level,
-        seed=seed,
-    )
+    places = np.zeros(shape, dtype=np.int64)
+    of_levels = RecordLevels(records=names, measures=(measure,), levels=at, places=places)
+    found = Fragilities(criterion=criterion, limit=limit, unit=criterion_named(criterion).unit, level=level)
+    return _with_rows(found, kinds, of_levels, np.array(stacked), np.zeros((len(kinds), *shape)), seed)
 
 
-def _fragilities(
-    rows: Mapping[str, tuple[Kind, Floats, Floats]],
+def _with_rows(
+    found: Fragilities,
+    kinds: Mapping[str, Kind],
     at: RecordLevels,
-    criterion: str,
-    limit: float,
-    *,
-    unit: str,
-    level: float,
+    responses: Floats,
+    outside: Floats,
     seed: int,
     modelling_dispersion: float = 0.0,
-    study_warnings: tuple[str, ...] = (),
 ) -> Fragilities:
-    """Fragilities of arrangements by label, each of its kind, its responses, and 1 where a run is beyond tested ranges.
+    """The fragilities of arrangements by label, of their responses, and 1 where a run is beyond tested ranges.
 
-    Both arrays are over record and level; NaN is where there is no run.
+    Both arrays are over row, record and level; NaN is where there is no run.
     """
     weights, by_label, levels = drawn_weights(len(at.records), seed), {}, at.levels
-    for label, (kind, responses, outside) in rows.items():
-        there = ~np.isnan(outside)
+    for (label, kind), lines, beyond in zip(kinds.items(), responses, outside, strict=True):
+        there = ~np.isnan(beyond)
         crossings = tuple(
-            _crossing(record, levels[mask], line[mask], limit)
-            for record, mask, line in zip(at.records, there, responses, strict=True)
+            _crossing(record, levels[mask], line[mask], found.limit)
+            for record, mask, line in zip(at.records, there, lines, strict=True)
         )
         above, below = np.array([crossing.ends for crossing in crossings]).T
-        (median, *medians), (dispersion, *_) = lognormal_of(above, below, weights)
-        drawn = np.array(medians)
-        ends = _known_ends(drawn, levels)
-        if dispersion == 0.0 and 0.0 < median < math.inf:
-            ends = np.where((drawn > 0.0) & (drawn < np.inf), _middle(above, below, weights[1:]), ends)
+        medians, (dispersion, *_), ends = lognormal_of(above, below, weights)
+        if dispersion != 0.0:
+            ends = np.where((medians > 0.0) & (medians < np.inf), medians, ends)
+        with np.errstate(invalid="ignore"):
+            crossed = (lines >= found.limit).sum(axis=0) / (~np.isnan(lines)).sum(axis=0)
+            shares = (beyond == 1.0).sum(axis=0) / there.sum(axis=0)
         by_label[label] = Fragility(
             label=label,
             kind=kind,
             measure=at.measure,
-            median=float(median),
+            median=float(medians[0]),
             dispersion=math.hypot(dispersion, modelling_dispersion),
-            band=_band(ends[0], ends[1], level, len(crossings)),
-            medians=drawn,
-            ends=ends,
+            band=_band(ends[:, 1:], found.level, len(crossings)),
+            medians=medians[1:],
+            ends=ends[:, 1:],
             crossings=crossings,
             levels=levels,
-            crossed=_share(responses >= limit, ~np.isnan(responses)),
-            outside=_share(outside == 1.0, there),
-            responses=responses,
+            crossed=crossed,
+            outside=shares,
+            responses=lines,
         )
-    return Fragilities(
-        criterion=criterion, limit=limit, unit=unit, level=level, rows=by_label, study_warnings=study_warnings
-    )
+    return replace(found, rows=by_label)
 
 
 def limit_of(limit: Mapping[str, float | str], command_unit: str, scales: Scales) -> dict[str, float]:
@@ -590,12 +570,6 @@ def _crossing(record: str, levels: Floats, responses: Floats, limit: float) -> C
     return Crossing(record=record, above=above, below=math.inf)
 
 
-def _share(flags: NDArray[np.bool_], among: NDArray[np.bool_]) -> Floats:
-    """Share of the flags at each level, of those among which they are."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(flags.sum(axis=0) / among.sum(axis=0))
-
-
 def drawn_weights(n_records: int, seed: int) -> Floats:
     """How often each record counts: once, and then as in each draw of the bootstrap, shape (1 + n_draws, n_records)."""
     equal = np.full(n_records, 1.0 / n_records)
@@ -603,81 +577,56 @@ def drawn_weights(n_records: int, seed: int) -> Floats:
     return np.vstack([np.ones(n_records), drawn])
 
 
-def _known_ends(medians: Floats, levels: Floats) -> Floats:
-    """Between which each median lies, shape (2, n_draws): itself, a level and 0 or infinity, or these two."""
-    low, high = np.where(np.isinf(medians), levels[-1], medians), np.where(medians == 0.0, levels[0], medians)
-    return np.stack([np.where(np.isnan(low), 0.0, low), np.where(np.isnan(high), np.inf, high)])
-
-
-def _middle(above: Floats, below: Floats, weights: Floats) -> Floats:
-    """Between which the median record of each draw lies, shape (2, n_draws)."""
-    half, ends = 0.5 * weights.sum(axis=1, keepdims=True), []
-    for values, reaches in ((above, np.greater_equal), (below, np.greater)):
-        order = np.argsort(values)
-        ends.append(values[order][reaches(np.cumsum(weights[:, order], axis=1), half).argmax(axis=1)])
-    return np.array(ends)
-
-
-def _band(low: Floats, high: Floats, level: float, n_records: int) -> tuple[float, float]:
+def _band(ends: Floats, level: float, n_records: int) -> tuple[float, float]:
     """Bootstrap band of numbers between these ends; of few records its quantiles lie further out, as Student's t.
 
     The expanded percentile interval of Hesterberg, The American Statistician 69, 2015, 371-386.
     """
     reach = scipy.stats.t.ppf(0.5 + level / 2.0, n_records - 1) * math.sqrt(n_records / (n_records - 1.0))
     tail = float(scipy.stats.norm.sf(reach))
-    lower, upper = (np.quantile(*pair, method="inverted_cdf") for pair in ((low, tail), (high, 1.0 - tail)))
+    pairs = zip(ends, (tail, 1.0 - tail), strict=True)
+    lower, upper = (np.quantile(*pair, method="inverted_cdf") for pair in pairs)
     return float(lower), float(upper)
 
 
-# Steps of Newton's method, largest step in standard deviations or of a larger slope, relative length of a step at the
-# maximum, and the least probability of an interval.
-_STEPS, _LONGEST, _CONVERGED, _TINY = 60, 1.5, 1e-6, 1e-290
+# Steps of Newton's method and of a search along one, the largest in standard deviations or of a larger slope, the slope
+# of a distribution that is flat, relative length of a step at the maximum, and the least probability of an interval.
+# A record of so little more or less weight than half of all is still a middle one.
+_TIE = 1e-9
+_STEPS, _HALVINGS, _LONGEST, _FLAT, _CONVERGED, _TINY = 60, 40, 1.5, 1e-9, 1e-6, 1e-290
 
 
-def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """Medians and dispersions of the lognormal distributions of largest likelihood, as in `Fragility`, (n_draws,) each.
+def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
+    """Medians and dispersions of the lognormal distributions of largest likelihood, and ends of the medians.
 
     `above` and `below` are the ends of the interval of each record, shape (n_records,): 0 and infinity where one is
     open, equal where the intensity is known. `weights` say how often each record counts, shape (n_draws, n_records).
+    The shapes are (n_draws,), (n_draws,) and (2, n_draws).
 
-    Where one intensity separates all records the median is that intensity; it is infinite if no record has an upper end
-    above it and fewer than half have one below, 0 if none has a lower end below it and more than half have an upper
-    one. The likelihood has no finite maximum where no record that counts has two ends and it does not rise with the
-    slope at 0.
+    Where one intensity separates all records the median is that intensity, or 0 or infinite as the open end of the
+    interval of the middle records, which is what is known of it. Elsewhere nothing is known beside the maximum of the
+    likelihood; without one, median and dispersion are NaN.
     """
     counts = weights > 0.0
     lowest = np.where(counts, below, np.inf).min(axis=1)
     highest = np.where(counts, above, 0.0).max(axis=1)
+    low, high = _middle(above, weights, 0.5 - _TIE), _middle(below, weights, 0.5 + _TIE)
     with np.errstate(invalid="ignore"):
-        medians = np.where(np.isinf(lowest), np.inf, np.sqrt(highest * lowest))
-    dispersions = np.zeros(len(weights))
-    # A level that separates them all is the median only if records lie between it and the majority.
-    at, share = medians[:, None], (weights * (below <= medians[:, None])).sum(axis=1) / weights.sum(axis=1)
-    exact = above == below
-    higher = (counts & (exact | (at < below)) & np.isfinite(below)).any(axis=1)
-    lower = (counts & (exact | (above < at)) & (above > 0.0)).any(axis=1)
-    medians = np.where(~higher & (share < 0.5), np.inf, np.where(~lower & (share > 0.5), 0.0, medians))
-    open_ = highest > lowest
-    has_maximum = open_ & (
-        (weights[:, (above > 0.0) & np.isfinite(below)] > 0.0).any(axis=1) | _rises(above, below, weights)
-    )
-    medians[open_], dispersions[open_] = np.nan, np.nan
-    if has_maximum.any():
-        medians[has_maximum], dispersions[has_maximum] = _newton(above, below, weights[has_maximum])
-    return medians, dispersions
+        medians = np.sqrt(highest * lowest)
+    medians[_middle(above, weights, 0.5 + _TIE) == 0.0] = 0.0
+    medians[np.isinf(_middle(below, weights, 0.5 - _TIE))] = np.inf
+    dispersions, is_open = np.zeros(len(weights)), highest > lowest
+    if is_open.any():
+        medians[is_open], dispersions[is_open] = _newton(above, below, weights[is_open])
+        low[is_open], high[is_open] = 0.0, np.inf
+    return medians, dispersions, np.stack([low, high])
 
 
-def _rises(above: Floats, below: Floats, weights: Floats) -> NDArray[np.bool_]:
-    """Whether the likelihood of records with one end each rises with the slope at 0, for each row of weights.
-
-    It does where the mean logarithm of the upper ends lies above the mean of the lower ones.
-    """
-    one_sided = ((below, (above == 0.0) & np.isfinite(below)), (above, (above > 0.0) & np.isinf(below)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        upper, lower = (
-            weights[:, mask] @ np.log(ends[mask]) / weights[:, mask].sum(axis=1) for ends, mask in one_sided
-        )
-    return np.asarray(upper - lower > 1e-12 * np.maximum(np.abs(upper), np.abs(lower)))
+def _middle(values: Floats, weights: Floats, share: float) -> Floats:
+    """The value up to which a share of the weights lies, shape (n_draws,)."""
+    order = np.argsort(values)
+    shares = np.cumsum(weights[:, order], axis=1) / weights.sum(axis=1, keepdims=True)
+    return np.asarray(values[order][(shares > share).argmax(axis=1)])
 
 
 def _newton(above: Floats, below: Floats, weights: Floats) -> Floats:
@@ -687,58 +636,54 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> Floats:
     ends = np.concatenate([low[np.isfinite(low)], high[np.isfinite(high)]])
     centre, scale = float(ends.mean()), float(ends.std()) or 1.0
     low, high = (low - centre) / scale, (high - centre) / scale
-    # z = slope * x - offset.
-    slope, offset = np.ones(len(weights)), np.zeros(len(weights))
-    total, gradient, curvature = _likelihood(low, high, weights, slope, offset)
+    # Slope and offset of z = slope * x - offset.
+    at = np.tile([1.0, 0.0], (len(weights), 1))
+    total, gradient, curvature = _likelihood(low, high, weights, at)
     for _ in range(_STEPS):
         step = np.linalg.solve(curvature + 1e-12 * np.eye(2), gradient[..., None])[..., 0]
-        length = np.abs(step).max(axis=1)
-        converged = (np.abs(step) < _CONVERGED * np.stack([slope, 1.0 + np.abs(offset)], axis=1)).all(axis=1)
-        if length.max() < 1e-10:
+        length, slope = np.abs(step).max(axis=1), at[:, 0]
+        converged = (np.abs(step) < _CONVERGED * np.stack([slope, 1.0 + np.abs(at[:, 1])], axis=1)).all(
+            axis=1
+        )
+        if ((length < 1e-10) | (slope < _FLAT)).all():
             break
         step *= np.minimum(1.0, _LONGEST * np.maximum(1.0, slope) / np.maximum(length, 1e-300))[:, None]
-        factor = np.ones(len(weights))
-        for _ in range(40):
-            new_slope, new_offset = slope + factor * step[:, 0], offset + factor * step[:, 1]
-            usable = new_slope > 0.0
-            new = _likelihood(low, high, weights, np.where(usable, new_slope, slope), new_offset)
-            worse = ~usable | (new[0] < total - 1e-12 * np.abs(total))
+        for _ in range(_HALVINGS):
+            after, *_ = _likelihood(low, high, weights, at + step)
+            worse = ~(after >= total - 1e-12 * np.abs(total))
             if not worse.any():
                 break
-            factor = np.where(worse, 0.5 * factor, factor)
-        keep = ~worse
-        slope, offset = np.where(keep, new_slope, slope), np.where(keep, new_offset, offset)
-        total, gradient, curvature = _likelihood(low, high, weights, slope, offset)
-    return np.where(converged, [np.exp(centre + scale * offset / slope), scale / slope], np.nan)
+            step[worse] *= 0.5
+        at = np.where(worse[:, None], at, at + step)
+        total, gradient, curvature = _likelihood(low, high, weights, at)
+    slope, offset = np.where(converged, at.T, np.nan)
+    return np.array([np.exp(centre + scale * offset / slope), scale / slope])
 
 
-def _likelihood(
-    low: Floats, high: Floats, weights: Floats, slope: Floats, offset: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Logarithm of the likelihood of each row of weights, its gradient in slope and offset, and minus its curvature."""
-    (xa, za, da), (xb, zb, db) = (_at_end(x, slope, offset) for x in (low, high))
+def _likelihood(low: Floats, high: Floats, weights: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
+    """Logarithm of the likelihood of each row of weights, its gradient in slope and offset, and minus its curvature.
+
+    It is NaN or low where the slope is not positive.
+    """
+    slope, offset = at[:, :1], at[:, 1:]
     # Where the intensity is known the likelihood is its density, slope times the density of z.
-    exact, steepness = low == high, slope[:, None]
-    # In the upper tail the difference of the complements is exact.
-    ndtr = scipy.special.ndtr
-    p = np.maximum(np.where(za > 0.0, ndtr(-za) - ndtr(-zb), ndtr(zb) - ndtr(za)), _TINY)
-    with np.errstate(invalid="ignore"):
+    exact, ndtr = low == high, scipy.special.ndtr
+    with np.errstate(all="ignore"):
+        za, zb = slope * low - offset, slope * high - offset
+        da, db = (np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) for z in (za, zb))
+        # An open end adds nothing, and in the upper tail the difference of the complements is exact.
+        xa, xb = (np.where(np.isfinite(x), x, 0.0) for x in (low, high))
+        p = np.maximum(np.where(za > 0.0, ndtr(-za) - ndtr(-zb), ndtr(zb) - ndtr(za)), _TINY)
         ua, ub = (np.where(density > 0.0, z * density, 0.0) for z, density in ((za, da), (zb, db)))
-        by_slope = np.where(exact, 1.0 / steepness - za * xa, (xb * db - xa * da) / p)
-    by_offset = np.where(exact, za, (da - db) / p)
-    logs = np.where(exact, np.log(steepness) - 0.5 * za * za, np.log(p))
-    second = ((xa * xa * ua - xb * xb * ub) / p, (xb * ub - xa * ua) / p, (ua - ub) / p)
-    first = (by_slope * by_slope, by_slope * by_offset, by_offset * by_offset)
-    of_known = (steepness**-2 + xa * xa, -xa, np.ones_like(za))
-    a, b, c = (
-        (weights * np.where(exact, alone, one - two)).sum(axis=1)
-        for alone, one, two in zip(of_known, first, second, strict=True)
-    )
+        by_slope = np.where(exact, 1.0 / slope - za * xa, (xb * db - xa * da) / p)
+        by_offset = np.where(exact, za, (da - db) / p)
+        logs = np.where(exact, np.log(slope) - 0.5 * za * za, np.log(p))
+        second = ((xa * xa * ua - xb * xb * ub) / p, (xb * ub - xa * ua) / p, (ua - ub) / p)
+        first = (by_slope * by_slope, by_slope * by_offset, by_offset * by_offset)
+        of_known = (slope**-2 + xa * xa, -xa, np.ones_like(za))
+        a, b, c = (
+            (weights * np.where(exact, alone, one - two)).sum(axis=1)
+            for alone, one, two in zip(of_known, first, second, strict=True)
+        )
     gradient = np.stack([(weights * by_slope).sum(axis=1), (weights * by_offset).sum(axis=1)], axis=1)
     return (weights * logs).sum(axis=1), gradient, np.array([[a, b], [b, c]]).transpose(2, 0, 1)
-
-
-def _at_end(x: Floats, slope: Floats, offset: Floats) -> tuple[Floats, Floats, Floats]:
-    """An end of each interval, its normal coordinate for each draw, and the density there; an open end has x = 0."""
-    z = slope[:, None] * x - offset[:, None]
-    return np.where(np.isfinite(x), x, 0.0), z, np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
