@@ -32,8 +32,10 @@ _DRAW = """
 import sys, hashlib
 from report_samples import prediction
 from mrwork.report.fit.figures import record_figure
+from mrwork.plots import style
 from mrwork.plots.canvas import inline_svg, svg_bytes
-figure = record_figure(prediction(), "N")
+with style.drawn_in_style():
+    figure = record_figure(prediction(), "N")
 print(hashlib.sha256(svg_bytes(figure) + inline_svg(figure, identifier="f", description="").encode()).hexdigest())
 """
 
@@ -49,7 +51,8 @@ def test_fonts_of_the_system_change_no_figure_and_a_page_brings_its_own(tmp_path
         }
         drawn.add(ran(sys.executable, "-c", prepare + _DRAW, env=environment, check=True).stdout)
     assert len(drawn) == 1
-    text = inline_svg(record_figure(prediction(), "N"), identifier="f", description="")
+    with style.drawn_in_style():
+        text = inline_svg(record_figure(prediction(), "N"), identifier="f", description="")
     assert style.FAMILY in text
     assert "DejaVu" not in text
     assert style.font_faces().count("data:font/woff;base64,") == 2

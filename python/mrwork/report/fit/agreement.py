@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import get_args
 
 import numpy as np
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.base import numbers
 from mrwork.base.table import Table, TableColumn, page_table
-from mrwork.base.values import Floats, array_dataclass
+from mrwork.base.values import Floats
 from mrwork.dampers.tested_range import half_cycle_ends
 from mrwork.identification.fit import Fit, FitQuality
 from mrwork.plots.of_tests import Motion, data_label
@@ -216,108 +218,85 @@ _ENDS = (1.7, 3.4, 7.0)
 _LARGER = 2.0
 
 
-@array_dataclass()
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _HalfCycles:
-    """Half cycles: amplitude [m]; samples that count, sum of their squared errors, and of their squared forces [N^2].
+    """Half cycles of similar amplitude: their amplitudes in words, their number, and errors of their samples."""
 
-    `amplitude` has the shape (n_half_cycles,), `sums` (3, n_half_cycles).
-    """
+    in_words: str
+    count: int
+    n_time: float
+    rmse_n: float
+    relative: float
 
-    amplitude: Floats
-    sums: Floats
-
-    @property
-    def in_words(self) -> str:
-        """Least and largest amplitude, as in "13 to 15 mm"."""
-        ends = dict.fromkeys(numbers.shortest(1e3 * end, 2) for end in np.quantile(self.amplitude, (0, 1)))
-        return f"{' to '.join(ends)} mm"
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square error [N]."""
-        count, errors, _ = self.sums.sum(axis=1)
-        return math.sqrt(errors / count)
-
-    @property
-    def relative(self) -> float:
-        """Root mean square error over the root mean square force."""
-        _, errors, forces = self.sums.sum(axis=1)
-        return math.sqrt(errors / forces) if forces > 0.0 else math.nan
+    @classmethod
+    def of(cls, half_cycles: Floats) -> _HalfCycles:
+        """Half cycles with their amplitude [m], and the sums of `_half_cycles` over their samples, shape (4, n)."""
+        ends = dict.fromkeys(numbers.shortest(1e3 * end, 2) for end in np.quantile(half_cycles[0], (0, 1)))
+        count, errors, forces = half_cycles[1:].sum(axis=1).tolist()
+        return cls(
+            in_words=f"{' to '.join(ends)} mm",
+            count=half_cycles.shape[1],
+            n_time=count,
+            rmse_n=math.sqrt(errors / count),
+            relative=math.sqrt(errors / forces) if forces > 0.0 else math.nan,
+        )
 
 
 def amplitude_section(predictions: Sequence[Prediction]) -> Section | None:
     """A table of the errors by classes of amplitude, and what it shows; `None` where no half cycle is compared."""
-    every = _half_cycles(predictions)
-    number = _classes(every.amplitude)
-    chosen = [number == index for index in np.unique(number)]
-    classes = [
-        _HalfCycles(amplitude=every.amplitude[of], sums=every.sums[:, of])
-        for of in chosen
-        if every.sums[0, of].any()
-    ]
-    if not classes:
+    every = np.concatenate([_half_cycles(prediction) for prediction in predictions], axis=1)
+    number = _classes(every[0])
+    parts = [every[:, number == index] for index in np.unique(number)]
+    rows = [_HalfCycles.of(part) for part in parts if part[1].any()]
+    if not rows:
         return None
-    shares = [
-        f"{numbers.percent(law_class.relative)} % in those of {law_class.in_words}" for law_class in classes
-    ]
-    largest, worst = classes[-1], max(classes, key=lambda cycles: cycles.relative)
-    times = numbers.shortest(worst.relative / largest.relative, 2)
+    largest, worst = rows[-1], max(rows, key=lambda row: row.relative)
     prose = (
-        f"In half cycles of {worst.in_words} the error over the force is {times} times that in those of "
-        f"{largest.in_words}. Earthquakes demand mostly small half cycles; a model with backlash may predict them "
-        "better."
+        f"In half cycles of {worst.in_words} the error over the force is "
+        f"{numbers.shortest(worst.relative / largest.relative, 2)} times that in those of {largest.in_words}. "
+        "Earthquakes demand mostly small half cycles; a model with backlash may predict them better."
     )
-    return Section(
-        title="Errors by amplitude",
-        summary=f"RMSE over the RMS force of the half cycles, {', '.join(shares)}."
-        if len(classes) > 1
-        else f"all half cycles are of {worst.in_words}.",
-        groups=(
-            Group(
-                prose=(prose,) if worst.relative > _LARGER * largest.relative else (),
-                table=_table(classes, every),
-            ),
-        ),
-    )
-
-
-def _table(classes: Sequence[_HalfCycles], every: _HalfCycles) -> Table:
-    rows = [*classes, *([every] if len(classes) > 1 else [])]
-    decimals = numbers.decimals_of([row.rmse for row in rows], 3)
-
-    def column(heading: str, cell: Callable[[_HalfCycles], str], unit: str = "") -> TableColumn:
-        return TableColumn(heading=heading, unit=unit, cell=cell)
-
-    return page_table(
+    summary = f"all half cycles are of {worst.in_words}."
+    if len(rows) > 1:
+        shares = [f"{numbers.percent(row.relative)} % in those of {row.in_words}" for row in rows]
+        summary = f"RMSE over the RMS force of the half cycles, {', '.join(shares)}."
+        rows.append(replace(_HalfCycles.of(every), in_words="all"))
+    decimals = numbers.decimals_of([row.rmse_n for row in rows], 3)
+    table = page_table(
         "Errors by amplitude of the half cycles",
         (
-            column("amplitude", lambda row: "all" if row is every else row.in_words),
-            column("half cycles", lambda row: numbers.format_fixed(row.amplitude.size, 0)),
-            column("samples", lambda row: numbers.format_fixed(float(row.sums[0].sum()), 0)),
-            column("RMSE", lambda row: numbers.format_fixed(row.rmse, decimals), "N"),
-            column("RMSE / RMS force", lambda row: numbers.percent(row.relative), "%"),
+            TableColumn(heading="amplitude", cell=attrgetter("in_words")),
+            TableColumn(heading="half cycles", cell=lambda row: numbers.format_fixed(row.count, 0)),
+            TableColumn(heading="samples", cell=lambda row: numbers.format_fixed(row.n_time, 0)),
+            TableColumn(
+                heading="RMSE", unit="N", cell=lambda row: numbers.format_fixed(row.rmse_n, decimals)
+            ),
+            TableColumn(heading="RMSE / RMS force", unit="%", cell=lambda row: numbers.percent(row.relative)),
         ),
         rows,
         note="The amplitude is half the displacement from one reversal to the next; the motion before the first "
         "reversal and after the last has none.",
     )
+    advice = (prose,) if worst.relative > _LARGER * largest.relative else ()
+    return Section(title="Errors by amplitude", summary=summary, groups=(Group(prose=advice, table=table),))
 
 
-def _half_cycles(predictions: Sequence[Prediction]) -> _HalfCycles:
-    amplitudes, sums = [], []
-    for prediction in predictions:
-        test = prediction.test
-        ends = half_cycle_ends(test.displacement)
-        amplitudes.append(0.5 * np.abs(np.diff(test.displacement[ends])))
-        counts = np.zeros(test.n_time)
-        counts[test.counted] = 1.0
-        residual = test.force - prediction.model_force
-        squares = counts * np.stack(
-            [np.ones(test.n_time), residual**2, (test.force - test.force.mean()) ** 2]
-        )
-        before = np.cumsum(np.pad(squares, ((0, 0), (1, 0))), axis=1)
-        sums.append(np.diff(before[:, ends], axis=1))
-    return _HalfCycles(amplitude=np.concatenate(amplitudes), sums=np.concatenate(sums, axis=-1))
+def _half_cycles(prediction: Prediction) -> Floats:
+    """Amplitude [m] of each half cycle of a test, and sums over its samples that count, shape (4, n_half_cycles).
+
+    The sums are their number, their squared errors, and their squared forces about the mean [N^2].
+    """
+    test = prediction.test
+    ends = half_cycle_ends(test.displacement)
+    counts = np.zeros(test.n_time)
+    counts[test.counted] = 1.0
+    squares = [
+        np.ones(test.n_time),
+        (test.force - prediction.model_force) ** 2,
+        (test.force - test.force.mean()) ** 2,
+    ]
+    before = np.cumsum(np.pad(counts * squares, ((0, 0), (1, 0))), axis=1)
+    return np.vstack([0.5 * np.abs(np.diff(test.displacement[ends])), np.diff(before[:, ends], axis=1)])
 
 
 def _classes(amplitude: Floats) -> NDArray[np.intp]:

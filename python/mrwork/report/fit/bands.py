@@ -9,7 +9,6 @@ import numpy as np
 
 from mrwork.base.numbers import percent
 from mrwork.base.summary import list_names
-from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, finish_signed
 from mrwork.plots.of_fits import bands as draw_bands
 from mrwork.plots.of_tests import Motion
@@ -102,11 +101,10 @@ def _left_out_panels(bands: StoredBands, unit: str) -> tuple[Panel, ...]:
         calibration = calibrate(bands.others(prediction), held_out=bands.calibration.held_out)
         name = name_of(test)
         for over in get_args(Motion):
-            with style.drawn_in_style():
-                figure, axes = column_axes()
-                axes.grid(True, axis="both")
-                draw_bands(prediction, axes, calibration=calibration, over=over, level=_LEVEL, unit=unit)
-                finish_signed(axes)
+            figure, axes = column_axes()
+            axes.grid(True, axis="both")
+            draw_bands(prediction, axes, calibration=calibration, over=over, level=_LEVEL, unit=unit)
+            finish_signed(axes)
             words = f"Force against {over} of test {name}, one cycle, with the 90 % prediction band"
             held = f"Inside the 90 % band: {percent(shares[test.label])} % of the samples of the whole test."
             panels.append(panel(f"l{number}-{over}", name, figure, words, held))

@@ -48,7 +48,6 @@ def _ranking_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     )
 
 
-@style.drawn_in_style()
 def ranking_figure(ranking: Ranking) -> Figure:
     """Left-out fit of every family that has one, best on top, with the number of its parameters."""
     predicted = [standing for standing in ranking.standings if standing.left_out_percent is not None]
@@ -132,7 +131,6 @@ def _test_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     )
 
 
-@style.drawn_in_style()
 def plan_figure(plan: Plan) -> Figure:
     """Variance reduction [%] at each amplitude and frequency; the best is framed, other places are blank."""
     commands = sorted({gain.candidate.command for gain in plan.gains}, key=lambda value: value or 0.0)

@@ -30,7 +30,6 @@ def common_unit(predictions: Sequence[Prediction]) -> str:
     return style.force_unit(max(peaks, default=0.0)).symbol
 
 
-@style.drawn_in_style()
 def repair_figure(test: DamperTest, original: DamperTest, unit: str) -> Figure:
     """Force against displacement before and after the repair of a test, as one column."""
     figure, axes = canvas.column_axes()
@@ -60,7 +59,6 @@ def cycles_figure(drawn: Prediction, unit: str) -> Figure:
     return _history_figure(few_cycles(drawn), unit)
 
 
-@style.drawn_in_style()
 def _history_figure(drawn: Prediction, unit: str) -> Figure:
     """Force over time and, below, its residual."""
     figure, upper = canvas.column_axes()
@@ -99,7 +97,6 @@ def _shade_window(axes: Axes, test: DamperTest) -> None:
     axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
 
 
-@style.drawn_in_style()
 def command_figure(drawn: Prediction) -> Figure:
     """A varying command over the whole record; the part of `cycles_figure` is shaded."""
     figure, axes = canvas.column_axes()
@@ -110,7 +107,6 @@ def command_figure(drawn: Prediction) -> Figure:
     return figure
 
 
-@style.drawn_in_style()
 def loop_figure(drawn: Prediction, unit: str, over: Motion) -> Figure:
     """Force against displacement or velocity."""
     figure, axes = canvas.column_axes()
@@ -121,7 +117,6 @@ def loop_figure(drawn: Prediction, unit: str, over: Motion) -> Figure:
     return figure
 
 
-@style.drawn_in_style()
 def small_loop(drawn: Prediction, unit: str, *, over: Motion, height: float = canvas.SMALL_HEIGHT) -> Figure:
     """Force over displacement or velocity in a few cycles, as one of four columns."""
     figure, axes = canvas.small_axes(height)

@@ -11,7 +11,6 @@ import numpy as np
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import list_names
 from mrwork.identification.fit import FINE, Fit, FitSpread
-from mrwork.plots import style
 from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
 from mrwork.plots.of_fits import laws as draw_laws
 from mrwork.plots.of_tests import Motion
@@ -193,10 +192,9 @@ def _law_panels(fit: Fit, height: float) -> Iterator[Panel]:
     shown = [parameter for parameter in fit.spec.plain if parameter.name in fit.spec.following][:_LAWS]
     count = len(fit.single_commands)
     for number, parameter in enumerate(shown):
-        with style.drawn_in_style():
-            figure, axes = small_axes(height)
-            draw_laws(fit, axes, parameters=[parameter.name])
-            name_above(axes)
+        figure, axes = small_axes(height)
+        draw_laws(fit, axes, parameters=[parameter.name])
+        name_above(axes)
         yield panel(
             f"law-{parameter.name}",
             re.split("[:,]", parameter.description)[0].capitalize(),

@@ -10,6 +10,7 @@ from mrwork.base import numbers
 from mrwork.base.summary import list_names
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
+from mrwork.plots import style
 from mrwork.plots.canvas import png_bytes, svg_bytes
 from mrwork.report.fit.agreement import AMPLITUDES, HELD_OUT, drawn_in_full, has_small_loops, tests_section
 from mrwork.report.fit.bands import BANDS
@@ -41,6 +42,7 @@ SECTIONS = (HELD_OUT, BANDS, RANKING, PROFILES, POSTERIOR, AMPLITUDES, RESIDUALS
 _SETTINGS_SHOWN, _HASH_SHOWN = 12, 12
 
 
+@style.drawn_in_style()
 def fit_page(
     run: StoredRun,
     predictions: Sequence[Prediction],

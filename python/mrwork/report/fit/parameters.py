@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from mrwork.base import numbers
 from mrwork.base.table import Table
 from mrwork.identification.fit import FINE, Fit, FittedParameter, Verdict, step_in_words
-from mrwork.plots import style
 from mrwork.plots.canvas import SMALL_WIDTH, grid_of_axes
 from mrwork.plots.of_fits import profiles as draw_profiles
 from mrwork.plots.style import shown_unit
@@ -204,7 +203,6 @@ def _profiles_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None
     )
 
 
-@style.drawn_in_style()
 def profiles_figure(profiles: Profiles) -> Figure:
     """Likelihood ratio against each parameter."""
     figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))

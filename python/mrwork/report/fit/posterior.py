@@ -35,11 +35,10 @@ def _section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
     what = f"Densities of {len(draws.varied)} parameters, alone and in pairs"
     count = len(draws.varied)
     size = count * _SIDE + _EDGE
-    with style.drawn_in_style():
-        figure = Figure(figsize=(size, size))
-        within = {"left": _EDGE / size, "right": 0.99, "bottom": _EDGE / size, "top": 0.99}
-        gaps = {"hspace": _GAP, "wspace": _GAP}
-        posterior(run, np.ravel(figure.subplots(count, count, squeeze=False, gridspec_kw=within | gaps)))
+    figure = Figure(figsize=(size, size))
+    within = {"left": _EDGE / size, "right": 0.99, "bottom": _EDGE / size, "top": 0.99}
+    gaps = {"hspace": _GAP, "wspace": _GAP}
+    posterior(run, np.ravel(figure.subplots(count, count, squeeze=False, gridspec_kw=within | gaps)))
     corner = panel("corner", "", figure, what)
     traces, ranks = [], []
     for parameter in draws.varied:
@@ -108,7 +107,6 @@ def _prose(draws: Draws) -> tuple[str, ...]:
     )
 
 
-@style.drawn_in_style()
 def _trace_figure(name: str, chain: Floats) -> Figure:
     """Quantiles of the walkers over the steps kept, and two of them, of draws (n_walkers, n_kept)."""
     steps = np.unique(np.linspace(0, chain.shape[1] - 1, _POINTS).astype(int))
@@ -123,7 +121,6 @@ def _trace_figure(name: str, chain: Floats) -> Figure:
     return figure
 
 
-@style.drawn_in_style()
 def _rank_figure(name: str, chain: Floats, ess: float) -> Figure:
     """Share of each sixteenth of the ranks in four groups of walkers, draws of shape (n_walkers, n_kept)."""
     from scipy.stats import rankdata

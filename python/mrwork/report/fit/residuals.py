@@ -172,12 +172,11 @@ def _ratio(excess: Excess) -> str:
 def residual_panels(prediction: Prediction, unit: str) -> tuple[Panel, ...]:
     """Autocorrelation, normal quantiles and course over the cycle of the residual of a test."""
     name = name_of(prediction.test)
-    with style.drawn_in_style():
-        over_cycle, axes = column_axes()
-        residuals(prediction, axes, over="phase", unit=unit)
-        finish(axes)
-        axes.set_xlim(-180, 180)
-        axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
+    over_cycle, axes = column_axes()
+    residuals(prediction, axes, over="phase", unit=unit)
+    finish(axes)
+    axes.set_xlim(-180, 180)
+    axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
     return (
         panel(
             "residual-lag",
@@ -205,7 +204,6 @@ def residual_panels(prediction: Prediction, unit: str) -> tuple[Panel, ...]:
     )
 
 
-@style.drawn_in_style()
 def autocorrelation_figure(prediction: Prediction) -> Figure:
     """Autocorrelation over a cycle and a half, with the band that holds 95 % of white noise."""
     test, residual = prediction.test, prediction.residual
@@ -235,7 +233,6 @@ def autocorrelation_figure(prediction: Prediction) -> Figure:
     return figure
 
 
-@style.drawn_in_style()
 def quantile_figure(prediction: Prediction) -> Figure:
     """Sorted residuals over their standard deviation, against normal quantiles."""
     normal = NormalDist()

@@ -47,7 +47,6 @@ def search_section(fit: Fit) -> Section:
     )
 
 
-@style.drawn_in_style()
 def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
     """Best and median NRMSE of the population against evaluations; a dotted line marks the refined misfit."""
     figure, axes = column_axes()
@@ -71,7 +70,6 @@ def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
     return figure
 
 
-@style.drawn_in_style()
 def waterfall_panel(fit: Fit) -> Panel | None:
     """Final misfits of the local minimisations in order; `None` for a search without local minimisations."""
     ends, reached = _local_minimisations(fit)

@@ -29,7 +29,6 @@ from mrwork.study.study import uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
 
 
-@style.drawn_in_style()
 def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> Figure:
     """Distribution of the input energy at the end of the motion, a bar for each of the rows."""
     shown = [row for row in results.finished_rows(motion) if row in rows]
@@ -41,7 +40,6 @@ def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> 
     return figure
 
 
-@style.drawn_in_style()
 def profile_figure(
     results: StudyResults, quantity: str, rows: Sequence[int], behind: Sequence[int] = ()
 ) -> Figure:
@@ -61,7 +59,6 @@ def profile_figure(
 _BINS, _LOOP_SECONDS, _LOOP_POINTS, _STRIP_SECONDS, _STRIP_TURNS = 700, 10.0, 1500, 1.5, 30
 
 
-@style.drawn_in_style()
 def _over_time(ordinate: str, *lines: tuple[Floats, Floats, str, float]) -> Figure:
     """Lines over time with their colours and widths [pt], in a range that is symmetric about zero."""
     figure, axes = canvas.column_axes(height=2.5)
@@ -87,7 +84,6 @@ def _signals(history: RunHistory, part: slice) -> History:
     return History(time=history.time[part], numbers=numbers)
 
 
-@style.drawn_in_style()
 def command_figure(history: RunHistory, unit: str, largest: float, stroke: Stroke) -> Figure:
     """What the controller sends to the first damper and what its coil has, sample by sample around its largest force.
 
@@ -173,11 +169,10 @@ def device_section(
         part = strong_part(history.time, history.force[:, 0], _LOOP_SECONDS)
         drawn_part = slice(part.start, part.stop, max(1, (part.stop - part.start) // _LOOP_POINTS))
         for over in get_args(Motion):
-            with style.drawn_in_style():
-                figure, axes = canvas.small_axes()
-                loops(_signals(history, drawn_part), axes, over=over, unit=unit)
-                axes.get_lines()[-1].set_color(stroke.colour)
-                canvas.name_above(axes)
+            figure, axes = canvas.small_axes()
+            loops(_signals(history, drawn_part), axes, over=over, unit=unit)
+            axes.get_lines()[-1].set_color(stroke.colour)
+            canvas.name_above(axes)
             words = f"Force of {device} against {over} under {name}: {label}"
             panels.append(panel(f"loop-{over}-{row}", "", figure, words))
         if max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
@@ -187,10 +182,9 @@ def device_section(
             words = f"{what.capitalize()} of {device} under {name}, sample by sample: {label}"
             panels.append(panel(f"command-{row}", "", figure, words, f"{first} to {last} s of {end} s"))
         groups.append(Group(title=label, panels=tuple(panels), layout="small"))
-        with style.drawn_in_style():
-            figure, axes = canvas.small_axes()
-            energies(_signals(history, slice(None)), axes, legend=False)
-            canvas.name_above(axes)
+        figure, axes = canvas.small_axes()
+        energies(_signals(history, slice(None)), axes, legend=False)
+        canvas.name_above(axes)
         balances.append(panel(f"energy-{row}", label, figure, f"Energies under {name}: {label}"))
     about = (
         f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, and "
@@ -243,7 +237,6 @@ def spread_section(comparison: Comparison, shown: ShownRows, of_row: Sequence[St
     return Section(title="Spread over motions", summary=summary, groups=tuple(groups))
 
 
-@style.drawn_in_style()
 def score_figure(results: StudyResults, rows: list[int], of_row: Sequence[Stroke]) -> Figure:
     """Score under each motion, a line of dots for each row, the first on top."""
     names = [short(results.rows[row].label, 36) for row in reversed(rows)]

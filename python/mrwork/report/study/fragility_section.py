@@ -7,7 +7,6 @@ from dataclasses import replace
 from matplotlib.figure import Figure
 
 from mrwork.base.numbers import counted
-from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, grid_of_axes
 from mrwork.plots.of_studies import fragility as draw_fragility
 from mrwork.plots.of_studies import ida
@@ -20,7 +19,6 @@ _RECORDS, _LEVELS, _DRAWN = 2, 3, 6
 _PANEL, _COLUMNS = (2.5, 2.3), 3
 
 
-@style.drawn_in_style()
 def ida_figure(fragilities: Fragilities) -> Figure:
     """Intensity over the response, a panel for each arrangement."""
     count = min(len(fragilities.rows), _DRAWN)
@@ -29,7 +27,6 @@ def ida_figure(fragilities: Fragilities) -> Figure:
     return figure
 
 
-@style.drawn_in_style()
 def fragility_figure(fragilities: Fragilities) -> Figure:
     """Probability that the limit is reached over intensity, a curve for each arrangement."""
     count = min(len(fragilities.rows), _DRAWN)

@@ -13,7 +13,6 @@ from mrwork.base.summary import list_names
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
-from mrwork.plots import style
 from mrwork.plots.canvas import coinciding, inline_svg, small_axes
 from mrwork.plots.of_buildings import building
 from mrwork.plots.of_studies import RATIO, Stroke, short, strokes
@@ -194,7 +193,6 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
     )
 
 
-@style.drawn_in_style()
 def _line(stroke: Stroke, row: int) -> Markup:
     """The line of a row as the figures draw it, with its marker."""
     figure = Figure(figsize=_LINE)
@@ -237,10 +235,9 @@ def _building_panel(results: StudyResults) -> Iterator[Panel]:
         return
     dampers = [f"{format_fixed(damper.count, 0)} in storey {damper.storey + 1}" for damper in results.dampers]
     dampers += facts.passive
-    with style.drawn_in_style():
-        figure, axes = small_axes()
-        axes.set_position((0.02, 0.02, 0.96, 0.94))
-        building(results, axes)
+    figure, axes = small_axes()
+    axes.set_position((0.02, 0.02, 0.96, 0.94))
+    building(results, axes)
     yield panel(
         "front-building",
         "Building",

@@ -10,6 +10,7 @@ from mrwork.base.numbers import NOTHING, format_fixed, percent, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
+from mrwork.plots import style
 from mrwork.plots.of_studies import strokes
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Section, panel, warning_section
@@ -167,6 +168,7 @@ def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[
     )
 
 
+@style.drawn_in_style()
 def study_page(
     results: StudyResults,
     histories: ReadHistory,

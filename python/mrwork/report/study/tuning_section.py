@@ -117,10 +117,9 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
         over=(("", 1), *((use, len(names)) for use in uses), ("", 2)),
         note="Points of which no other is lower in every objective on the training motions.",
     )
-    with style.drawn_in_style():
-        figure, axes = column_axes()
-        fronts(front, axes, legend=False)
-        axes.legend(loc="upper right")
+    figure, axes = column_axes()
+    fronts(front, axes, legend=False)
+    axes.legend(loc="upper right")
     drawn = panel(f"front-{number}", "Front", figure, title)
     return Section(
         title=title,
@@ -132,21 +131,20 @@ def _front_section(number: int, front: Front, command_unit: str) -> Section:
 def _search_section(results: TuningResults) -> Section:
     """The least penalised objective after each generation of every search."""
     laws = [law for law in results.laws if len(law.trace) > 1]
-    with style.drawn_in_style():
-        course, axes = column_axes(top=0.9)
-        for number, law in enumerate(laws):
-            axes.step(
-                [point.candidates for point in law.trace],
-                [point.least for point in law.trace],
-                where="post",
-                color=style.hue(number),
-                linewidth=1.4 if number < len(style.HUES) else 0.6,
-                label=short(law.label, _LONGEST),
-            )
-        axes.set_xlabel("Candidates")
-        axes.set_ylabel("Least objective on the training motions")
-        axes.set_xlim(left=0.0)
-        legend(axes, columns=2, others=max(len(laws) - len(style.HUES), 0))
+    course, axes = column_axes(top=0.9)
+    for number, law in enumerate(laws):
+        axes.step(
+            [point.candidates for point in law.trace],
+            [point.least for point in law.trace],
+            where="post",
+            color=style.hue(number),
+            linewidth=1.4 if number < len(style.HUES) else 0.6,
+            label=short(law.label, _LONGEST),
+        )
+    axes.set_xlabel("Candidates")
+    axes.set_ylabel("Least objective on the training motions")
+    axes.set_xlim(left=0.0)
+    legend(axes, columns=2, others=max(len(laws) - len(style.HUES), 0))
     figure = panel(
         "searches",
         "Course of the searches",
