@@ -97,6 +97,29 @@ class Loading(Summarised):
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 
 
+def sinusoid(
+    amplitude: float,
+    velocity: float,
+    *,
+    cycles: int,
+    per_cycle: int,
+    command: float | None = None,
+    command_unit: CommandUnit | None = None,
+) -> Loading:
+    """Whole cycles of a sinusoid of this amplitude [m] and peak velocity [m/s], from mid-stroke outward and back to it.
+
+    It has `per_cycle` samples a cycle, and one more at its end.
+    """
+    phase = 2.0 * np.pi * np.arange(cycles * per_cycle + 1) / per_cycle
+    return Loading(
+        dt=2.0 * np.pi * amplitude / velocity / per_cycle,
+        displacement=amplitude * np.sin(phase),
+        velocity=velocity * np.cos(phase),
+        command=command,
+        command_unit=command_unit,
+    )
+
+
 @array_dataclass()
 class Misfits:
     """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite for candidates that did not finish.

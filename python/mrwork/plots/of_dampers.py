@@ -9,25 +9,31 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrwork.base.hints import InUnit, Within
-from mrwork.dampers.simulation import simulate_force
+from mrwork.dampers.simulation import simulate_force, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.plots import canvas, style
 from mrwork.plots.of_tests import Motion, axis_values
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.read import test_from_arrays
-from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
-# Samples of a cycle.
-_PER_CYCLE = 1000
+# Cycles of a motion from rest, and samples of a cycle.
+_CYCLES, _PER_CYCLE = 3, 1000
 
 
 def nominal_test(
     spec: DamperSpec, *, amplitude: float, frequency: float, per_cycle: int, command: float = 0.0
 ) -> DamperTest:
     """The nominal force under a sinusoid [m, Hz], at this command where the model takes one."""
-    level = None if spec.command_unit is None else command
-    motion = Candidate(amplitude=amplitude, frequency=frequency, command=level)
-    loading, _ = harmonic_motion(motion, spec, per_cycle)
+    unit = spec.command_unit
+    level = None if unit is None else command
+    loading = sinusoid(
+        amplitude,
+        2.0 * np.pi * frequency * amplitude,
+        cycles=_CYCLES,
+        per_cycle=per_cycle,
+        command=level,
+        command_unit=unit,
+    )
     test = test_from_arrays(
         loading.dt * np.arange(len(loading.displacement)),
         loading.displacement,
@@ -35,7 +41,7 @@ def nominal_test(
         velocity=loading.velocity,
         name="nominal",
         command=level,
-        command_unit=loading.command_unit,
+        command_unit=unit,
     )
     return replace(test, synthetic=True)
 

@@ -5,9 +5,10 @@ Of OpenSees these are materials in Tcl, and in Python for openseespy.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import astuple
 from math import ceil
+from typing import Literal
 
 import numpy as np
 
@@ -18,11 +19,10 @@ from mrwork.dampers.command import command_noise
 from mrwork.dampers.conventions import USUAL_OPENSEES_ERROR, opensees_from_bouc_wen, require_bounded_loop
 from mrwork.dampers.conversions import bouc_wen_from_normalised, normalised_from_bouc_wen
 from mrwork.dampers.coordinates import Box, bound_at
-from mrwork.dampers.simulation import Loading, Outcome, simulate_forces
+from mrwork.dampers.simulation import refuse_failure, simulate_forces, sinusoid
 from mrwork.dampers.spec import law_limits, plain_parameters
-from mrwork.dampers.tested_range import OperatingRange
-from mrwork.errors import SettingError, SimulationError
-from mrwork.identification.fit import Fit
+from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit, FittedParameter
 from mrwork.records.columns import StatedCommand
 
 _SPEEDS = 20
@@ -39,55 +39,40 @@ def force_table(fit: Fit, stated: StatedCommand | None) -> str:
     over evenly spaced velocities up to the largest tested one, for the commands over the tested range, or for one.
     """
     refuse_bounds(fit)
-    tested = fit.tested
+    tested, spec = fit.tested, fit.spec
     if tested is None or tested.velocity == 0.0:
         raise SettingError(
             "the tested ranges of this fit are not known, and the table goes over them; run mrwork identify again"
         )
-    commands, rows = _commands(fit, stated, tested)
-    unit = fit.spec.command_unit or ""
-    heading = [f"command [{unit}]"] if unit else []
+    commands: list[float | None]
+    if stated is None and spec.follows_command and tested.command is not None:
+        commands = np.linspace(*tested.command, _COMMANDS).tolist()
+        theta = np.stack([plain_parameters(spec, fit.theta, level) for level in commands])
+    else:
+        values, command = parameters_at(fit, stated)
+        commands, theta = [command], values[None]
+    heading = [f"command [{spec.command_unit}]"] if spec.command_unit else []
     remarks = ["; ".join(_left_out(fit, command)) for command in commands]
     # Readers of numbers take no words, so that there is a column for them only where there are some.
     remark = ["remark"] if any(remarks) else []
     lines = [[*heading, "velocity [m/s]", "force [N]", "amplitude [m]", "frequency [Hz]", *remark]]
     speeds = tested.velocity * np.arange(1, _SPEEDS + 1) / _SPEEDS
-    forces = np.stack([_forces(fit, rows, tested.stroke, float(speed)) for speed in speeds])
-    both_ways = np.concatenate([-speeds[::-1], speeds])
+    forces = np.stack([_forces(fit, theta, tested.stroke, float(speed)) for speed in speeds])
+    velocity = np.concatenate([-speeds[::-1], speeds])
     force = np.concatenate([forces[::-1, :, 1], forces[:, :, 0]])
-    for command, words, of_command in zip(commands, remarks, force.T.tolist(), strict=True):
+    frequency = np.abs(velocity) / (2.0 * np.pi * tested.stroke)
+    for number, (command, words) in enumerate(zip(commands, remarks, strict=True)):
+        columns = velocity, force[:, number], np.full_like(velocity, tested.stroke), frequency
         first, last = [] if command is None else [repr(command)], [words] if remark else []
-        for velocity, newtons in zip(both_ways.tolist(), of_command, strict=True):
-            numbers = velocity, newtons, tested.stroke, abs(velocity) / (2.0 * np.pi * tested.stroke)
-            lines.append([*first, *map(repr, map(float, numbers)), *last])
+        lines += [[*first, *map(repr, row), *last] for row in np.stack(columns, axis=1).tolist()]
     return csv_text(lines)
-
-
-def _commands(
-    fit: Fit, stated: StatedCommand | None, tested: OperatingRange
-) -> tuple[Sequence[float | None], Floats]:
-    """Commands, and the parameters of the plain model at each, shape (n_commands, n_plain)."""
-    if stated is not None or not fit.spec.follows_command or tested.command is None:
-        theta, value = parameters_at(fit, stated)
-        return [value], theta[None]
-    levels = np.linspace(*tested.command, _COMMANDS).tolist()
-    return levels, np.stack([plain_parameters(fit.spec, fit.theta, level) for level in levels])
 
 
 def _forces(fit: Fit, theta: Floats, amplitude: float, speed: float) -> Floats:
     """Force at the passages through the middle with and against `speed` [m/s], shape (n_commands, 2)."""
-    phase = 2.0 * np.pi * np.arange(_CYCLES * _PER_CYCLE) / _PER_CYCLE
-    loading = Loading(
-        dt=2.0 * np.pi * amplitude / speed / _PER_CYCLE,
-        displacement=amplitude * np.sin(phase),
-        velocity=speed * np.cos(phase),
-    )
-    run = simulate_forces(fit.spec.without_laws, theta, loading.history())
-    if run.outcome.any():
-        outcome = Outcome(int(run.outcome.max()))
-        raise SimulationError(
-            f"{fit.model} ended as {outcome.name.lower()} at {speed:.3g} m/s: {outcome.remedy}"
-        )
+    motion = sinusoid(amplitude, speed, cycles=_CYCLES, per_cycle=_PER_CYCLE)
+    run = simulate_forces(fit.spec.without_laws, theta, motion.history())
+    refuse_failure(f"{fit.model} at {speed:.3g} m/s", int(run.outcome.max()))
     first = (_CYCLES - 1) * _PER_CYCLE
     return np.asarray(run.force[:, [first, first + _PER_CYCLE // 2]])
 
@@ -99,41 +84,41 @@ def refuse_bounds(fit: Fit) -> None:
     """
     admissible = Box.of(fit.spec)
     for index, (estimate, spec) in enumerate(zip(fit.estimates, fit.spec.parameters, strict=True)):
-        if not estimate.at_bound:
-            continue
-        end = estimate.remark.removeprefix("at ")
-        edge, widest = (estimate.lower, spec.lower) if end == "lower bound" else (estimate.upper, spec.upper)
-        if edge != widest:
-            is_at = f"the {end} that was given"
-        elif spec.coefficient is not None and not bound_at(admissible, index, estimate.value):
-            is_at = "the end of the range in which its law was searched"
-        else:
-            continue
-        raise SettingError(
-            f"{estimate.name} is at {of_unit(estimate.value, estimate.unit)}, {is_at}, and a better fit may lie "
-            f"beyond; fit again by mrwork identify with a wider --bound {estimate.name}=LOWER:UPPER, the model admits "
-            f"{spec.lower:g} to {spec.upper:g}, or with --fix {estimate.name}={estimate.value:.6g}, and export that"
-        )
+        side = _side(estimate)
+        given = getattr(estimate, side) != getattr(spec, side)
+        searched = spec.coefficient is not None and not bound_at(admissible, index, estimate.value)
+        if estimate.at_bound and (given or searched):
+            is_at = (
+                f"the {side} bound that was given"
+                if given
+                else "the end of the range in which its law was searched"
+            )
+            raise SettingError(
+                f"{estimate.name} is at {of_unit(estimate.value, estimate.unit)}, {is_at}, and a better fit may lie "
+                f"beyond; fit again by mrwork identify with a wider --bound {estimate.name}=LOWER:UPPER, the model "
+                f"admits {spec.lower:g} to {spec.upper:g}, or with --fix {estimate.name}={estimate.value:.6g}, and "
+                "export that"
+            )
+
+
+def _side(estimate: FittedParameter) -> Literal["lower", "upper"]:
+    return "lower" if estimate.remark == "at lower bound" else "upper"
 
 
 def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float | None]:
     """Parameters of the plain model at a command, shape (n_plain,), and the command in the unit of the laws."""
-    unit = fit.spec.command_unit
+    unit, tested = fit.spec.command_unit, fit.tested.command
     if unit is None:
         if stated is not None:
             raise SettingError(
                 "this fit has no current laws, so its damper is the same at any command; leave the command out"
             )
         return plain_parameters(fit.spec, fit.theta, 0.0), None
-    if stated is None:
-        raise SettingError(f"the parameters follow the command; give one with its unit, as in 0.5{unit}")
-    if stated.value is None or stated.unit != unit:
+    if stated is None or stated.value is None or stated.unit != unit:
         raise SettingError(
             f"the laws of this fit take the command in {unit}; give a number with that unit, as in 0.5{unit}"
         )
-    value = stated.value
-    tested = fit.tested.command
-    noise = command_noise(0.0, unit)
+    value, noise = stated.value, command_noise(0.0, unit)
     if tested is not None and not tested[0] - noise <= value <= tested[1] + noise:
         raise SettingError(
             f"{of_unit(value, unit)} is outside the tested commands, {tested[0]:g} to "
@@ -187,7 +172,7 @@ def opensees_text(
     if fit.tested.velocity > 0.0:
         facts.append(_substeps_in_words(fit.tested.velocity, step, time_step or USUAL_TIME_STEP, sigma))
     facts += [
-        f"{estimate.name} is on the {estimate.remark.removeprefix('at ')} of the model, "
+        f"{estimate.name} is on the {_side(estimate)} bound of the model, "
         f"{of_unit(estimate.value, estimate.unit)}"
         for estimate in fit.estimates
         if estimate.at_bound

@@ -13,7 +13,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.hints import InUnit, Within
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.command import LARGEST_COMMAND, CommandValues, command_level, levels_of_command
-from mrwork.dampers.simulation import Loading
+from mrwork.dampers.simulation import Loading, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import open_delimited
@@ -201,20 +201,17 @@ def _check_count(count: int, spec: DamperSpec) -> None:
         )
 
 
-def harmonic_motion(
-    candidate: Candidate, spec: DamperSpec, per_cycle: int = _SAMPLES_PER_CYCLE
-) -> tuple[Loading, slice]:
+def harmonic_motion(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
     """Motion of a candidate from mid-stroke in three cycles, and the samples of the counted ones."""
-    dt = 1.0 / (candidate.frequency * per_cycle)
-    phase = 2.0 * np.pi * np.arange(_CYCLES * per_cycle + 1) / per_cycle
-    loading = Loading(
-        dt=dt,
-        displacement=candidate.amplitude * np.sin(phase),
-        velocity=candidate.peak_velocity * np.cos(phase),
+    loading = sinusoid(
+        candidate.amplitude,
+        candidate.peak_velocity,
+        cycles=_CYCLES,
+        per_cycle=_SAMPLES_PER_CYCLE,
         command=candidate.command,
         command_unit=spec.command_unit,
     )
-    return loading, slice(per_cycle, _CYCLES * per_cycle)
+    return loading, slice(_SAMPLES_PER_CYCLE, _CYCLES * _SAMPLES_PER_CYCLE)
 
 
 def excitation_of(test: DamperTest) -> Candidate:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.arguments import Positive
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.simulation import Loading, simulate_force
+from mrwork.dampers.simulation import Loading, simulate_force, sinusoid
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 
@@ -106,23 +106,17 @@ def _simulate(
     amplitude: tuple[float, float],
     velocity: tuple[float, float],
 ) -> _Cycles:
-    angle = 2.0 * np.pi * np.arange(_CYCLES * _PER_CYCLE + 1) / _PER_CYCLE
     last = slice(-_PER_CYCLE, None)
     parts = []
     for size in np.geomspace(*amplitude, _N_MOTIONS):
         for speed in np.geomspace(*velocity, _N_MOTIONS):
-            displacement, rate = size * np.sin(angle), speed * np.cos(angle)
-            dt = 2.0 * np.pi * size / speed / _PER_CYCLE
+            motion = sinusoid(
+                size, speed, cycles=_CYCLES, per_cycle=_PER_CYCLE, command_unit=spec.command_unit
+            )
             for command in np.linspace(0.0, largest_command, _N_COMMANDS):
-                loading = Loading(
-                    dt=dt,
-                    displacement=displacement,
-                    velocity=rate,
-                    command=command,
-                    command_unit=spec.command_unit,
-                )
-                force = simulate_force(spec, theta, loading)
-                parts.append([displacement[last], rate[last], np.full(_PER_CYCLE, command), force[last]])
+                force = simulate_force(spec, theta, replace(motion, command=command))
+                samples = motion.displacement, motion.velocity, np.full_like(force, command), force
+                parts.append([values[last] for values in samples])
     x, v, u, f = np.concatenate(parts, axis=1)
     return _Cycles(displacement=x, velocity=v, command=u, force=f)
 

@@ -14,7 +14,7 @@ from mrwork.base.units import number_in
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.matrices import Device
 from mrwork.control.linear.plant import Outputs, Plant, accelerations, displacements, drifts, stack_outputs
-from mrwork.dampers.simulation import Loading, simulate_force
+from mrwork.dampers.simulation import simulate_force, sinusoid
 from mrwork.errors import InvalidSettingError, SettingError
 
 Limit = float | tuple[float, ...]
@@ -183,17 +183,18 @@ def sine_force(device: Device, amplitude: float, velocity: float, command: float
 
     It is the last of three cycles of a sinusoid at a constant command, from its middle on.
     """
-    samples, w = 400, velocity / amplitude
-    phase = 2.0 * np.pi * np.arange(3 * samples + 1) / samples
-    x, v = amplitude * np.sin(phase), amplitude * w * np.cos(phase)
-    force, unit = np.zeros_like(x), device.spec.command_unit
-    for sign in (1.0, -1.0) if device.differential else (1.0,):
-        loading = Loading(
-            dt=float(phase[1] / w),
-            displacement=sign * x,
-            velocity=sign * v,
+    samples, unit = 400, device.spec.command_unit
+
+    def force(sign: float) -> Floats:
+        motion = sinusoid(
+            sign * amplitude,
+            sign * velocity,
+            cycles=3,
+            per_cycle=samples,
             command=None if unit is None else command,
             command_unit=unit,
         )
-        force += sign * device.count * simulate_force(device.spec, device.draws[0], loading)
-    return force[2 * samples : 3 * samples]
+        return sign * device.count * simulate_force(device.spec, device.draws[0], motion)
+
+    whole = force(1.0) + force(-1.0) if device.differential else force(1.0)
+    return whole[2 * samples : 3 * samples]
