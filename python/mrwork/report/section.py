@@ -16,8 +16,6 @@ from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.plots.canvas import inline_svg
 from mrwork.plots.drawn import drawn_csv
-from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.bands.prediction import Prediction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,17 +170,3 @@ def panel(identifier: str, title: str, figure: Figure, description: str, note: s
         data=drawn_csv(figure),
         figure=figure,
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SectionKind:
-    """A section as `page.SECTIONS` lists it.
-
-    `make` returns the section of a run and of its fit's tests, or `None` where the run has no data for it; the page
-    then names the `command` that adds it, if there is one, with the title of the section and what the command does.
-    """
-
-    make: Callable[[StoredRun, Sequence[Prediction]], Section | None]
-    title: str = ""
-    command: str = ""
-    description: str = ""

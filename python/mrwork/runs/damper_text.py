@@ -5,7 +5,7 @@ Of OpenSees these are materials in Tcl, and in Python for openseespy.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import astuple
 from math import ceil
 from typing import Literal
@@ -44,10 +44,10 @@ def force_table(fit: Fit, stated: StatedCommand | None) -> str:
         raise SettingError(
             "the tested ranges of this fit are not known, and the table goes over them; run mrwork identify again"
         )
-    commands: list[float | None]
+    commands: Sequence[float | None]
     if stated is None and spec.follows_command and tested.command is not None:
-        commands = np.linspace(*tested.command, _COMMANDS).tolist()
-        theta = np.stack([plain_parameters(spec, fit.theta, level) for level in commands])
+        commands = levels = np.linspace(*tested.command, _COMMANDS).tolist()
+        theta = np.stack([plain_parameters(spec, fit.theta, level) for level in levels])
     else:
         values, command = parameters_at(fit, stated)
         commands, theta = [command], values[None]

@@ -116,7 +116,7 @@ def _simulate(
             for command in np.linspace(0.0, largest_command, _N_COMMANDS):
                 force = simulate_force(spec, theta, replace(motion, command=command))
                 samples = motion.displacement, motion.velocity, np.full_like(force, command), force
-                parts.append([values[last] for values in samples])
+                parts.append([np.asarray(values)[last] for values in samples])
     x, v, u, f = np.concatenate(parts, axis=1)
     return _Cycles(displacement=x, velocity=v, command=u, force=f)
 

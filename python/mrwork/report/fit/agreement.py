@@ -25,10 +25,9 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.findings import gathered_findings
 from mrwork.report.fit import figures
 from mrwork.report.fit.residuals import residual_panels
-from mrwork.report.section import Group, Panel, Section, SectionKind, panel
-from mrwork.runs.load import StoredRun
+from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.bands.predictions import spread_of
+from mrwork.uncertainty.bands.predictions import Predictions, spread_of
 
 # Up to so many tests are all drawn in full.
 _ALL_IN_FULL = 4
@@ -307,26 +306,13 @@ def _classes(amplitude: Floats) -> NDArray[np.intp]:
     return np.asarray(decade * len(_ENDS) + within, dtype=np.intp)
 
 
-AMPLITUDES = SectionKind(make=lambda _, predictions: amplitude_section(predictions))
-
-
-def _held_out_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
-    """A table of the held-out tests of every prediction; `None` where there are none."""
-    if run.held_out is None:
-        return None
-    group = Group(
-        summary=run.held_out._summary(),
-        prose=(
-            "Neither the fit nor its calibration has seen these tests; one that is predicted again counts once.",
-        ),
+def held_out_section(held_out: Predictions) -> Section:
+    """A table of the held-out tests of every prediction."""
+    prose = (
+        "Neither the fit nor its calibration has seen these tests; one that is predicted again counts once."
     )
-    text = f"{run.held_out.spread.in_words}."
-    return Section(title="Held-out tests", summary=text, groups=(group,))
-
-
-HELD_OUT = SectionKind(
-    make=_held_out_section,
-    title="Held-out tests",
-    command="mrwork predict RUN TESTS",
-    description="predicts tests that the fit has not seen: the evidence of how well it predicts.",
-)
+    return Section(
+        title="Held-out tests",
+        summary=f"{held_out.spread.in_words}.",
+        groups=(Group(summary=held_out._summary(), prose=(prose,)),),
+    )

@@ -13,12 +13,10 @@ from mrwork.plots.canvas import column_axes, finish_signed
 from mrwork.plots.of_fits import bands as draw_bands
 from mrwork.plots.of_tests import Motion
 from mrwork.report.fit.agreement import excitation
-from mrwork.report.fit.figures import common_unit, name_of
-from mrwork.report.section import Group, Panel, Section, SectionKind, panel
-from mrwork.runs.load import StoredRun
+from mrwork.report.fit.figures import name_of
+from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage, calibrate
-from mrwork.uncertainty.bands.prediction import Prediction
 
 # The level that the text discusses, and the range of the mean coverage that counts as nominal at each.
 _LEVEL = 0.9
@@ -29,11 +27,8 @@ _FEW_TESTS = 5
 _LEFT_OUT = 3
 
 
-def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | None:
-    """Coverage of tests left out, and bands around those that are covered least; `None` without calibration."""
-    bands = run.bands
-    if bands is None:
-        return None
+def bands_section(bands: StoredBands, unit: str) -> Section:
+    """Coverage of tests left out, and bands around those that are covered least, in a unit of force."""
     conditions = [
         (prediction.test.name, ", ".join(excitation(prediction.test))) for prediction in bands.predictions
     ]
@@ -47,13 +42,7 @@ def _section(run: StoredRun, predictions: Sequence[Prediction]) -> Section | Non
     return Section(
         title="Prediction bands",
         summary=coverage_summary(bands),
-        groups=(
-            Group(
-                summary=bands._summary(),
-                prose=prose,
-                panels=_left_out_panels(bands, common_unit(predictions)),
-            ),
-        ),
+        groups=(Group(summary=bands._summary(), prose=prose, panels=_left_out_panels(bands, unit)),),
     )
 
 
@@ -109,12 +98,3 @@ def _left_out_panels(bands: StoredBands, unit: str) -> tuple[Panel, ...]:
             held = f"Inside the 90 % band: {percent(shares[test.label])} % of the samples of the whole test."
             panels.append(panel(f"l{number}-{over}", name, figure, words, held))
     return tuple(panels)
-
-
-BANDS = SectionKind(
-    make=_section,
-    title="Prediction bands",
-    command="mrwork calibrate RUN TESTS",
-    description="calibrates prediction bands from the errors of the fit on tests that it has not seen; without "
-    "TESTS the run's own tests are left out in turn.",
-)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -13,9 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from mrwork.base import numbers
 from mrwork.plots import style
 from mrwork.plots.canvas import grid_of_axes, name_above, room_for
-from mrwork.report.section import Group, Section, SectionKind, panel
-from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.report.section import Group, Section, panel
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.planning import Plan
 
@@ -27,11 +24,8 @@ _WIDTH = 3.0
 _RANGE = 40.0
 
 
-def _ranking_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
+def ranking_section(ranking: Ranking) -> Section:
     """The sentence, the table and, of models, the figure of a choice, and how its numbers are defined."""
-    ranking = run.ranking
-    if ranking is None:
-        return None
     chosen, of_laws = ranking.chosen_standing, ranking.unit is not None
     provisionally = " provisionally" if chosen.verdict == "provisional" else ""
     panels = []
@@ -90,15 +84,6 @@ def ranking_figure(ranking: Ranking) -> Figure:
     return figure
 
 
-RANKING = SectionKind(
-    make=_ranking_section,
-    title="Choice of model or laws",
-    command="mrwork identify TESTS --model all",
-    description="compares models on tests that their fits have not seen, and writes a run folder of its own; "
-    "--law auto also chooses which parameters follow the command, and by which law.",
-)
-
-
 _MAP_COLUMNS = 3
 _MAP_WIDTH, _MAP_HEIGHT = 3.6, 3.0
 # From white to the blue of the models: the darker, the larger the reduction.
@@ -107,11 +92,8 @@ _MAP = LinearSegmentedColormap.from_list("gain", [style.PAGE, style.MODEL])
 _DARK = 0.7
 
 
-def _test_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
+def plan_section(plan: Plan) -> Section:
     """The best candidates, and the map of all of them."""
-    plan = run.plan
-    if plan is None:
-        return None
     name = plan.gains[0].candidate.in_words(plan.command_unit)
     what = f"Variance reduction by each of {len(plan.gains)} tests, best {name}"
     drawn = panel("plan", "", plan_figure(plan), what)
@@ -169,11 +151,3 @@ def plan_figure(plan: Plan) -> Figure:
         title = "Variance reduction (%)"
         name_above(axes, title if command is None else f"{title}, {command:g} {plan.command_unit}")
     return figure
-
-
-PLAN = SectionKind(
-    make=_test_section,
-    title="Next test",
-    command="mrwork plan RUN",
-    description="ranks candidates for the next test by how much each would narrow a band.",
-)

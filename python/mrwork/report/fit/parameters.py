@@ -16,9 +16,8 @@ from mrwork.plots.canvas import SMALL_WIDTH, grid_of_axes
 from mrwork.plots.of_fits import profiles as draw_profiles
 from mrwork.plots.style import shown_unit
 from mrwork.report.html import equation_html, symbol
-from mrwork.report.section import Group, Section, SectionKind, panel
+from mrwork.report.section import Group, Section, panel
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.identifiability.profile import Profiles
 
 
@@ -171,11 +170,8 @@ def _summary(fit: Fit) -> str:
 _COLUMNS, _HEIGHT = 4, 2.2
 
 
-def _profiles_section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
+def profiles_section(profiles: Profiles) -> Section:
     """Intervals and a figure for each profiled parameter."""
-    profiles = run.profiles
-    if profiles is None:
-        return None
     open_ended = [
         profiled.name for profiled in profiles.profiles if profiled.lower is None or profiled.upper is None
     ]
@@ -208,11 +204,3 @@ def profiles_figure(profiles: Profiles) -> Figure:
     figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))
     draw_profiles(profiles, panels)
     return figure
-
-
-PROFILES = SectionKind(
-    make=_profiles_section,
-    title="Profile likelihood",
-    command="mrwork profile RUN",
-    description="computes an interval of each parameter by profile likelihood, open where the data set no bound.",
-)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,9 +14,8 @@ from mrwork.base.values import Floats
 from mrwork.plots import style
 from mrwork.plots.canvas import name_above, plain_ticks, small_axes
 from mrwork.plots.of_fits import posterior
-from mrwork.report.section import Group, Section, SectionKind, panel
+from mrwork.report.section import Group, Section, panel
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws
 
 _POINTS = 120
@@ -27,11 +25,8 @@ _RANK_BINS = 16
 _SIDE, _EDGE, _GAP = 1.35, 0.85, 0.08
 
 
-def _section(run: StoredRun, _: Sequence[Prediction]) -> Section | None:
+def posterior_section(draws: Draws, run: StoredRun) -> Section:
     """Table, trace, ranks and corner of the draws of a run."""
-    draws = run.draws
-    if draws is None:
-        return None
     what = f"Densities of {len(draws.varied)} parameters, alone and in pairs"
     count = len(draws.varied)
     size = count * _SIDE + _EDGE
@@ -144,12 +139,3 @@ def _finish(axes: Axes, name: str, abscissa: str) -> None:
     name_above(axes, style.symbol_text(name), abscissa)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
     plain_ticks(axes, 5, "y")
-
-
-POSTERIOR = SectionKind(
-    make=_section,
-    title="Posterior",
-    command="mrwork sample RUN",
-    description="samples the posterior of the parameters: credible intervals, and pairs that the data cannot "
-    "distinguish.",
-)

@@ -15,7 +15,7 @@ from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, draw_points, finish, finish_signed, legend
 from mrwork.plots.of_tests import residuals
 from mrwork.report.fit.figures import name_of
-from mrwork.report.section import Group, Panel, Section, SectionKind, panel
+from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
 from mrwork.uncertainty.residual_tests import (
     LAGS,
@@ -249,6 +249,3 @@ def quantile_figure(prediction: Prediction) -> Figure:
     finish_signed(axes, "Residual / standard deviation", "Normal quantile")
     legend(axes)
     return figure
-
-
-RESIDUALS = SectionKind(make=lambda _, predictions: residual_section(predictions))
