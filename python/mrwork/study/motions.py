@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from mrwork.motions.ground_motion import (
     examined,
     is_copy,
     likeness,
+    replace_samples,
     resampled,
     scaled,
     time_scaled,
@@ -42,6 +44,8 @@ from mrwork.study.schema import MotionTable
 from mrwork.study.study import MotionOfStudy
 
 _SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,40 +145,31 @@ def _warnings(ground: GroundMotion, table: MotionTable) -> tuple[str, ...]:
     return examined(replace(ground, acceleration=factor * ground.acceleration), scaled=is_scaled)
 
 
-_Grounds = list[tuple[GroundMotion, Path | None]]
-
-
-def _grounds(table: MotionTable, folder: Path, seed: int) -> _Grounds:
+def _grounds(table: MotionTable, folder: Path, seed: int) -> Iterator[tuple[GroundMotion, Path | None]]:
     """The ground motions that a table names, gives or draws, with their files."""
     file, seed, step = table.file, seed + table.seed, table.dt or _SYNTHETIC_STEP
     if isinstance(file, str):
+        stated = Stated(**named(table, "unit", "dt", "column", "channel"))
         with keyed("file"):
-            return _read_record(table, folder / file)
-    if isinstance(file, GroundMotion):
-        return [(replace(file, name=table.name or file.name), None)]
-    if table.suite is not None:
+            paths = motion_files(folder / file)
+            for path in paths:
+                motion = motion_of_file(path, stated)
+                name = table.name if len(paths) == 1 else f"{table.name}, {motion.name}"
+                yield replace(motion, name=name) if table.name else motion, path.resolve()
+    elif isinstance(file, GroundMotion):
+        yield replace(file, name=table.name or file.name), None
+    elif table.suite is not None:
         with keyed("suite"):
-            drawn = suite(**table.suite.of(suite), rng=seed, dt=step, name=table.name)
-        return [(motion, None) for motion in drawn]
-    if table.synthetic is not None:
+            for motion in suite(**table.suite.of(suite), rng=seed, dt=step, name=table.name):
+                yield motion, None
+    elif table.synthetic is not None:
         duration = table.duration or _SYNTHETIC_DURATION
         name = table.name or table.synthetic.replace("_", "-").title()
-        return [(synthetic_motion(_spectrum(table), rng=seed, duration=duration, dt=step, name=name), None)]
-    size = factor_to_si(table.unit or "m/s2", "acceleration", context="unit")
-    samples = size * np.array(table.acceleration)
-    return [(GroundMotion(name=table.name or "motion", dt=step, acceleration=samples), None)]
-
-
-def _read_record(table: MotionTable, file: Path) -> _Grounds:
-    files, grounds = motion_files(file), list[tuple[GroundMotion, Path | None]]()
-    stated = Stated(**named(table, "unit", "dt", "column", "channel"))
-    for path in files:
-        motion = motion_of_file(path, stated)
-        if table.name:
-            name = table.name if len(files) == 1 else f"{table.name}, {motion.name}"
-            motion = replace(motion, name=name)
-        grounds.append((motion, path.resolve()))
-    return grounds
+        yield synthetic_motion(_spectrum(table), rng=seed, duration=duration, dt=step, name=name), None
+    else:
+        size = factor_to_si(table.unit or "m/s2", "acceleration", context="unit")
+        samples = size * np.array(table.acceleration)
+        yield GroundMotion(name=table.name or "motion", dt=step, acceleration=samples), None
 
 
 def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
@@ -207,8 +202,7 @@ def _spectrum(table: MotionTable) -> SpectralDensity:
 
 def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
     if table.group:
-        groups = (table.group,) if isinstance(table.group, str) else table.group
-        motion = replace(motion, groups=(*groups, *motion.groups))
+        motion = replace(motion, groups=(*_several(table.group), *motion.groups))
     if table.start > 0.0 or table.end is not None:
         motion = trimmed(motion, start=table.start, end=math.inf if table.end is None else table.end)
     if table.baseline is not None:
@@ -219,12 +213,8 @@ def _process(motion: GroundMotion, table: MotionTable) -> GroundMotion:
         motion = resampled(motion, table.resample)
     if table.rest > 0.0:
         check_samples(motion.duration + table.rest, motion.dt)
-        still = np.zeros(round(table.rest / motion.dt))
-        motion = replace(
-            motion,
-            acceleration=np.concatenate([motion.acceleration, still]),
-            changes=(*motion.changes, f"{table.rest:g} s at rest added"),
-        )
+        longer = np.append(motion.acceleration, np.zeros(round(table.rest / motion.dt)))
+        motion = replace_samples(motion, longer, motion.dt, f"{table.rest:g} s at rest added")
     return motion
 
 
@@ -245,21 +235,19 @@ def _scale(
     if period is not None:
         intensity = spectral_intensity(motion, period, damping)
     factors, values = _several(table.factor), _several(table.pga) or _several(table.sa)
+    is_one = len(factors or values) == 1
     if not factors and not values:
         yield motion, intensity, None
     for factor in factors:
-        name = motion.name if len(factors) == 1 else f"{motion.name} x {factor:g}"
-        yield (
-            replace(scaled(motion, factor), name=name),
-            replace(intensity, value=abs(factor) * intensity.value),
-            factor,
-        )
+        ground = scaled(motion, factor)
+        ground = ground if is_one else replace(ground, name=f"{motion.name} x {factor:g}")
+        yield ground, replace(intensity, value=abs(factor) * intensity.value), factor
     for value in values:
         level = f"{'' if table.sa is None else 'Sa '}{value / STANDARD_GRAVITY:.3g} g"
-        name = motion.name if len(values) == 1 else f"{motion.name}, {level}"
+        name = motion.name if is_one else f"{motion.name}, {level}"
         ground = replace(scaled_from(motion, intensity, value), name=name, groups=(*motion.groups, level))
         yield ground, replace(intensity, value=value), None
 
 
-def _several(value: float | tuple[float, ...] | None) -> tuple[float, ...]:
+def _several(value: T | tuple[T, ...] | None) -> tuple[T, ...]:
     return () if value is None else value if isinstance(value, tuple) else (value,)
