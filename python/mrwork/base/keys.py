@@ -105,7 +105,8 @@ def key(
     """Declare a field of a dataclass as a key, by the notes `Within` and `Says`; without a default it is required."""
     terms = locals()
     within, says = (note(**{item.name: terms[item.name] for item in fields(note)}) for note in (Within, Says))
-    metadata = {NOTES: (within, says)}
+    # Without a range of its own the annotation may have one.
+    metadata = {NOTES: (says,) if within == Within() else (within, says)}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 

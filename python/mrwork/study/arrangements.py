@@ -5,14 +5,13 @@ A law may stand in a Python file of its user, which is run as Python when the st
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mrwork.base.documents import given_values
-from mrwork.base.keys import as_document, keys_of, refuse_missing, suggestion
+from mrwork.base.keys import as_document, check_known, keys_of, refuse_missing, suggestion
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
 from mrwork.base.units import number_in
 from mrwork.buildings import Building
@@ -20,13 +19,13 @@ from mrwork.buildings.groups import largest_command, products_of, refuse_rate, s
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.closed_loop.user_law import UserLaw
-from mrwork.control.laws.control_law import ControlLaw, control_law, refuse_units
+from mrwork.control.laws.control_law import control_law, refuse_units
 from mrwork.control.laws.law_problem import DesignProblem, LawSettings
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
-from mrwork.store.user_python import place_of, run_file, text_to_compare
+from mrwork.store.user_python import run_file, text_to_compare
 from mrwork.study.schema import (
     CONSTANT_LAWS,
     PASSIVE_OFF,
@@ -44,21 +43,12 @@ def _load_law(table: LawFileTable, folder: Path) -> UserLaw:
     if isinstance(table.file, str):
         with keyed("file"):
             module, text = run_file(folder / table.file, what="a law")
-        functions = [key_name for key_name, value in vars(module).items() if inspect.isfunction(value)]
-        function = getattr(module, name, None)
-        if not callable(function):
-            near = suggestion(name, functions, otherwise="it has")
-            raise InvalidSettingError("function", f"{table.file} has no function {name!r}{near}")
+        functions = {key: value for key, value in vars(module).items() if callable(value)}
+        with keyed("function"):
+            check_known(name, functions, f"{table.file} has no function {name!r}", otherwise="it has")
+        function = functions[name]
     else:
         function, text = table.file, text_to_compare(table.file)
-    try:
-        inspect.signature(function).bind(None, None)
-    except TypeError:
-        raise InvalidSettingError(
-            "function",
-            f"{name} ({place_of(function) or table.file}) does not take two arguments; write it as "
-            f"def {name}(sample, memory)",
-        ) from None
     with keyed("function"):
         return UserLaw(
             name=name,
@@ -84,8 +74,8 @@ def arrangements(
     off = Row(label=PASSIVE_OFF, kind="passive_off", description="the dampers without a command")
     if not any(device.spec.follows_command for device in devices):
         off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
-    at_zero = Arrangement(
-        row=off, bare=bare, building=problem.building, devices=devices, law=constant_share(devices, 0.0)
+    at_zero = replace(
+        without, row=off, building=problem.building, devices=devices, law=constant_share(devices, 0.0)
     )
 
     def arranged(at: tuple[str, int]) -> Arrangement:
@@ -148,13 +138,12 @@ def _arrange_controller(
             )
         if constant.share is not None:
             law = constant_share(limited.devices, constant.share)
+            law = replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
     else:
         title, description = control_law(name).title, name
         kind = "actuator" if control_law(name).commands_force else "controller"
         kind = "passive" if SETTINGS[name].constant else kind
         named = NamedLaw(table=controller, number=number, given=settings, problem=limited)
-    if isinstance(law, ControlLaw):
-        law = replace(law, dead_zone=controller.dead_zone, command_slope=controller.command_slope)
     label = controller.label if kind == "passive_off" else controller.label or title
     row = Row(label=label, kind=kind, description=description)
     if named is not None and named.is_complete:
@@ -164,19 +153,18 @@ def _arrange_controller(
 
 def _limit_command(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
     """The design problem of a law, with the command limited as its table says."""
-    limit = controller.largest_command
+    shares, available = sends_shares(problem.devices), largest_command(problem.devices)
+    limit = controller.command_in(
+        "largest_command", "1" if shares else problem.devices[0].spec.command_unit or "A"
+    )
     if limit is None:
         return problem
-    shares, available = sends_shares(problem.devices), largest_command(problem.devices)
-    unit = "1" if shares else problem.devices[0].spec.command_unit or "A"
-    largest = number_in(limit, unit) if isinstance(limit, str) else limit
-    if isinstance(largest, float) and 0.0 < largest <= available:
-        return problem.limited_to(largest)
+    if limit <= available:
+        return problem.limited_to(limit)
     most = f"the driver of the dampers gives {available:g} at most"
     if shares:
         most = 'of dampers in A beside others in V it is a share of the largest command of each, as "80 %"'
-    came = f"{largest};" if isinstance(largest, str) else f"is {largest:g}, and"
-    raise InvalidSettingError("largest_command", f"largest_command {came} {most}")
+    raise InvalidSettingError("largest_command", f"largest_command is {limit:g}, and {most}")
 
 
 def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardware: Hardware) -> None:
@@ -234,7 +222,7 @@ def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mappi
             sentence = f"{table.law} has no gain of a desired force; leave it out, or choose one of {taking}"
             raise InvalidSettingError("gain", sentence)
         settings["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
-    values = given_values(kind, _with_matrices(kind, settings, where, folder), where)
+    values = _values_of(kind, settings, where, folder)
     for entry in keys_of(kind):
         if entry.is_required and entry.says.span is None and entry.name not in values:
             # Nothing in the response of the dampers tells it.
@@ -258,15 +246,14 @@ def resolve_settings(table: TuneTable, place: Place, folder: Path) -> TuneTable:
         for kind in map(SETTINGS.__getitem__, table.laws):
             with part():
                 subset = {name: value for name, value in table.settings.items() if name in _names_of(kind)}
-                subset = _with_matrices(kind, subset, where, folder)
-                settings |= as_document(given_values(kind, subset, where))
+                settings |= as_document(_values_of(kind, subset, where, folder))
     return replace(table, settings=settings)
 
 
-def _with_matrices(
+def _values_of(
     kind: type[LawSettings], settings: Mapping[str, Any], place: Place, folder: Path
 ) -> dict[str, Any]:
-    """The settings with the matrices of the files that they name; a single row or column is a diagonal."""
+    """Settings in SI, with the matrices of the files that they name; a single row or column is a diagonal."""
     resolved = dict(settings)
     for entry in keys_of(kind):
         name = resolved.get(entry.name)
@@ -279,4 +266,4 @@ def _with_matrices(
     wishes = resolved.get("designed")
     if isinstance(wishes, dict) and isinstance(wishes.get("record"), str):
         resolved["designed"] = {**wishes, "record": str(folder / wishes["record"])}
-    return resolved
+    return given_values(kind, resolved, place)

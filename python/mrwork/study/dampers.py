@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, islice
-from math import cos, inf
+from math import cos
 from pathlib import Path
 from typing import get_args
 
@@ -16,7 +16,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.numbers import counted
 from mrwork.base.places import keyed, read_each
 from mrwork.base.summary import named
-from mrwork.base.units import CommandUnit, DriverUnit, number_in
+from mrwork.base.units import DriverUnit
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
 from mrwork.buildings.frames import brace_across
@@ -62,8 +62,9 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
     if table.unit is not None and table.unit != unit and spec.follows_command:
         sentence = f"the command of this damper ({source}) is in {unit}; leave unit out"
         raise InvalidSettingError("unit", sentence)
-    largest = _command_given(table, "largest_command", unit) or largest
-    if not largest and spec.follows_command:
+    given = table.command_in("largest_command", unit)
+    largest = largest if given is None else given
+    if largest is None and spec.follows_command:
         raise SettingError(
             f"[[damper]] has no largest_command; give the largest command of the driver [{unit}]"
         )
@@ -74,7 +75,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
         theta=[*chain(*(values[name] for name in plain.names)), *([] if lag is None else [lag])],
         row=(),
         largest_command=largest or 0.0,
-        command=_command_given(table, "command", unit),
+        command=table.command_in("command", unit),
         tested=known.tested if isinstance(known, FittedDamper) else None,
         rated_force=table.rated_force or rated.rated_force,
         rated_stroke=table.rated_stroke or rated.rated_stroke,
@@ -92,19 +93,6 @@ def _largest_tested(fitted: FittedDamper) -> float | None:
         )
     commands = fitted.tested and fitted.tested.command
     return command_level(commands[1], unit or "A") if commands else None
-
-
-def _command_given(table: DamperTable, key: str, unit: CommandUnit) -> float | None:
-    """A command of the table in the unit of the damper; `None` if it has none."""
-    command: float | str | None = getattr(table, key)
-    if isinstance(command, str):
-        number = number_in(command, unit)
-        if isinstance(number, str):
-            raise InvalidSettingError(key, f"{key} {number}")
-        command = number
-    if command is not None and not (0.0 < command < inf or (key == "command" and command == 0.0)):
-        raise InvalidSettingError(key, f"{key} is {command:g}; give a positive number [{unit}]")
-    return command
 
 
 def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) -> None:

@@ -161,9 +161,15 @@ class _Trials:
 
     def design(self, named: NamedLaw) -> tuple[ControlLaw, TakenSettings]:
         """A law with the settings that it lacks, and how they came."""
-        law, problem = named.table.law, named.problem
+        law, problem, beside = named.table.law, named.problem, ""
         with keyed("controller", named.number):
-            problem, beside = self._expect_motion(problem) if named.lacks_motion else (problem, "")
+            if named.lacks_motion:
+                limited = problem is not problem.whole
+                problem = self._shaken.limited_to(problem.largest_command) if limited else self._shaken
+                beside = (
+                    f"amplitude = {toml_value(problem.amplitude)} and velocity = {toml_value(problem.velocity)} of the "
+                    "[[damper]] for its static model, up to the peak stroke at i = 0"
+                )
             taken = self.call.step(
                 f"settings of {law}",
                 TakenSettings,
@@ -173,16 +179,6 @@ class _Trials:
                 digest_of_run(self._arranged(problem, None), *problem.motions),
             )
             return named.design(problem, taken.settings), taken
-
-    def _expect_motion(self, problem: DesignProblem) -> tuple[DesignProblem, str]:
-        """The problem with the expected motion of its dampers, taken from the response, and a sentence on that."""
-        shaken = self._shaken
-        says = (
-            f"amplitude = {toml_value(shaken.amplitude)} and velocity = {toml_value(shaken.velocity)} of the "
-            "[[damper]] for its static model, up to the peak stroke at i = 0"
-        )
-        limited = problem is not problem.whole
-        return shaken.limited_to(problem.largest_command) if limited else shaken, says
 
     @cached_property
     def _shaken(self) -> DesignProblem:

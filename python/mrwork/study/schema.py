@@ -9,13 +9,16 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from itertools import chain
+from typing import Annotated, Any, ClassVar, Literal
 
-from mrwork.base.arguments import Positive, checked
+from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.documents import heading_lines, key_lines, keys_in_words, prose_of
+from mrwork.base.hints import Within
 from mrwork.base.keys import (
     LARGEST_SEED,
     Arguments,
+    given_in,
     key,
     keys_of,
     optional,
@@ -27,7 +30,7 @@ from mrwork.base.keys import (
 )
 from mrwork.base.places import KeyPath, all_mistakes
 from mrwork.base.summary import list_names
-from mrwork.base.units import RATIOS, DriverUnit
+from mrwork.base.units import RATIOS, DriverUnit, number_in
 from mrwork.buildings.from_file import BuildingTable
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.closed_loop.hardware import Hardware
@@ -45,8 +48,9 @@ from mrwork.search.rules import LARGEST_POPULATION
 Risk = Literal["mean", "max", "cvar"]
 References = Literal["best_passive", "none"]
 Baseline = Literal["passive_off", "best_passive"]
+_Seed = Annotated[int, Within(least=0, most=LARGEST_SEED)]
 # A factor must stay positive.
-_WIDEST = 0.999
+_Part = Annotated[float, Within(least=0.0, most=0.999)]
 # What is usual: periods [s], steps of records [s], peaks of motions [m/s2] and commands [A or V].
 _PERIODS, _STEPS, _PEAKS, _COMMANDS = (0.01, 12.0), (1e-5, 0.11), (0.5, 30.0), (0.02, 60.0)
 
@@ -67,6 +71,14 @@ class Stated:
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         raise NotImplementedError
+
+    def command_in(self, key: str, unit: str) -> float | None:
+        """The command of a key in the unit of the dampers; `None` if it is not given."""
+        command: float | str | None = getattr(self, key)
+        number = number_in(command, unit) if isinstance(command, str) else command
+        if isinstance(number, str):
+            raise InvalidSettingError(key, f"{key} {number}")
+        return number
 
 
 PASSIVE_OFF, PASSIVE_ON, OPTIMAL_PASSIVE = "Passive-off", "Passive-on", "Optimal passive"
@@ -113,17 +125,12 @@ class UncertaintyTable:
         "whether the parameters of identified dampers are drawn from the posterior of their run, of mrwork sample",
         default=True,
     )
-    stiffness: float = key(
-        "half the range of a factor of the stiffness of the building, as 0.1 for +-10 %",
-        default=0.0,
-        least=0.0,
-        most=_WIDEST,
+    stiffness: _Part = key(
+        "half the range of a factor of the stiffness of the building, as 0.1 for +-10 %", default=0.0
     )
-    damping: float = key(
-        "half the range of a factor of the damping of the building", default=0.0, least=0.0, most=_WIDEST
-    )
-    delay: float = key("largest additional delay of the command", unit="s", default=0.0, least=0.0)
-    seed: int = key("seed of the realisations", default=0, least=0, most=LARGEST_SEED)
+    damping: _Part = key("half the range of a factor of the damping of the building", default=0.0)
+    delay: NotNegative = key("largest additional delay of the command", unit="s", default=0.0)
+    seed: _Seed = key("seed of the realisations", default=0)
 
 
 @checked
@@ -184,9 +191,7 @@ class TuneTable(Stated):
         least=0,
         most=10_000,
     )
-    seed: int = key(
-        "seed of the search, added to the seed of the command line", default=0, least=0, most=LARGEST_SEED
-    )
+    seed: _Seed = key("seed of the search, added to the seed of the command line", default=0)
 
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         # Laws and searches take long to load, and most studies tune none.
@@ -393,9 +398,7 @@ class ControllerTable(Stated):
         unit="A or V",
         usual=_COMMANDS,
     )
-    dead_zone: float = key(
-        "damper velocity below which the command is zero", unit="m/s", default=0.0, least=0.0
-    )
+    dead_zone: NotNegative = key("damper velocity below which the command is zero", unit="m/s", default=0.0)
     command_slope: float = positive(
         "largest change of the command of this law per time, from sample to sample",
         unit="A/s or V/s",
@@ -405,21 +408,13 @@ class ControllerTable(Stated):
     def _mistakes(self) -> Iterator[tuple[str | KeyPath, str]]:
         if self.user is None and not self.law:
             yield (), "[[controller]] has no law; give the name of a law, or user for one in Python"
-        unread = list[str]()
+        owner, unread, shaping = self.law, list[str](), ["dead_zone", "command_slope"]
         if self.user is not None:
-            unread = ["law", "settings", "gain", *self.shaping]
+            owner, unread = "a law in Python", ["law", "settings", "gain", *shaping]
         elif (constant := CONSTANT_LAWS.get(self.law)) is not None:
-            unread = ["settings", "gain", *(self.shaping if constant.share is None else ())]
-        for name in unread:
-            if getattr(self, name):
-                owner = self.law if self.user is None else "a law in Python"
-                yield name, f"{owner} has no {name}; leave it out"
-
-    @property
-    def shaping(self) -> tuple[str, ...]:
-        """Keys that shape the command of the law."""
-        keys = {"dead_zone": self.dead_zone > 0.0, "command_slope": math.isfinite(self.command_slope)}
-        return tuple(name for name, is_given in keys.items() if is_given)
+            unread = ["settings", "gain", *(shaping if constant.share is None else ())]
+        for name in (name for name in unread if name in given_in(self)):
+            yield name, f"{owner} has no {name}; leave it out"
 
     @staticmethod
     def _meant_by(name: str, table: Mapping[str, Any]) -> str:
@@ -511,11 +506,8 @@ class MotionTable(Stated):
     duration: float | None = positive(
         "length of a synthetic motion, 30 s by default", unit="s", usual=(0.3, 3600.0)
     )
-    seed: int = key(
-        "seed of a synthetic motion or a suite, added to the seed of the command line",
-        default=0,
-        least=0,
-        most=LARGEST_SEED,
+    seed: _Seed = key(
+        "seed of a synthetic motion or a suite, added to the seed of the command line", default=0
     )
     soil: Arguments | None = optional(
         "soil of a synthetic motion, firm by default", functions=(KanaiTajimi, CloughPenzien)
@@ -534,16 +526,14 @@ class MotionTable(Stated):
         unit="s",
         usual=_PERIODS,
     )
-    sa_damping: float | None = optional(
-        "damping ratio of the spectral acceleration, 0.05 by default", least=0.0, most=_WIDEST, usual=RATIOS
+    sa_damping: _Part | None = optional(
+        "damping ratio of the spectral acceleration, 0.05 by default", usual=RATIOS
     )
     scale_to: ScaledBy | None = optional(
         "what becomes as in [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period"
     )
     time_scale: float = positive("factor of the time axis", default=1.0)
-    start: float = key(
-        "start of the part that is used, in the time of the file", unit="s", default=0.0, least=0.0
-    )
+    start: NotNegative = key("start of the part that is used, in the time of the file", unit="s", default=0.0)
     end: float | None = positive("end of the part that is used, in the time of the file", unit="s")
     baseline: int | None = optional(
         "order of the polynomial of the baseline correction", least=0, most=HIGHEST_ORDER
@@ -675,26 +665,24 @@ def laws_text() -> str:
     from mrwork.control.laws.law_settings import SETTINGS
     from mrwork.control.laws.weights import WeightWishes
 
-    keys = {spec.name: keys_in_words(SETTINGS[spec.name]) for spec in control_laws()}
-    laws_with = Counter(key for key_name in keys.values() for key in key_name)
-    shared = [key for key, count in laws_with.items() if count > 1]
+    keys = {spec: keys_in_words(SETTINGS[spec.name]) for spec in control_laws()}
+    shared = [key for key, count in Counter(chain(*keys.values())).items() if count > 1]
     blocks = []
-    for spec in control_laws():
-        lines = [f"{spec.name}: {spec.title}", *_indented(spec.equation.splitlines())]
-        for prose in (spec.description, spec.source):
-            lines += heading_lines("", prose)[1:]
-        if spec.switches:
-            lines.append("  It switches, so its score has no gradient.")
-        unique = [key for key in keys[spec.name] if key not in shared]
-        if elsewhere := [key.name for key in keys[spec.name] if key in shared]:
-            lines += heading_lines("", f"settings described below: {', '.join(elsewhere)}")[1:]
-        blocks.append("\n".join([*lines, *(["  settings", *_indented(key_lines(unique))] if unique else [])]))
-    blocks.append("\n".join(["Settings of several laws", *key_lines(shared)]))
+    for spec, of_law in keys.items():
+        prose = [spec.description, spec.source]
+        prose += ["It switches, so its score has no gradient."] if spec.switches else []
+        if elsewhere := [key.name for key in of_law if key in shared]:
+            prose.append(f"settings described below: {', '.join(elsewhere)}")
+        below = [line for text in prose for line in heading_lines("", text)[1:]]
+        if unique := [key for key in of_law if key not in shared]:
+            below += ["  settings", *_indented(key_lines(unique))]
+        blocks.append([f"{spec.name}: {spec.title}", *_indented(spec.equation.splitlines()), *below])
+    blocks.append(["Settings of several laws", *key_lines(shared)])
     heading = "designed: table among the settings of a law with weights"
-    lines = _indented(key_lines(keys_in_words(WeightWishes)))
-    blocks.append("\n".join([*heading_lines(heading, WeightWishes.__doc__ or ""), *lines]))
-    blocks += [f"{name}: {law.description}; no settings" for name, law in CONSTANT_LAWS.items()]
-    return "\n\n".join(blocks)
+    wishes = _indented(key_lines(keys_in_words(WeightWishes)))
+    blocks.append([*heading_lines(heading, WeightWishes.__doc__ or ""), *wishes])
+    blocks += [[f"{name}: {law.description}; no settings"] for name, law in CONSTANT_LAWS.items()]
+    return "\n\n".join("\n".join(block) for block in blocks)
 
 
 def _indented(lines: Iterable[str]) -> list[str]:
