@@ -22,6 +22,7 @@ from mrwork.base.documents import read_table
 from mrwork.base.keys import Arguments, keys_of, optional, positive
 from mrwork.base.numbers import counted
 from mrwork.base.places import Place, all_mistakes, keyed, read_each
+from mrwork.base.summary import named
 from mrwork.base.values import Floats
 from mrwork.buildings.frames import building as published_building
 from mrwork.buildings.frames import (
@@ -194,6 +195,8 @@ def read_building(path: str | Path) -> Building:
 
 def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     """Read a building; `readers` are the files that refer to this one, to detect cycles."""
+    if real_path(path) in readers:
+        raise InvalidSettingError((), f"{path} refers back to itself; name the file of another building")
     if is_folder(path) or path.suffix.lower() == ".mat":
         table = BuildingTable(name=path.stem, source=str(path))
         with Place(origin=str(path)).prefix_errors():
@@ -251,17 +254,14 @@ def _make_building(table: BuildingTable, folder: Path, readers: tuple[Path, ...]
         elif form == "system":
             built = _from_system(table, folder)
         else:
-            name = getattr(table, form)
-            if isinstance(name, str) and form == "file" and real_path(folder / name) in readers:
-                raise InvalidSettingError(
-                    form, f"{name} refers back to itself; name the file of another building"
-                )
             with keyed(form):
-                if isinstance(name, str):
-                    base = published_building(name) if form == "published" else _read(folder / name, readers)
+                if table.published is not None:
+                    built = published_building(table.published)
+                elif isinstance(table.file, Building):
+                    built = table.file
                 else:
-                    base = name
-            built = _replace_matrices(base, table, folder)
+                    built = _read(folder / str(table.file), readers)
+            built = _with_matrices(built, _arrays(table, folder))
         built = _with_statements(built, table).check()
         of_damping = (table.rayleigh, table.modal_damping)
         if table.element or any(addition not in of_damping for addition in table.additions()):
@@ -288,7 +288,7 @@ def refuse_without_masses(building: Building) -> None:
 
 
 def _with_statements(building: Building, table: BuildingTable) -> Building:
-    """The building with what a table states beside its matrices: strokes, elements, heights, drift limit, weights."""
+    """The building with what a table states beside its matrices: names, strokes, elements, heights, weights."""
     elements = tuple(element.call()() for element in table.element or ())
     n_strokes = building.n_strokes if table.n_strokes is None else table.n_strokes
     count = max(len(building.storeys) - n_strokes, 0)
@@ -303,14 +303,12 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
         )
     strokes = np.zeros(len(building.storeys) - count)
     stated: dict[str, Any] = {
-        "n_strokes": table.n_strokes,
-        "elements": (*building.elements, *elements) if elements else None,
-        "drift_limit": table.drift_limit,
+        **named(table, "name", "source", "floor_names", "storey_names", "n_strokes", "drift_limit"),
+        "elements": (*building.elements, *elements),
         "heights": None if heights is None else np.append(heights, strokes),
         "loads": None if table.loads is None else np.append(table.loads, strokes),
     }
-    stated = {name: value for name, value in stated.items() if value is not None}
-    return replace(building, **stated) if stated else building
+    return replace(building, **{name: value for name, value in stated.items() if value is not None})
 
 
 def _shear(table: BuildingTable) -> Building:
@@ -319,15 +317,8 @@ def _shear(table: BuildingTable) -> Building:
             (), "the building has no stiffnesses; give the stiffnesses of its storeys [N/m]"
         )
     masses, stiffnesses, damping = (_each(table, name) for name in _SHEAR[:3])
-    return shear_building(
-        name=table.name or "building",
-        masses=masses,
-        stiffnesses=stiffnesses,
-        storey_damping=damping,
-        floor_names=table.floor_names or (),
-        storey_names=table.storey_names or (),
-        source=table.source or "",
-    )
+    name = table.name or "building"
+    return shear_building(name=name, masses=masses, stiffnesses=stiffnesses, storey_damping=damping)
 
 
 def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
@@ -343,14 +334,13 @@ def _each(table: BuildingTable, name: str) -> tuple[float, ...]:
     return values * count if len(values) == 1 else values
 
 
-def _replace_matrices(building: Building, table: BuildingTable, folder: Path) -> Building:
-    """Replace matrices, names and source of a building by the entries of a table."""
-    arrays: dict[str, Any] = _arrays(table, folder)
-    if arrays:
-        status = building.status if building.status == WITHOUT_MASSES else "ours"
-        arrays |= {"status": status, "source": source_with(building, f"{', '.join(arrays)} replaced")}
-    words = {name: getattr(table, name) for name in ("floor_names", "storey_names", "name", "source")}
-    return replace(building, **arrays, **{name: word for name, word in words.items() if word is not None})
+def _with_matrices(building: Building, arrays: Mapping[str, Any]) -> Building:
+    """The building with other matrices, if there are any."""
+    if not arrays:
+        return building
+    status = building.status if building.status == WITHOUT_MASSES else "ours"
+    source = source_with(building, f"{', '.join(arrays)} replaced")
+    return replace(building, **arrays, status=status, source=source)
 
 
 def _arrays(table: BuildingTable, folder: Path) -> dict[str, Floats]:
@@ -408,20 +398,20 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
 
 def _from_matrices(matrices: Mapping[str, Floats], table: BuildingTable) -> Building:
     """Return the building with the given matrices, named by word or symbol, and the names of a table."""
-    named = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
+    by_title = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     for title in ("mass", "stiffness"):
-        if title not in named:
+        if title not in by_title:
             names = ", ".join(matrices) or "nothing"
             sentence = f"a building needs mass (M), stiffness (K) and usually damping (C); found {names}"
             raise InvalidSettingError((), sentence)
-    n = len(named["mass"])
+    n = len(by_title["mass"])
     return Building(
         name=table.name or "building",
-        mass=named["mass"],
-        damping=named.get("damping", np.zeros((n, n))),
-        stiffness=named["stiffness"],
+        mass=by_title["mass"],
+        damping=by_title.get("damping", np.zeros((n, n))),
+        stiffness=by_title["stiffness"],
         source=table.source or "",
-        **_rows(named, table, n),
+        **_rows(by_title, table, n),
     )
 
 
