@@ -57,7 +57,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
     laws, values, lag = _parameters(table, known_spec, () if known is None else known.theta)
     if missing := [name for name in plain.names if name not in values]:
         raise SettingError(f"[[damper]] has no {', '.join(missing)} of {plain.name}; add to its parameters")
-    spec = plain.with_current_laws(laws, unit=unit, lagged=lag is not None)
+    spec = plain.with_current_laws(laws, unit=unit)
     _refuse_unless_passive(table, spec, source)
     if table.unit is not None and table.unit != unit and spec.follows_command:
         sentence = f"the command of this damper ({source}) is in {unit}; leave unit out"
@@ -72,9 +72,10 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
     return Device(
         name="the damper",
         spec=spec,
-        theta=[*chain(*(values[name] for name in plain.names)), *([] if lag is None else [lag])],
+        theta=[*chain(*(values[name] for name in plain.names))],
         row=(),
         largest_command=largest or 0.0,
+        lag=lag,
         command=table.command_in("command", unit),
         tested=known.tested if isinstance(known, FittedDamper) else None,
         rated_force=table.rated_force or rated.rated_force,
@@ -103,17 +104,12 @@ def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) ->
             "and every control law would give the same response; identify it from tests at several commands with "
             "mrwork identify --law, or give its laws, or add passive = true to take it as a passive damper"
         )
-    if not table.passive:
-        return
-    if spec.follows_command:
+    if spec.follows_command and table.passive:
         raise InvalidSettingError(
             "passive",
             f"passive is true, and {', '.join(spec.following)} of this {spec.name} depend on the command; leave "
             "passive out, and give command = 0 or another one to hold, or a law such as best_passive",
         )
-    for name in ("largest_command", "lag", "command"):
-        if getattr(table, name) is not None:
-            raise InvalidSettingError(name, f"a passive damper takes no command; leave {name} out")
 
 
 def _model(name: str | DamperSpec | None, key: str = "model") -> DamperSpec:
