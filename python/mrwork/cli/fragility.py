@@ -51,10 +51,8 @@ def add_options(parser: CommandParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Find, write the files, print the table."""
     table: Path | None = options.output
-    figures = ("ida", "fragility") if table is not None else ()
-    files = (
-        [] if table is None else [table, *(table.parent / f"{table.stem}-{figure}.svg" for figure in figures)]
-    )
+    names = ("ida", "fragility")
+    files = [] if table is None else [table, *(table.parent / f"{table.stem}-{name}.svg" for name in names)]
     for path in files:
         check_output(path, replace=options.replace, otherwise="give --replace")
     # SciPy and the readers of runs are slow to load.
@@ -62,13 +60,15 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.study.fragilities import fragility
     from mrwork.study.results import StudyResults
 
-    result = fragility(
-        load(options.study_run, StudyResults),
-        **arguments_of(options, _FRAGILITY),
-    )
+    result = fragility(load(options.study_run, StudyResults), **arguments_of(options, _FRAGILITY))
     contents = [_table(result)] if files else []
-    with undrawn_warned("a figure", "the table stands without it"):
-        contents += _figures(result) if files else []
+    if files:
+        with undrawn_warned("a figure", "the table stands without it"):
+            # Matplotlib is slow to load.
+            from mrwork.plots.canvas import svg_bytes
+            from mrwork.report.study.fragility_section import fragility_figures
+
+            contents += map(svg_bytes, fragility_figures(result).values())
     written = files[: len(contents)]
     for path, content in zip(written, contents, strict=True):
         write_file(path, content)
@@ -83,14 +83,6 @@ def _limit(text: str) -> float | str:
         return float(text)
     except ValueError:
         return text
-
-
-def _figures(result: Fragilities) -> tuple[bytes, ...]:
-    # Matplotlib is slow to load.
-    from mrwork.plots.canvas import svg_bytes
-    from mrwork.report.study.fragility_section import fragility_figure, ida_figure
-
-    return svg_bytes(ida_figure(result)), svg_bytes(fragility_figure(result))
 
 
 def _table(result: Fragilities) -> bytes:

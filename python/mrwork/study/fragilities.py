@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from mrwork.base.arguments import Level, Positive, Seed, checked
 from mrwork.base.hints import May, Within
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
-from mrwork.base.numbers import apart, counted, format_rounded, shortest, significant
+from mrwork.base.numbers import counted, format_rounded, shortest, significant
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Table
@@ -154,10 +154,10 @@ class Fragility(Summarised):
                 "one intensity separates all records, so that the dispersion is not known: give finer levels"
             )
         if self.bound == "not determined":
-            reason = "each record reaches the limit at its lowest level or never, and not more often at higher levels"
-            if ((above > 0.0) & np.isfinite(below)).any():
-                reason = "the search for the largest likelihood has not converged"
-            notes.append(f"{reason}, so that median and dispersion are not determined: give further levels")
+            notes.append(
+                "no distribution has the largest likelihood, as where each record reaches the limit at its lowest "
+                "level or never, so that median and dispersion are not determined: give further levels"
+            )
         elif unknown > 0.0 and not (self.band[0] > 0.0 and math.isfinite(self.band[1])):
             notes.append(
                 f"{significant(unknown, 2)} % of the draws of the bootstrap do not determine the median, so that the "
@@ -166,14 +166,9 @@ class Fragility(Summarised):
         return tuple(notes)
 
     def _summary(self) -> Summary:
-        rows = [
-            (_in_g(level), *(significant(100.0 * share, 3) for share in shares))
-            for level, *shares in zip(self.levels, self.crossed, self.outside, strict=True)
-        ]
         return Summary(
             title=f"Fragility, {self.measure}: {self.label}: {self.brief}; {self.reaching} records reach it",
             facts=(("dispersion", format_rounded(self.dispersion)),),
-            tables=[Table(columns=("level [g]", "reached [%]", "beyond tests [%]"), rows=rows)],
             notes=self.cautions,
         )
 
@@ -201,29 +196,28 @@ class Fragilities(Plotted, WithAxes, Summarised):
     study_warnings: tuple[str, ...] = ()
 
     def _named_arrays(self) -> NamedArrays:
-        first, every = next(iter(self.rows.values())), self.rows.values()
-
-        def share(values: list[Any], words: str) -> NamedArray:
-            return NamedArray.of(values, "row", "intensity", unit="1", long_name=words)
-
-        fitted = [[*map(entry.probability, entry.levels.tolist())] for entry in every]
-        responses = [entry.responses for entry in every]
+        first, *_ = every = [*self.rows.values()]
+        fitted = [[*map(row.probability, row.levels.tolist())] for row in every]
+        shares: dict[str, tuple[list[Any], str]] = {
+            "probability": (fitted, f"probability that {self.limit_in_words}"),
+            "reached": ([row.crossed for row in every], "share of the runs that reach the limit"),
+            "outside": ([row.outside for row in every], "share of the runs beyond tested ranges"),
+        }
+        axes = {
+            "row": NamedArray.of([*self.rows]),
+            "record": NamedArray.of([crossing.record for crossing in first.crossings]),
+            "intensity": NamedArray.of(first.levels, unit="m/s^2", long_name=first.measure),
+        }
+        responses = [row.responses for row in every]
         return NamedArrays(
             title=f"Fragility, {self.title}",
             rows=("row", "intensity"),
-            labels={
-                "row": NamedArray.of([*self.rows]),
-                "record": NamedArray.of([crossing.record for crossing in first.crossings]),
-                "intensity": NamedArray.of(first.levels, unit="m/s^2", long_name=first.measure),
-            },
+            labels=axes,
             arrays={
-                "probability": share(fitted, f"probability that {self.limit_in_words}"),
-                "reached": share([row.crossed for row in every], "share of the runs that reach the limit"),
-                "outside": share([row.outside for row in every], "share of the runs beyond tested ranges"),
-                "response": NamedArray.of(
-                    responses, "row", "record", "intensity", unit=self.unit, long_name=self.title
-                ),
-            },
+                name: NamedArray.of(values, "row", "intensity", unit="1", long_name=words)
+                for name, (values, words) in shares.items()
+            }
+            | {"response": NamedArray.of(responses, *axes, unit=self.unit, long_name=self.title)},
         )
 
     def __getitem__(self, label: str) -> Fragility:
@@ -288,20 +282,14 @@ class Fragilities(Plotted, WithAxes, Summarised):
         return tuple(self._against(entry, base) for entry in rows)
 
     def _against(self, one: Fragility, base: Fragility) -> str:
-        ratio, (low, high) = self.ratio(one.label, base.label)
+        _, (low, high) = self.ratio(one.label, base.label)
+        both = f"is {one.median_in_words}, against {base.median_in_words} with {base.label}"
+        what = f"{one.label}: the median {one.measure} at which {self.limit_in_words} {both}"
+        if (low, high) == (0.0, math.inf):
+            return f"{what}; their ratio is not known: give further levels."
         band = f"{100.0 * self.level:.0f} % band of the ratio {significant(low, 3)} to {significant(high, 3)}"
-        what = f"{one.label}: the median {one.measure} at which {self.limit_in_words}"
-        if math.isnan(ratio):
-            if (low, high) == (0.0, math.inf):
-                band = "their ratio is not known: give further levels"
-            return f"{what} is {one.median_in_words}, with {base.label} {base.median_in_words}; {band}."
-        verb = "rises" if ratio > 1.0 else "falls"
         tied = ", which holds 1: they are not told apart" if low <= 1.0 <= high else ""
-        if ratio == 1.0:
-            return f"{what} is {one.median_in_words}, as with {base.label}; {band}{tied}."
-        before, after = apart(significant, base.median / STANDARD_GRAVITY, one.median / STANDARD_GRAVITY, 3)
-        change = f"{verb} from {before} to {after} g"
-        return f"{what} {change} against {base.label}; {band}{tied}."
+        return f"{what}; {band}{tied}."
 
     @checked
     def document(self, against: str | None = None) -> dict[str, Any]:
@@ -386,12 +374,6 @@ def fragility(
     limits = limit if limit is not None else results.limit or COLLAPSE
     ((name, value),) = limit_of(limits, results.command_unit, results.building.scales).items()
     at = results.record_levels
-    n_records, n_levels = at.places.shape
-    if n_records < _FEWEST or n_levels < _FEWEST:
-        raise SettingError(
-            f"a fragility is over two records or more at several levels, and here are {counted(n_records, 'record')} "
-            f'and {counted(n_levels, "level")}; give several, as pga = ["0.1 g", "0.2 g"] of each [[motion]]'
-        )
     responses = results.labelled.up_to_collapse(name)[:, :, 0]
     outside = np.zeros(responses.shape)
     for run, demands in results.demanded.items():
@@ -467,11 +449,6 @@ def fragilities_of(
             f"`responses` have the shapes {text or 'of nothing'}; give (n_records, n_levels) for each label, here "
             f"{shape}, with `levels` of shape (n_levels,), and as many names of `records` if you give them"
         )
-    if min(shape) < _FEWEST or not np.all(np.diff(at, prepend=0.0) > 0.0):
-        raise SettingError(
-            f"a fragility is over two records or more at several rising levels above 0, and here are "
-            f"{counted(count, 'record')} at the levels {at.tolist()}; give more"
-        )
     kinds: dict[str, Kind] = {
         label: "uncontrolled" if label == "uncontrolled" else "controller" for label in responses
     }
@@ -495,7 +472,14 @@ def _with_rows(
 
     Both arrays are over row, record and level; NaN is where there is no run.
     """
-    weights, by_label, levels = drawn_weights(len(at.records), seed), {}, at.levels
+    levels = at.levels
+    if min(len(at.records), levels.size) < _FEWEST or not np.all(np.diff(levels, prepend=0.0) > 0.0):
+        raise SettingError(
+            f"a fragility is over two records or more at several rising levels above 0, and here are "
+            f"{counted(len(at.records), 'record')} at the levels {levels.tolist()} m/s^2; give several, as "
+            'pga = ["0.1 g", "0.2 g"] of each [[motion]]'
+        )
+    weights, by_label = drawn_weights(len(at.records), seed), {}
     for (label, kind), lines, beyond in zip(kinds.items(), responses, outside, strict=True):
         there = ~np.isnan(beyond)
         crossings = tuple(

@@ -7,8 +7,9 @@ from dataclasses import replace
 from matplotlib.figure import Figure
 
 from mrwork.base.numbers import counted
+from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, grid_of_axes
-from mrwork.plots.of_studies import fragility as draw_fragility
+from mrwork.plots.of_studies import fragility as fragility_curves
 from mrwork.plots.of_studies import ida
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.fragilities import Fragilities, fragility
@@ -19,21 +20,16 @@ _RECORDS, _LEVELS, _DRAWN = 2, 3, 6
 _PANEL, _COLUMNS = (2.5, 2.3), 3
 
 
-def ida_figure(fragilities: Fragilities) -> Figure:
-    """Intensity over the response, a panel for each arrangement."""
-    count = min(len(fragilities.rows), _DRAWN)
-    figure, panels = grid_of_axes(count, _COLUMNS, _PANEL)
-    ida(fragilities, panels, rows=range(count))
-    return figure
-
-
-def fragility_figure(fragilities: Fragilities) -> Figure:
-    """Probability that the limit is reached over intensity, a curve for each arrangement."""
-    count = min(len(fragilities.rows), _DRAWN)
-    figure, axes = column_axes(left=0.75, top=0.34 + 0.18 * ((count - 1) // _COLUMNS))
-    draw_fragility(fragilities, axes, rows=range(count))
+@style.drawn_in_style()
+def fragility_figures(fragilities: Fragilities) -> dict[str, Figure]:
+    """By name: intensity over the response, a panel an arrangement, and the probability over it, a curve for each."""
+    shown = range(min(len(fragilities.rows), _DRAWN))
+    lines, panels = grid_of_axes(len(shown), _COLUMNS, _PANEL)
+    ida(fragilities, panels, rows=shown)
+    curves, axes = column_axes(left=0.75, top=0.34 + 0.18 * ((len(shown) - 1) // _COLUMNS))
+    fragility_curves(fragilities, axes, rows=shown)
     axes.set_ylabel("Probability")
-    return figure
+    return {"ida": lines, "fragility": curves}
 
 
 def fragilities_of_page(results: StudyResults) -> Fragilities | None:
@@ -48,18 +44,19 @@ def fragilities_of_page(results: StudyResults) -> Fragilities | None:
 def fragility_section(results: StudyResults, fragilities: Fragilities) -> Section:
     """Median intensities at the limit of the study, with both figures."""
     at, (table,) = results.record_levels, fragilities._summary().shown_tables
+    figures = fragility_figures(fragilities)
     words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
     curves = panel(
         "fragility",
         f"Probability that {fragilities.limit_in_words}",
-        fragility_figure(fragilities),
+        figures["fragility"],
         f"Probability over {at.measure} that {fragilities.limit_in_words}, {words}",
         "Points are shares of the records; the bars at one half are bands of the medians.",
     )
     lines = panel(
         "ida",
         "Incremental dynamic analysis",
-        ida_figure(fragilities),
+        figures["ida"],
         f"{at.measure} over {fragilities.title} of {words}",
         "Thin: a record each. Thick: 16, 50 and 84 % of the records lie below. Dashed: the limit.",
     )
