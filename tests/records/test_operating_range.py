@@ -13,7 +13,7 @@ from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.dampers.tested_range import covering, outside_of, worst_of
+from mrwork.dampers.tested_range import Outside, covering, outside_of, worst_of
 from mrwork.records import DamperTest, OperatingRange
 from mrwork.records.damper_test import Exceedance, range_of_test, range_of_tests
 from mrwork.uncertainty.candidate_tests import excitation_of
@@ -185,9 +185,11 @@ def test_what_covers_a_demand_is_not_exceeded_by_it(sizes: list[float], share: f
 
 def test_the_worst_of_many_is_kept_with_its_label_and_their_number() -> None:
     found = [
-        (f"test {number}", each)
+        (
+            f"test {number}",
+            Outside(exceedances=ranges().exceeded_by(ranges(velocity=velocity, command=(0.0, 0.5)))),
+        )
         for number, velocity in enumerate((0.1, 0.3, 0.2))
-        for each in ranges().exceeded_by(ranges(velocity=velocity, command=(0.0, 0.5)))
     ]
     worst = worst_of(found)
     assert [(each.quantity, label, count) for each, label, count in worst] == [

@@ -77,7 +77,7 @@ def test_a_limit_that_is_not_kept_is_told_with_what_is_reached(tmp_path: Path) -
     (off, best) = found.rows
     assert not off.keeps
     assert best.value == min(each.values[2] for each in found.tried)
-    assert "does not keep the limit with up to 4 dampers in each place: the lowest value is " in str(found)
+    assert "limit is not kept with up to 4 dampers in each place, the value is the lowest" in str(found)
     # Three rows under two motions and 21 constant commands under two.
     assert found.runs == len(found.tried) * (3 * 2 + 21 * 2)
     given.to_toml(tmp_path / "study.toml")

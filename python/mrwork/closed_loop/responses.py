@@ -21,8 +21,8 @@ from mrwork.base.table import Table
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import BOTH_UNITS, commanded, joined_units
 from mrwork.buildings.matrices import Building, Device
-from mrwork.dampers.spec import LawLimit, worst_laws
-from mrwork.dampers.tested_range import Exceedance, OperatingRange, Outside, least_stroke, worst_of
+from mrwork.dampers.spec import worst_laws
+from mrwork.dampers.tested_range import OperatingRange, Outside, least_stroke, worst_of
 from mrwork.errors import SettingError, UnknownNameError
 
 ENERGY_TOLERANCE = 1e-6
@@ -320,19 +320,14 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
     def warnings(self) -> list[str]:
         """A sentence for each quantity outside the tested ranges of the devices, and for each law out of its range."""
         finished = np.flatnonzero(np.isfinite(self.energy_error))
-        exceeded: list[tuple[str, Exceedance]] = []
-        laws: list[LawLimit] = []
-        for number, device in enumerate(self.devices):
-            # One of the runs with the largest or the smallest value of a quantity is the worst.
-            exceedances = [
-                device.outside(self.demand(run, number)) for run in self._extreme(finished, number)
-            ]
-            exceeded += [
-                (device.name, exceedance) for outside in exceedances for exceedance in outside.exceedances
-            ]
-            laws += [law for outside in exceedances for law in outside.laws]
-        worst = [f"{name}: {exceedance.in_words}" for exceedance, name, _ in worst_of(exceeded)]
-        return [*worst, *(law.in_words for law in worst_laws(laws))]
+        # One of the runs with the largest or the smallest value of a quantity is the worst.
+        cases = [
+            (device.name, device.outside(self.demand(run, number)))
+            for number, device in enumerate(self.devices)
+            for run in self._extreme(finished, number)
+        ]
+        worst = [f"{name}: {exceedance.in_words}" for exceedance, name, _ in worst_of(cases)]
+        return [*worst, *(law.in_words for law in worst_laws(law for _, case in cases for law in case.laws))]
 
     def _least_stroke(self, run: int, device: int) -> float | None:
         return None if self.histories is None else least_stroke(self.histories[run].deformation[:, device])

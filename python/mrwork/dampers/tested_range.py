@@ -324,10 +324,10 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
     )
 
 
-def worst_of(exceedances: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
+def worst_of(cases: Sequence[tuple[str, Outside]]) -> list[tuple[Exceedance, str, int]]:
     """For each quantity, above, below or in a gap of its range, or above its rating: worst, label and number."""
     groups: dict[tuple[str, bool, bool, bool], list[tuple[str, Exceedance]]] = {}
-    for label, case in exceedances:
+    for label, case in ((label, case) for label, outside in cases for case in outside.exceedances):
         groups.setdefault((case.quantity, case.below, case.between, case.rated), []).append((label, case))
     worst = []
     for members in groups.values():

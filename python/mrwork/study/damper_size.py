@@ -19,7 +19,7 @@ from mrwork.closed_loop.evaluation import ratio
 from mrwork.closed_loop.responses import demand_of
 from mrwork.control.weights.limits import sine_force
 from mrwork.dampers.spec import worst_laws
-from mrwork.dampers.tested_range import Exceedance, worst_of
+from mrwork.dampers.tested_range import Exceedance, Outside, worst_of
 from mrwork.study.results import DeviceDemand, StudyResults
 from mrwork.study.runs import Runs
 from mrwork.study.study import Study
@@ -58,18 +58,16 @@ def demands_of(
 
 def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]:
     """The worst exceedance of each quantity over the devices."""
-    every = ((demand.device, exceedance) for demand in demands for exceedance in demand.outside.exceedances)
-    return tuple(worst for worst, _, _ in worst_of([*every]))
+    return tuple(worst for worst, _, _ in worst_of([(demand.device, demand.outside) for demand in demands]))
 
 
 def _outside_in_words(results: StudyResults) -> Iterator[str]:
     """A sentence for each quantity outside the tested ranges, its worst run, and for each law out of its range."""
     every, laws = [], []
     for (row, motion), devices in results.demanded.items():
-        for quantity in worst_by_quantity(devices):
-            names = [device.device for device in devices if quantity in device.outside.exceedances]
-            run = f"under {results.motions[motion].name} with {results.rows[row].label}"
-            every.append((f"{names[0]} {run}", quantity))
+        under = f"under {results.motions[motion].name} with {results.rows[row].label}"
+        for worst, name, _ in worst_of([(device.device, device.outside) for device in devices]):
+            every.append((f"{name} {under}", Outside(exceedances=(worst,))))
         laws += [limit for device in devices for limit in device.outside.laws]
     n_runs = sum(map(bool, results.demanded.values()))
     for worst, label, count in worst_of(every):

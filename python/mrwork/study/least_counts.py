@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -10,12 +11,13 @@ from typing import ClassVar, Literal
 from mrwork.base.arguments import Count, Threads, Whole, checked
 from mrwork.base.numbers import counted
 from mrwork.base.plotted import Plotted
-from mrwork.base.summary import Summarised, Summary, list_names
+from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.buildings.groups import commanded
 from mrwork.closed_loop.evaluation import Scales, criterion, searched
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.errors import Interrupted, SettingError
+from mrwork.study.comparison import small_first
 from mrwork.study.constant import n_constant
 from mrwork.study.course import StudyProgress
 from mrwork.study.fragilities import limit_of
@@ -88,34 +90,28 @@ class DamperCounts(Plotted, Summarised):
         return criterion(self.criterion).in_words(value, self.unit)
 
     def _summary(self) -> Summary:
-        name = criterion(self.criterion).title
-        missed = (
-            f"{row.label} does not keep the limit with up to {self.most} dampers in each place: the lowest value is "
-            f"{self.in_words(row.value)}, with {_counts_in_words(row.counts)}."
-            for row in self.rows
-            if not row.keeps
-        )
+        judged = criterion(self.criterion)
         heads = self.places if self.by == "storey" and len(self.places) > 1 else ("in each place",)
         rows = [
             (
                 row.label,
-                *(str(count) if row.keeps else "-" for count in row.counts[: len(heads)]),
+                *map(str, row.counts[: len(heads)]),
                 str(row.dampers) if row.keeps else "not kept",
                 self.in_words(row.value),
             )
             for row in self.rows
         ]
-        columns = ("arrangement", *heads, "dampers", criterion(self.criterion).short)
+        missed = f"Where the limit is not kept with up to {self.most} dampers in each place, the value is the lowest."
         return Summary(
-            title=f"Least dampers that keep {name[:1].lower()}{name[1:]} within {self.in_words(self.limit)}",
+            title=f"Least dampers that keep {small_first(judged.title)} within {self.in_words(self.limit)}",
             facts=(
                 ("places", list_names(self.places)),
                 ("without dampers", self.in_words(self.bare)),
             ),
             cautions=["the building keeps the limit without dampers."] if self.bare <= self.limit else (),
-            tables=[Table(columns=columns, rows=rows)],
+            tables=[Table(columns=("arrangement", *heads, "dampers", judged.short), rows=rows)],
             notes=[
-                *missed,
+                "" if all(row.keeps for row in self.rows) else missed,
                 f"{counted(self.runs, 'run')} with {counted(len(self.tried), 'count')}, for each of which the constant "
                 "command was chosen and the laws were designed anew.",
             ],
@@ -160,31 +156,29 @@ class _Trials:
         values = results.labelled.up_to_collapse(self.criterion)[:, list(results.judged_motions), 0]
         return list(map(float, searched(values.max(axis=1))))
 
-    def least(self, row: int, most: int, storeys: Sequence[int] = ()) -> tuple[int, ...]:
-        """The least count of every place with which a row keeps the limit, and then of each place by itself.
+    def least(self, row: int, most: int, order: Sequence[int]) -> tuple[int, ...]:
+        """The least count of every place with which a row keeps the limit, and then of each place in this order.
 
-        It is halved from the highest of the `storeys` down, if there are any. Where no count keeps the limit they have
-        the lowest value of all that were tried.
+        Where no count keeps the limit they have the lowest value of all that were tried.
         """
 
-        def keeps(counts: tuple[int, ...]) -> bool:
+        def keeps(below: tuple[int, ...], places: int, above: tuple[int, ...], count: int) -> bool:
+            counts = (*below, *(count,) * places, *above)
             # Without any damper the row is the building itself.
             return any(counts) and self.values(counts)[row] <= self.limit
 
-        def with_own(counts: tuple[int, ...], index: int, count: int) -> bool:
-            return keeps((*counts[:index], count, *counts[index + 1 :]))
-
-        every = range(len(commanded(self.study.devices)))
-        below, count = 0, 1
-        while not keeps((count,) * len(every)):
-            if count == most:
-                alike = [value for value in self.tried.values() if value.uniform is not None]
-                return min(alike, key=lambda value: value.values[row]).counts
-            below, count = count, min(2 * count, most)
-        counts = (_bisect(lambda count: keeps((count,) * len(every)), below, count),) * len(every)
-        for index in sorted(every, key=lambda index: -storeys[index]) if storeys and len(every) > 1 else ():
-            fewest = _bisect(partial(with_own, counts, index), -1, counts[index])
-            counts = (*counts[:index], fewest, *counts[index + 1 :])
+        n_places = len(commanded(self.study.devices))
+        everywhere = partial(keeps, (), n_places, ())
+        doubled = sorted({*(2**power for power in range(most.bit_length())), most})
+        enough = next(filter(everywhere, doubled), None)
+        if enough is None:
+            alike = [value for value in self.tried.values() if value.uniform is not None]
+            return min(alike, key=lambda value: value.values[row]).counts
+        counts = (bisect_left(range(enough), True, key=everywhere),) * n_places
+        for place in order:
+            below, above = counts[:place], counts[place + 1 :]
+            own = partial(keeps, below, 1, above)
+            counts = (*below, bisect_left(range(counts[place]), True, key=own), *above)
         return counts
 
 
@@ -251,17 +245,17 @@ def damper_counts(
     trials = _Trials(study=study, criterion=name, limit=value, threads=threads, on_progress=on_progress)
     compared = [arrangement.row for arrangement in study.arrangements if arrangement.row.kind in _KINDS]
     storeys = [study.building.storey_name(damper.storey) for damper in study.table.damper[: len(devices)]]
-    places = [study.building.storey_names.index(storey) for storey in storeys] if by == "storey" else []
+    heights = [study.building.storey_names.index(storey) for storey in storeys]
+    highest_first = sorted(range(len(devices)), key=lambda place: -heights[place])
     rows = []
     try:
         for number, row in enumerate(compared[1:], start=1):
-            counts = trials.least(number, most, places)
+            counts = trials.least(number, most, highest_first if by == "storey" else ())
             reached = trials.values(counts)[number]
             sizes = (2 if device.differential else 1 for device in devices)
             rows.append(
                 RowCount(
-                    label=row.label,
-                    kind=row.kind,
+                    **named(row, "label", "kind"),
                     keeps=reached <= value,
                     counts=counts,
                     value=reached,
@@ -283,11 +277,3 @@ def damper_counts(
         tried=tried,
         runs=trials.runs,
     )
-
-
-def _bisect(keeps: Callable[[int], bool], below: int, count: int) -> int:
-    """The least count that keeps a limit, by halving between one that does not and one that does."""
-    while count - below > 1:
-        middle = (below + count) // 2
-        below, count = (below, middle) if keeps(middle) else (middle, count)
-    return count

@@ -127,17 +127,13 @@ class Predictions(Summarised):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the command, the nuisance parameters and the tested ranges of the fit say against the predictions."""
-        exceeded = [
-            (prediction.test.label, one)
-            for prediction in self.predictions
-            for one in prediction.outside.exceedances
-        ]
+        cases = [(prediction.test.label, prediction.outside) for prediction in self.predictions]
         worst = [
             f"{one.in_words}, {label}"
             + (f"; outside on {count} of {len(self.predictions)} files" if len(self.predictions) > 1 else "")
-            for one, label, count in worst_of(exceeded)
+            for one, label, count in worst_of(cases)
         ]
-        laws = worst_laws(one for prediction in self.predictions for one in prediction.outside.laws)
+        laws = worst_laws(law for _, outside in cases for law in outside.laws)
         conditions = [self.fit.other_condition(prediction.test) for prediction in self.predictions]
         return (
             *missing_warnings(self.fit.nuisances, self.nuisances),
