@@ -13,7 +13,7 @@ from typing import Any
 
 import hypothesis
 import pytest
-from blank_pictures import blank, drawn
+from blank_pictures import all_pages, blank, drawn, no_pages
 from compiled import release_compiled
 from sentences import MEANT, TESTS, WRITES, Refused, golden, write
 
@@ -53,16 +53,23 @@ _BLANK = ("cli", "identification", "records", "store", "study", "tuning", "uncer
 @pytest.fixture(scope="module", autouse=True)
 def _pictures(request: pytest.FixtureRequest) -> Iterator[None]:
     if request.path.parent.name in _BLANK:
-        with blank():
+        with blank(), no_pages():
             yield
     else:
+        yield
+
+
+@pytest.fixture(scope="module")
+def pages() -> Iterator[None]:
+    """Of a module in these rooms that reads pages, from the test on that asks for it; their pictures are blank."""
+    with all_pages():
         yield
 
 
 @pytest.fixture
 def drawn_pictures() -> Iterator[None]:
     """Of a test in these rooms that looks at a picture."""
-    with drawn():
+    with drawn(), all_pages():
         yield
 
 

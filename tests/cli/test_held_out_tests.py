@@ -172,6 +172,7 @@ def test_what_is_computed_from_a_run_depends_on_the_tests_of_its_fit_alone(fitte
     refusal(reopen, fitted.run, match="fit0.csv has changed")
 
 
+@pytest.mark.usefixtures("pages")
 def test_held_out_tests_accumulate_and_each_counts_once(fitted: Fitted, tmp_path: Path) -> None:
     run = tmp_path / "run"
     # Tests before this one may have added to the run.

@@ -14,6 +14,8 @@ import mrwork as mr
 from mrwork.base.summary import named
 from mrwork.identification.fit_file import reopen
 
+pytestmark = pytest.mark.usefixtures("pages")
+
 DAMPER = {"k_x": 4000.0, "k_w": 600.0, "rho": 5000.0}
 
 

@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 import mrwork as mr
 from mrwork.store.run_writer import is_complete
 
+pytestmark = pytest.mark.usefixtures("pages")
+
 STUDY = """[building]
 n_storeys = 1
 masses = ["20 t"]

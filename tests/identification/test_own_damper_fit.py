@@ -77,6 +77,7 @@ def test_a_joint_fit_of_laws_and_a_choice_beside_models_of_the_package(tmp_path:
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("pages")
 def test_a_run_folder_carries_it_and_runs_it_where_it_is_trusted(tmp_path: Path, strange: None) -> None:
     run = tmp_path / "run"
     printed("identify", "synthetic:spencer1997", "--model", f"{FILE}:guo", "--out", run, "--quiet")

@@ -176,6 +176,7 @@ def test_tests_in_two_units_are_refused() -> None:
     refusal(mr.identify, spec, tests, match="takes its command in mm, the test has 20 %")
 
 
+@pytest.mark.usefixtures("pages")
 def test_the_command_line_fits_predicts_and_reports_in_the_unit_of_the_user(tmp_path: Path) -> None:
     """In degrees Celsius, which have no zero where a command ends."""
     first, second = (written(tmp_path, "command (degC)", 40.0, -10.0, rng=rng, n_time=3000) for rng in (0, 1))

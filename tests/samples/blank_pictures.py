@@ -1,12 +1,14 @@
-"""Pages with blank pictures: most of the time of a verb that writes a page is spent by Matplotlib on their strokes."""
+"""Pages with blank pictures, and pages that are not drawn: half the time of a short verb is that of its page."""
 
 from __future__ import annotations
 
 import io
 from base64 import b64decode
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytest
@@ -71,4 +73,37 @@ def drawn() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         for (owner, name), function in does.items():
             patch.setattr(owner, name, function)
+        yield
+
+
+@cache
+def _drawing() -> tuple[ModuleType, Callable[..., int]]:
+    """What draws the pages of verbs, and where; it loads NumPy, whose threads `conftest` has not set yet."""
+    from mrwork.cli import output
+
+    return output, output.drawing
+
+
+@contextmanager
+def no_pages() -> Iterator[None]:
+    """Verbs write an empty file for the page of their run; `mrwork report` still draws it."""
+    from mrwork.store.run_folder import REPORT
+    from mrwork.store.run_writer import add_to_run
+
+    def written(folder: Path, *_: object, **__: object) -> int:
+        add_to_run(folder, {REPORT: b""})
+        return 0
+
+    output, _ = _drawing()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(output, "drawing", written)
+        yield
+
+
+@contextmanager
+def all_pages() -> Iterator[None]:
+    """Verbs draw their pages all the same."""
+    output, drawing = _drawing()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(output, "drawing", drawing)
         yield

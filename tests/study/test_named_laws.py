@@ -136,6 +136,7 @@ def test_an_active_law_takes_no_more_force_than_the_dampers(tmp_path: Path) -> N
     assert 0.0 < active <= on
 
 
+@pytest.mark.usefixtures("pages")
 def test_json_tells_what_was_taken(tmp_path: Path) -> None:
     read(tmp_path, named("clipped_optimal"))
     document = json.loads(printed("respond", tmp_path / "study.toml", "--out", tmp_path / "run", "--json"))

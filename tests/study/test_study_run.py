@@ -255,6 +255,7 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(path: P
     assert "lower the gains of the control law" in said
 
 
+@pytest.mark.usefixtures("pages")
 def test_the_verb_writes_tables_histories_and_page(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "run"
     document = json.loads(printed("respond", path, "--out", out, "--json"))
