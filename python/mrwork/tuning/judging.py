@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -24,7 +24,7 @@ from mrwork.study.study import Arrangement, Row, Study
 from mrwork.tuning.law_plan import check_controllable
 from mrwork.tuning.placing import placed_study
 from mrwork.tuning.results import Front, FrontPoint, TunedLaw, TuningResults
-from mrwork.tuning.space import LawCandidate, TuningObjective
+from mrwork.tuning.space import LawCandidate
 from mrwork.workers.engine import Workers, on_executor
 
 TRAINING_ONLY = (
@@ -73,20 +73,24 @@ class TunedStudy(StudyResults):
     @checked
     def judgement(self, law: TunedLaw, use: Use) -> Judgement | None:
         """What a law or a reference is worth on the training or the test motions; `None` where it has not run there."""
-        row, off, motions = self.row_of_law(law), self.row_of("passive_off"), self.motions_of(use)
-        if row is None or off is None or not motions or (use == "test" and not self.held_out):
+        row, motions, relative_to = self.row_of_law(law), self.motions_of(use), law.objective.relative_to
+        off, against = self.row_of("passive_off"), self.row_of(relative_to)
+        if row is None or off is None or against is None or (use == "test" and not self.held_out):
             return None
-        if not self.quantities.done[row, list(motions), 0].all():
+        if not motions or not self.quantities.done[row, list(motions), 0].all():
             return None
         ratios, names = self.ratios_over(off), [entry.name for entry in criteria() if entry.ratio]
         spread = {name: Spread.of(ratios[name][row, list(motions)].tolist()) for name in names}
-        objective, violation = _value_of(self, law.objective, row, motions, robust=law.robust)
+        robust = law.robust and self.n_realisations
+        realisations = slice(-self.n_realisations, None) if robust else slice(1)
+        runs = self.labelled.part([row, against], list(motions), realisations)
+        scores = law.objective.scores(runs.of_row(0), {relative_to: runs.of_row(1)})
         return Judgement(
             score=self.score_under(row, motions),
             criteria={name: ratio.mean for name, ratio in spread.items()},
             spread={"score": self.spread(row, motions), **spread},
-            objective=objective,
-            violation=violation,
+            objective=float(scores.objective[0]),
+            violation=float(scores.violation[0]),
         )
 
     @checked
@@ -119,18 +123,6 @@ class TunedStudy(StudyResults):
                     f"{law.label} does not reach the score of {best} on the {on} motions ({both})."
                 )
         return sentences
-
-
-def _value_of(
-    results: StudyResults, objective: TuningObjective, row: int, motions: Sequence[int], *, robust: bool
-) -> tuple[float, float]:
-    """Value of an objective for a row under some motions, and the excess of its limits; `robust` over realisations."""
-    against, count = results.row_of(objective.relative_to), results.n_realisations if robust else 0
-    if against is None:
-        return math.nan, math.nan
-    both = results.labelled.part([row, against], list(motions), slice(-count, None) if count else slice(1))
-    scores = objective.scores(both.of_row(0), {objective.relative_to: both.of_row(1)})
-    return float(scores.objective[0]), float(scores.violation[0])
 
 
 @checked
@@ -179,9 +171,7 @@ def judge(
     if not made.held_out:
         return made
     try:
-        fronts = [
-            _judge_front(front, wider, tuned, made.judged_motions, journal, threads) for front in tuned.fronts
-        ]
+        fronts = [_judge_front(front, wider, tuned, journal, threads) for front in tuned.fronts]
     except Interrupted:
         raise Interrupted(made, "fronts") from None
     return replace(made, tuned=replace(tuned, fronts=tuple(fronts)))
@@ -207,31 +197,31 @@ def unjudged(study: Study, tuned: TuningResults) -> TunedStudy:
 
 
 def _judge_front(
-    front: Front,
-    study: Study,
-    tuned: TuningResults,
-    motions: Sequence[int],
-    journal: Journal | None,
-    threads: int,
+    front: Front, study: Study, tuned: TuningResults, journal: Journal | None, threads: int
 ) -> Front:
     """A front whose points have their objectives on the test motions, from a study with the points as rows."""
     law = next(law for law in tuned.laws if law.label == front.label)
     constant = next(reference for reference in tuned.references if reference.kind == "best_passive")
-    points = (
+    points = [
         replace(law, label=f"point {number}", settings=point.settings)
         for number, point in enumerate(front.points, start=1)
+    ]
+    rows = (
+        study.at_zero,
+        *(_arrange(study, found.law, found.settings, found.row) for found in (constant, *points)),
     )
-    rows = (study.at_zero, *(_arrange_found(study, found) for found in (constant, *points)))
     realisations = study.realisations if law.robust else None
     points_study = replace(study, arrangements=rows, histories=(), realisations=realisations)
-    results = run_study(points_study, journal=journal, threads=threads)
-    parts = {name: replace(law.objective, weights={name: 1.0}) for name in front.objectives}
-    values = [
-        {name: _value_of(results, part, row, motions, robust=law.robust)[0] for name, part in parts.items()}
-        for row in range(2, len(rows))
-    ]
-    judged = (replace(point, test=test) for point, test in zip(front.points, values, strict=True))
-    return replace(front, points=tuple(judged))
+    results = with_tuning(run_study(points_study, journal=journal, threads=threads), tuned)
+
+    def judged(point: FrontPoint, found: TunedLaw) -> FrontPoint:
+        parts = {name: replace(law.objective, weights={name: 1.0}) for name in front.objectives}
+        of_parts = {
+            name: results.judgement(replace(found, objective=part), "test") for name, part in parts.items()
+        }
+        return replace(point, test={name: of.objective for name, of in of_parts.items() if of is not None})
+
+    return replace(front, points=tuple(map(judged, front.points, points)))
 
 
 def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
@@ -250,13 +240,8 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
             continue
         # Settings that make no law have no row, which the tuning warns of.
         with suppress(SettingError):
-            rows.append(_arrange_found(study, reference))
+            rows.append(_arrange(study, reference.law, reference.settings, reference.row))
     return replace(study, is_whole=False, arrangements=(*study.arrangements, *rows))
-
-
-def _arrange_found(study: Study, law: TunedLaw) -> Arrangement:
-    row = Row(label=law.label, kind=law.kind, description=law.origin)
-    return _arrange(study, law.law, law.settings, row)
 
 
 def _arrange(study: Study, law: str, settings: Mapping[str, Any], row: Row) -> Arrangement:
