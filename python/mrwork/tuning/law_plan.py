@@ -132,15 +132,6 @@ class Bench(Summarised):
         axes = candidate_axes(n_candidates, self.study.chosen_on, self.n_realisations)
         return Runs.empty(axes, study_criteria(self.study.command_unit))
 
-    def certificate(self, law: str, candidate: LawCandidate) -> str:
-        """Stability certificate of a law with these settings, in words."""
-        try:
-            return settings_of(law, candidate.of_law).certificate(
-                self.study.problem.limited_to(candidate.largest_command)
-            )
-        except SettingError:
-            return NO_CERTIFICATE
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawPlan:
@@ -150,7 +141,6 @@ class LawPlan:
     """
 
     table: TuneTable
-    label: str
     space: SettingSpace
     objective: TuningObjective
     bench: Bench
@@ -160,6 +150,19 @@ class LawPlan:
     def law(self) -> str:
         """Name of the law."""
         return self.space.law
+
+    @property
+    def label(self) -> str:
+        """Label of the law among results."""
+        return f"{control_law(self.law).title}, {self.table.label or 'tuned'}"
+
+    def certificate(self, candidate: LawCandidate) -> str:
+        """Stability certificate of the law with these settings, in words."""
+        limited = self.bench.study.problem.limited_to(candidate.largest_command)
+        try:
+            return settings_of(self.law, candidate.of_law).certificate(limited)
+        except SettingError:
+            return NO_CERTIFICATE
 
     @property
     def moved(self) -> list[int]:

@@ -5,27 +5,45 @@ What gradients reach is a candidate as any other: it is chosen if it is better.
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from mrwork.base.numbers import duration_in_words
+from mrwork.base.numbers import duration_in_words, round_to
 from mrwork.base.places import keyed
 from mrwork.base.progress import ProgressReport
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.control.laws.law_settings import design_law, settings_of
+from mrwork.buildings.groups import largest_command
+from mrwork.closed_loop.evaluation import SCORE, searched
+from mrwork.control.laws.design_ground import PEAK_FACTOR, ground_of
+from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
+from mrwork.control.laws.law_settings import SETTINGS, design_law, settings_of
+from mrwork.control.linear.lqr import PUBLISHED_REGULATORS, plain_weight
+from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search import SearchResult, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
 from mrwork.search.rules import EliteRule, StopRules
-from mrwork.tuning.first_candidates import distinct
-from mrwork.tuning.law_plan import LawPlan
+from mrwork.study.constant import LEVELS, BestConstant, ConstantSearch
+from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
+from mrwork.study.study import Kind
+from mrwork.tuning.law_plan import Bench, LawPlan
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
-from mrwork.tuning.space import LawCandidate, Scores
+from mrwork.tuning.space import (
+    BUDGET_SCALE,
+    LARGEST,
+    FreeSetting,
+    LawCandidate,
+    Scores,
+    SettingSpace,
+    TuningObjective,
+    is_semi_active,
+)
 
 # A search ends where its least objective has not fallen by the tolerance within this number of generations.
 _STALL, _TOLERANCE = 12, 1e-4
@@ -38,6 +56,18 @@ _ENDS = {
     "stall": "search, until it no longer improved",
     "spread": "search, until its candidates were alike",
 }
+_STEPS = 12
+_WEIGHT = "control_weight"
+_EQUAL, _CONVEX, _DASHPOTS = "equal drift weights", "convex weights", "weights of dashpots"
+_SEMI_ACTIVE = "semi-active weights"
+# What is scanned of weights by their origin, and what the candidates of the scan are.
+_SCANNED = {
+    **dict.fromkeys((_EQUAL, _CONVEX, _DASHPOTS), ("R scanned", "sizes of R")),
+    _SEMI_ACTIVE: ("budget scanned", "limits and budgets"),
+}
+# Share b of the semi-active condition, and factors of the budget that the dampers have.
+_SHARE = 0.1
+_SCALES = (0.2, 0.4, 0.8, 1.6, 3.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +97,152 @@ class TuningProgress(ProgressReport):
             f"{self.label}: {self.candidates} of {self.budget} candidates, least objective {self.least:.4f}, "
             f"{self.done} of {self.total} searches done, {duration_in_words(self.seconds)}"
         )
+
+
+Shape = tuple[Mapping[str, Any], str]
+"""Weights by name, and where they are from."""
+
+
+def regulator_shapes(problem: DesignProblem, magnitudes: Magnitudes) -> list[Shape]:
+    """Shapes of the weights of a regulator: of dashpots, convex and semi-active ones, and published ones.
+
+    Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under the
+    stationary ground of the training motions, with the damper's force as budget; a peak counts as three times the rms.
+    """
+    convex = list[Shape]()
+    drift = {"rms_drift": round_to(magnitudes.drift / PEAK_FACTOR)}
+    limits = (drift, {**drift, "rms_acceleration": round_to(magnitudes.acceleration / PEAK_FACTOR)})
+    # A building with an undamped mode has no such weights, motions that are too short no ground.
+    for limit in limits:
+        with suppress(SettingError):
+            designed = design_weights(
+                problem.building,
+                problem.devices,
+                limits=limit,
+                budget=magnitudes.force / PEAK_FACTOR,
+                spectrum=ground_of(problem).spectrum,
+            )
+            weights = {name: _round_all(value) for name, value in designed.settings().items()}
+            convex.append((weights, _CONVEX))
+    # Where the weights of limits exist, their semi-active form does, too.
+    designed_by = [{"designed": {**limit, "semi_active": _SHARE}} for limit in limits if convex]
+    published = [
+        ({"accelerations": entry.weights, _WEIGHT: entry.control_weight}, f"published weights {entry.name}")
+        for entry in PUBLISHED_REGULATORS
+        if entry.n_floors == len(problem.building.floor_names)
+    ]
+    return [
+        ({"rates": 1.0}, _DASHPOTS),
+        *convex,
+        *((shape, _SEMI_ACTIVE) for shape in designed_by),
+        *published,
+    ]
+
+
+def _round_all(value: Any) -> Any:
+    """The digits that a study file states, which do not depend on the last bits of a solver."""
+    return tuple(_round_all(entry) for entry in value) if isinstance(value, tuple) else round_to(float(value))
+
+
+def first_candidates(
+    space: SettingSpace, of_regulators: Sequence[Shape], magnitudes: Magnitudes
+) -> tuple[LawCandidate, ...]:
+    """Candidates of a law that are tried before the search, at the largest command of the dampers.
+
+    Weights are only given to laws of whose weights the table states nothing. The size of R is scanned for each shape of
+    weights: a damper saturates, so no design tells it.
+    """
+    kind = SETTINGS[space.law]
+    middle = {
+        name: value
+        for name, value in space.candidate(space.start).of_law.items()
+        if name not in kind.weight_names() and name != _WEIGHT
+    }
+    at_most = {LARGEST: space.largest_command}
+    if not kind.weight_names():
+        return (LawCandidate({**middle, **at_most}, "middle of the ranges"),)
+    weights = kind.weights_among(space.held)
+    others = {name: value for name, value in space.held.items() if name not in weights}
+    # The first weights are those that the table holds.
+    shapes = [(space.held, _EQUAL if weights == kind.weighed_by_default else "weights of the study")]
+    if space.any_weights:
+        further = of_regulators if kind.is_regulator else ()
+        shapes += [({**others, **shape}, name) for shape, name in (({}, "energy of the building"), *further)]
+    scanned = next((setting for setting in space.free if setting.name == _WEIGHT), None)
+    return distinct(
+        LawCandidate({**shape, **middle, **R, **at_most}, origin)
+        for shape, origin in shapes
+        for R in _sizes(scanned, shape, space, magnitudes)
+    )
+
+
+def _sizes(
+    scanned: FreeSetting | None, shape: Mapping[str, Any], space: SettingSpace, magnitudes: Magnitudes
+) -> list[dict[str, float]]:
+    """Sizes of R of a shape of weights, logarithmically over its range; about the shape's own R where it has one.
+
+    Of weights with a semi-active condition the budget is scanned, for it decides the law, and R hardly matters.
+    """
+    kind = SETTINGS[space.law]
+    if is_semi_active(shape):
+        R = {} if _WEIGHT in shape else {_WEIGHT: 1.0}
+        return [R] if BUDGET_SCALE in shape else [{**R, BUDGET_SCALE: scale} for scale in _SCALES]
+    if scanned is None:
+        return [{}]
+    if _WEIGHT in shape:
+        weight = np.asarray(shape[_WEIGHT], dtype=np.float64)
+        factors = np.geomspace(1e-5, 10.0, _STEPS + 1)
+        return [{_WEIGHT: _round_all(plain_weight(factor * weight))} for factor in factors]
+    # The range of R is for the weights that are held; another shape costs more or less.
+    factor = kind.cost(shape, magnitudes) / kind.cost(space.held, magnitudes)
+    return [{_WEIGHT: round_to(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
+
+
+def constant_commands(bench: Bench) -> tuple[TunedLaw, ...]:
+    """References at a constant command: none, the best by the score of a study, and the largest."""
+    study, began = bench.study, time.perf_counter()
+    search = ConstantSearch(
+        arrangement=replace(study.at_zero, law=None),
+        motions=study.chosen_on,
+        hardware=study.hardware,
+        threads=bench.threads,
+    )
+    found = bench.call.step("constant commands", BestConstant, lambda: search.scan()[0])
+    scores, devices = searched(np.array(found.scores)), study.problem.devices
+    alike = len({(device.largest_command, device.spec.command_unit) for device in devices}) == 1
+
+    def reference(label: str, kind: Kind, level: int, origin: str, count: int = 1) -> TunedLaw:
+        share = float(np.linspace(0.0, 1.0, LEVELS)[level])
+        commands = tuple(round_to(share * device.largest_command) for device in devices)
+        settings = {"command": commands[0] if alike else commands, LARGEST: largest_command(devices)}
+        return TunedLaw(
+            law="passive",
+            label=label,
+            kind=kind,
+            settings=settings,
+            origin=origin,
+            objective=TuningObjective(weights=dict.fromkeys(SCORE, 1.0)),
+            least=float(scores[level]),
+            candidates=count,
+            seconds=time.perf_counter() - began,
+            certificate=NO_CERTIFICATE,
+        )
+
+    best = f"best of {LEVELS} on the training motions"
+    return (
+        reference(PASSIVE_OFF, "passive_off", 0, "no command"),
+        reference(OPTIMAL_PASSIVE, "best_passive", int(np.argmin(scores)), best, LEVELS),
+        reference(PASSIVE_ON, "passive", LEVELS - 1, "largest command"),
+    )
+
+
+def distinct(candidates: Iterable[LawCandidate]) -> tuple[LawCandidate, ...]:
+    """Candidates without repetition, in order."""
+    unique: list[LawCandidate] = []
+    for candidate in candidates:
+        if candidate not in unique:
+            unique.append(candidate)
+    return tuple(unique)
 
 
 @array_dataclass()
@@ -107,25 +283,55 @@ def check_settings(plan: LawPlan) -> None:
         plan.check_slopes()
 
 
+def best_of(plan: LawPlan, candidates: Sequence[LawCandidate], step: str) -> tuple[TunedLaw, Scores]:
+    """The law with the best of some candidates, without its certificate, and the scores of all."""
+    scores = plan.scores(candidates, step)
+    best = candidates[scores.best]
+    return TunedLaw(
+        law=plan.law,
+        label=plan.label,
+        settings=dict(best.settings),
+        origin=best.origin,
+        objective=plan.objective,
+        robust=plan.table.robust,
+        least=float(scores.objective[scores.best]),
+        violation=float(scores.violation[scores.best]),
+        candidates=len(candidates),
+    ), scores
+
+
+def weights_of_regulators(plan: LawPlan) -> Iterator[TunedLaw]:
+    """References with weights that no search has touched: of each shape the best R, or the best budget.
+
+    They are of a plan whose objective is over i = 0, without realisations.
+    """
+    taken = {row.label for row in plan.bench.study.rows if row.kind == "controller"}
+    for origin, (scanned, choices) in _SCANNED.items():
+        candidates = [candidate for candidate in plan.firsts if candidate.origin == origin]
+        if not candidates:
+            continue
+        label, began = f"{origin[:1].upper()}{origin[1:]}, {scanned}", time.perf_counter()
+        found, _ = best_of(plan, candidates, "reference")
+        yield replace(
+            found,
+            label=f"{label}, reference" if label in taken else label,
+            origin=f"{origin}, best of {len(candidates)} {choices} on the training motions",
+            seconds=time.perf_counter() - began,
+            certificate=plan.certificate(found.candidate),
+        )
+
+
 def tune_law(plan: LawPlan, *, rng: int, advance: Callable[[TunedLaw, int], None]) -> TunedLaw:
     """Tune a law; `advance` takes it as it is so far, and the candidates that there may be."""
     began = time.perf_counter()
-    table, space, bench = plan.table, plan.space, plan.bench
-    firsts = plan.firsts
+    table, space, firsts = plan.table, plan.space, plan.firsts
     if not space.continuous:
         firsts = tuple(replace(entry, origin="all levels") for entry in space.every())
     count = len(firsts)
-    tuned = TunedLaw(
-        law=plan.law,
-        label=plan.label,
-        settings=dict(firsts[0].settings),
-        origin=firsts[0].origin,
-        objective=plan.objective,
-        robust=table.robust,
-        least=math.inf,
-        candidates=count,
-        free=space.free,
-    )
+    tuned, scores = best_of(plan, firsts, "first candidates")
+    misfit, refused = float(scores.penalised_scores[scores.best]), int(np.isinf(scores.objective).sum())
+    # What is minimised; limits are told apart at the end.
+    tuned = replace(tuned, least=misfit, violation=0.0, free=space.free, refused=refused)
 
     def after(candidates: int, misfit: float, best: LawCandidate, origin: str) -> None:
         """Go on to so many candidates, with the best of the new ones if it is better."""
@@ -140,9 +346,7 @@ def tune_law(plan: LawPlan, *, rng: int, advance: Callable[[TunedLaw, int], None
         candidate = space.candidate(so_far.best_unit)
         after(count + so_far.evaluations, so_far.best_misfit, candidate, _INTERRUPTED)
 
-    scores = plan.scores(firsts, "first candidates")
-    best, refused = firsts[scores.best], int(np.isinf(scores.objective).sum())
-    after(count, float(scores.penalised_scores[scores.best]), best, best.origin)
+    after(count, misfit, tuned.candidate, tuned.origin)
     if space.continuous:
         search = _search(plan, firsts, scores, rng, on_generation)
         if tuned.origin == _INTERRUPTED:
@@ -150,19 +354,17 @@ def tune_law(plan: LawPlan, *, rng: int, advance: Callable[[TunedLaw, int], None
         start = space.unit(tuned.candidate)
         if table.gradient_steps and start is not None:
             follow = partial(follow_gradients, plan, start, table.gradient_steps)
-            end = bench.call.step("gradients", Finish, follow, tuned.settings)
+            end = plan.bench.call.step("gradients", Finish, follow, tuned.settings)
             last = space.candidate(end.unit)
-            scores = plan.scores([last], "finish")
-            origin = f"search, then {end.gradients} gradients"
-            after(tuned.candidates + 1, float(scores.penalised_scores[0]), last, origin)
-    scores = plan.scores([tuned.candidate], "chosen")
+            misfit = float(plan.scores([last], "finish").penalised_scores[0])
+            after(tuned.candidates + 1, misfit, last, f"search, then {end.gradients} gradients")
+    alone, _ = best_of(plan, [tuned.candidate], "chosen")
     return replace(
         tuned,
-        least=float(scores.objective[0]),
-        violation=float(scores.violation[0]),
-        refused=refused,
+        least=alone.least,
+        violation=alone.violation,
         seconds=time.perf_counter() - began,
-        certificate=bench.certificate(plan.law, tuned.candidate),
+        certificate=plan.certificate(tuned.candidate),
     )
 
 
@@ -215,22 +417,19 @@ def front_of(plan: LawPlan, *, rng: int, report: Callable[[int, int], None]) -> 
     table, space, bench = plan.table, plan.space, plan.bench
     parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
 
-    def scores(candidates: Sequence[LawCandidate]) -> list[Scores]:
-        runs = bench.run(plan.law, candidates)
-        return [part.scores(runs, bench.baselines) for part in parts]
-
-    def objectives(units: Floats) -> Floats:
-        of_units = scores([space.candidate(unit) for unit in units])
-        return np.column_stack([score.penalised_scores for score in of_units])
-
-    def alone(candidates: Sequence[LawCandidate]) -> Floats:
-        return np.column_stack([score.objective for score in scores(candidates)])
+    def columns(units: Floats) -> Floats:
+        runs = bench.run(plan.law, [space.candidate(unit) for unit in units])
+        values = [part.scores(runs, bench.baselines).objective for part in parts]
+        return np.column_stack(
+            [*values, *([plan.objective.violation(runs)] if plan.objective.limits else [])]
+        )
 
     starts = [unit for candidate in plan.firsts if (unit := space.unit(candidate)) is not None]
     result = run_front(
-        objectives,
+        columns,
         n_params=len(space.free),
         n_objectives=len(parts),
+        n_constraints=int(bool(plan.objective.limits)),
         population=table.population,
         budget=table.budget,
         rng=rng + table.seed,
@@ -238,20 +437,17 @@ def front_of(plan: LawPlan, *, rng: int, report: Callable[[int, int], None]) -> 
         journal=bench.call.journal,
         on_generation=lambda evaluations: report(evaluations, table.budget),
     )
-    candidates = distinct([space.candidate(unit) for unit in result.units])
-    train = bench.call.array("front", partial(alone, candidates), plan.law, candidates).tolist()
-    points = (
-        FrontPoint(
-            settings=dict(candidate.settings),
-            train=dict(zip(table.objectives, values, strict=True)),
-            certificate=bench.certificate(plan.law, candidate),
-        )
-        for candidate, values in zip(candidates, train, strict=True)
-    )
+
+    def point(unit: Floats, values: Floats) -> FrontPoint:
+        candidate = space.candidate(unit)
+        train = dict(zip(table.objectives, values.tolist(), strict=True))
+        certificate = plan.certificate(candidate)
+        return FrontPoint(settings=dict(candidate.settings), train=train, certificate=certificate)
+
     return Front(
         law=plan.law,
         label=plan.label,
         objectives=table.objectives,
-        points=tuple(points),
+        points=tuple(map(point, result.units, result.objectives)),
         candidates=result.evaluations,
     )

@@ -17,22 +17,31 @@ from mrwork.base.keys import given_in
 from mrwork.base.places import Place, keyed, read_each
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.own_runs import beyond_twin
-from mrwork.control.laws.control_law import control_law
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search.registry import library
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
+from mrwork.study.motions import refuse_same
 from mrwork.study.named_laws import designed
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.tuning.first_candidates import (
+from mrwork.tuning.law_plan import (
+    Bench,
+    LawPlan,
+    check_controllable,
+    magnitudes_of,
+    without_gradient,
+)
+from mrwork.tuning.law_tuning import (
+    TuningProgress,
+    check_settings,
     constant_commands,
     first_candidates,
+    front_of,
     regulator_shapes,
+    tune_law,
     weights_of_regulators,
 )
-from mrwork.tuning.law_plan import Bench, LawPlan, check_controllable, magnitudes_of, without_gradient
-from mrwork.tuning.law_tuning import TuningProgress, check_settings, front_of, tune_law
 from mrwork.tuning.placing import compare_places, placed_study, placements_of
 from mrwork.tuning.results import Front, Placement, TunedLaw, TuningResults
 from mrwork.tuning.space import LawCandidate, TuningObjective, objective_of, space_of
@@ -102,7 +111,7 @@ def tune(
     1.316
     """
     tables = tables_of(study, tables, laws=laws, risk=risk, budget=budget)
-    objectives = check_tables(study, tables)
+    check_tables(study, tables)
     study = designed(study, journal=journal)
     if journal is not None:
         stated = {"tune": [*map(given_in, tables)], "places": study.table.places, "rng": rng}
@@ -144,7 +153,7 @@ def tune(
             compare = partial(report, "placements", done=0)
             places += compare_places(study, call=call, threads=threads, on_compared=compare)
             study = placed_study(study, places[0].storeys)
-        plans, untuned = _plan(study, tables, objectives, call, threads)
+        plans, untuned = _plan(study, tables, call, threads)
         # One by one, so that an interrupt finds those that are done.
         references.extend(untuned)
         for number, plan in enumerate(plans):
@@ -156,61 +165,61 @@ def tune(
 
             tuned[number:] = [tune_law(plan, rng=rng, advance=advance)]
             if plan.table.objectives:
-                fronts.append(front_of(plan, rng=rng, report=partial(report, plan.label, done=searched + 1)))
+                fronts.append(
+                    front_of(
+                        plan,
+                        rng=rng,
+                        report=partial(report, plan.label, done=searched + 1),
+                    )
+                )
     return found("finished")
 
 
 def plan_of(study: Study, table: TuneTable, threads: int) -> LawPlan:
     """The one law of a table as `tune` plans it."""
-    return _plan(study, [table], check_tables(study, [table]), LongCall(), threads)[0][0]
+    check_tables(study, [table])
+    return _plan(study, [table], LongCall(), threads)[0][0]
 
 
 def _plan(
-    study: Study,
-    tables: Sequence[TuneTable],
-    objectives: Sequence[TuningObjective],
-    call: LongCall[Any, Any],
-    threads: int,
+    study: Study, tables: Sequence[TuneTable], call: LongCall[Any, Any], threads: int
 ) -> tuple[list[LawPlan], Iterator[TunedLaw]]:
     """The laws of tables, and the references, those with weights still to be simulated."""
     bench = Bench(study=study, call=call, threads=threads)
     constants = constant_commands(bench)
     baselines: dict[str, LawCandidate] = {law.kind: law.candidate for law in constants}
     benches = [bench.with_baselines(baselines)]
-    if study.realisations is not None and any(table.robust for table in tables):
+    if any(table.robust for table in tables):
         benches.append(replace(bench, realisations=study.realisations).with_baselines(baselines))
     magnitudes = magnitudes_of(benches[0], [law for table in tables for law in table.laws])
     shapes = regulator_shapes(study.problem, magnitudes)
 
-    def plan(table: TuneTable, law: str, label: str, objective: TuningObjective, bench: Bench) -> LawPlan:
+    def plan(table: TuneTable, law: str, objective: TuningObjective) -> LawPlan:
         space = space_of(table, law, magnitudes)
         return LawPlan(
             table=table,
-            label=label,
             space=space,
             objective=objective,
-            bench=bench,
+            bench=benches[table.robust],
             firsts=first_candidates(space, shapes, magnitudes),
         )
 
-    plans, labels = list[LawPlan](), {arrangement.row.label for arrangement in study.arrangements}
-    for number, (table, objective) in enumerate(zip(tables, objectives, strict=True)):
-        with _place_of(study, tables).prefix_errors(), keyed("tune", number):
-            for law in table.laws:
-                label = f"{control_law(law).title}, {table.label or 'tuned'}"
-                # The study file with the chosen settings has all of them as rows.
-                if label in labels:
-                    sentence = f"two results would be called {label!r}; give a table another label"
-                    raise InvalidSettingError("label", sentence)
-                labels.add(label)
-                plans.append(plan(table, law, label, objective, benches[table.robust]))
-                check_settings(plans[-1])
-            _check_ratios(table, objective, benches[table.robust])
+    plans = list[LawPlan]()
+    with _place_of(study, tables).prefix_errors():
+        for number, table in enumerate(tables):
+            with keyed("tune", number):
+                objective = objective_for(table, study)
+                for law in table.laws:
+                    plans.append(plan(table, law, objective))
+                    check_settings(plans[-1])
+                _check_ratios(table, objective, benches[table.robust])
+        # The study file with the chosen settings has all of them as rows.
+        labels = [*(row.label for row in study.rows), *(plan.label for plan in plans)]
+        refuse_same(labels, "tune", "results", "label")
     if not plans:
         return plans, iter(constants)
-    law, over_zero = "clipped_optimal", replace(objectives[0], relative_to="passive_off")
-    weighed = plan(TuneTable(laws=(law,)), law, "", over_zero, benches[0])
-    return plans, chain(constants, weights_of_regulators(weighed))
+    law, over_zero = "clipped_optimal", replace(plans[0].objective, relative_to="passive_off")
+    return plans, chain(constants, weights_of_regulators(plan(TuneTable(laws=(law,)), law, over_zero)))
 
 
 def _check_ratios(table: TuneTable, objective: TuningObjective, bench: Bench) -> None:
@@ -252,22 +261,22 @@ def tables_of(
     return tables_of_laws
 
 
-def check_tables(study: Study, tables: Sequence[TuneTable]) -> list[TuningObjective]:
-    """The objectives of tables, which the study must be fit for, as for its placements; nothing is simulated."""
+def check_tables(study: Study, tables: Sequence[TuneTable]) -> None:
+    """Refuse tables which the study is not fit for, and placements; nothing is simulated."""
     check_controllable(study)
     if study.table.places is not None:
         with study.place.prefix_errors():
             placements_of(study)
 
-    def objective(number: int) -> TuningObjective:
+    def check(number: int) -> None:
         with keyed("tune", number):
-            return _check_table(tables[number], study)
+            objective_for(tables[number], study)
 
     with _place_of(study, tables).prefix_errors():
-        return read_each(objective, range(len(tables)))
+        read_each(check, range(len(tables)))
 
 
-def _check_table(table: TuneTable, study: Study) -> TuningObjective:
+def objective_for(table: TuneTable, study: Study) -> TuningObjective:
     """The objective of a table, which the study must be fit for."""
     if table.robust and study.realisations is None:
         raise InvalidSettingError(
