@@ -19,7 +19,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.closed_loop.evaluation import SCORE, Scales, criterion, ratio, searched
 from mrwork.closed_loop.responses import COMMAND_UNIT
 from mrwork.control.laws.control_law import control_law
-from mrwork.control.laws.law_problem import LawSettings, Magnitudes, Span
+from mrwork.control.laws.law_problem import Magnitudes, Span
 from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.study.fragilities import limit_of
@@ -279,9 +279,8 @@ class SettingSpace(Summarised):
         for setting, share in zip(self.free, unit, strict=True):
             value = setting.value(float(share), exact=exact)
             values[setting.name] = value if setting.entry is None else (*values.get(setting.name, ()), value)
-        of_command = {LARGEST: values.pop(LARGEST, self.largest_command)}
-        of_command |= {name: values.pop(name) for name in SHAPING_SPANS if name in values}
-        return LawCandidate({**self.held, **values, **of_command})
+        of_command = {name: values.pop(name) for name in _OF_COMMAND if name in values}
+        return LawCandidate({**self.held, **values, LARGEST: self.largest_command, **of_command})
 
     def unit(self, candidate: LawCandidate) -> Floats | None:
         """The point of a candidate, shape (n_free,); `None` where it is outside of the space.
@@ -315,48 +314,39 @@ class SettingSpace(Summarised):
 
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
     """The free settings of a law with their ranges, from a table and from what the law declares."""
-    kind = SETTINGS[law]
-    choices = [entry.name for entry in keys_of(kind)]
-    held: dict[str, Any] = dict(table.settings or {})
-    for name in held:
+    kind, entries = SETTINGS[law], {entry.name: entry for entry in keys_of(SETTINGS[law])}
+    ranges, weight = table.free or {}, "control_weight"
+    for name in table.settings or {}:
         with keyed("settings", name):
-            check_known(
-                name, choices, f"{law} has no setting {name!r}", otherwise="it has", kind=SettingError
-            )
-    any_weights = not kind.weight_names() & {*held, *(table.free or {})}
-    if any_weights:
-        held |= kind.weighed_by_default
-    spans: dict[str, Span] = {
-        entry.name: span for entry in keys_of(kind) if (span := entry.says.span) is not None
-    }
-    if follows_command(law):
-        spans |= SHAPING_SPANS
+            sentence = f"{law} has no setting {name!r}"
+            check_known(name, [*entries], sentence, otherwise="it has", kind=SettingError)
+    any_weights = not kind.weight_names() & {*(table.settings or {}), *ranges}
+    held = {**(table.settings or {}), **(kind.weighed_by_default if any_weights else {})}
+    spans = {name: entry.says.span for name, entry in entries.items() if entry.says.span is not None}
+    spans |= SHAPING_SPANS if follows_command(law) else {}
     if magnitudes.shares:
         # What is in A or V has no range where dampers of both units follow the commands.
-        in_units = [entry.name for entry in keys_of(kind) if entry.says.unit == COMMAND_UNIT]
-        spans = {name: span for name, span in spans.items() if name not in (*in_units, COMMAND_SLOPE)}
+        in_units = {name for name, entry in entries.items() if entry.says.unit == COMMAND_UNIT}
+        spans = {name: span for name, span in spans.items() if name not in {*in_units, COMMAND_SLOPE}}
     magnitudes = replace(magnitudes, cost=kind.cost(held, magnitudes))
-    free = []
-    for name in _free_names(table, law, kind, spans, held):
-        ends = (table.free or {}).get(name, ())
-        free += _free(name, ends, spans.get(name), magnitudes)
-        held.pop(name, None)
-    chosen = {setting.name for setting in free}
-    if is_semi_active(held) and "control_weight" in spans and "control_weight" not in chosen:
-        held.setdefault("control_weight", 1.0)
+    chosen = _free_names(table, law, spans, held)
+    free = [
+        setting
+        for name in chosen
+        for setting in _free(name, ranges.get(name, ()), spans.get(name), magnitudes)
+    ]
+    held = {name: value for name, value in held.items() if name not in chosen}
+    if is_semi_active(held) and weight in spans and weight not in chosen:
+        held.setdefault(weight, 1.0)
     for name, span in spans.items():
         if name not in chosen and name not in held and span.start is not None:
             held[name] = round_to(span.start * span.unit(magnitudes))
-    # A regulator has its control weight or a finished gain.
-    regulated = {"control_weight"} if kind.is_regulator and held.get("gain") is None else set()
-    missing = [
-        entry.name
-        for entry in keys_of(kind)
-        if (entry.is_required or entry.name in regulated) and entry.name not in {*held, *chosen}
-    ]
-    if missing:
-        sentence = f"{law} has no {missing[0]}; give it among the settings, or as free with its range"
-        raise InvalidSettingError("settings", sentence)
+    for name, entry in entries.items():
+        # A regulator has its control weight or a finished gain.
+        regulated = name == weight and kind.is_regulator and held.get("gain") is None
+        if (entry.is_required or regulated) and name not in held and name not in chosen:
+            sentence = f"{law} has no {name}; give it among the settings, or as free with its range"
+            raise InvalidSettingError("settings", sentence)
     if not free:
         raise InvalidSettingError("free", f"no setting of {law} is free; leave some out of its settings")
     return SettingSpace(
@@ -364,7 +354,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
         held=held,
         free=tuple(free),
         largest_command=magnitudes.command,
-        any_weights=any_weights and not (table.free or {}).get("control_weight"),
+        any_weights=any_weights and not ranges.get(weight),
     )
 
 
@@ -374,35 +364,27 @@ def is_semi_active(settings: Mapping[str, Any]) -> bool:
     return isinstance(designed, Mapping) and designed.get("semi_active") is not None
 
 
-def _free_names(
-    table: TuneTable, law: str, kind: type[LawSettings], spans: Mapping[str, Span], held: Mapping[str, Any]
-) -> list[str]:
+def _free_names(table: TuneTable, law: str, spans: Mapping[str, Span], held: Mapping[str, Any]) -> list[str]:
     """Names of the free settings: what the table names, or what the law frees by itself."""
-    commands = follows_command(law) and not kind.chooses_levels
-    if table.free is not None:
-        choices = [*spans, *([LARGEST] if commands else [])]
-        for name in table.free:
-            with keyed("free", name):
-                sentence = f"{law} has no setting {name!r} that can be searched"
-                check_known(name, choices, sentence, otherwise="it has", kind=SettingError)
-                if name in spans and spans[name].held:
-                    raise SettingError(f"{name} of {law} is not searched: {spans[name].held}")
-                if name in (table.settings or {}):
-                    raise SettingError(f"{name} is held among the settings and free; keep one")
-        return list(table.free)
-    if is_semi_active(held):
-        spans = {
-            name: replace(span, free=name == BUDGET_SCALE or (span.free and name != "control_weight"))
-            for name, span in spans.items()
-        }
-    # A weight of the energy and designed weights exclude other weights.
-    alone = "energy" in held or "designed" in held
-    names = [
-        name
-        for name, span in spans.items()
-        if span.free and name not in (table.settings or {}) and not (alone and name in kind.weight_names())
-    ]
-    return [*names, *([LARGEST] if commands else [])]
+    kind, stated = SETTINGS[law], table.settings or {}
+    commands = [LARGEST] if follows_command(law) and not kind.chooses_levels else []
+    if table.free is None:
+        # A weight of the energy and designed weights exclude other weights.
+        excluded = kind.weight_names() if {"energy", "designed"} & held.keys() else frozenset[str]()
+        free = {name: span.free for name, span in spans.items()}
+        if is_semi_active(held):
+            free |= {name: name == BUDGET_SCALE for name in (BUDGET_SCALE, "control_weight") if name in free}
+        names = [name for name in spans if free[name] and name not in stated and name not in excluded]
+        return [*names, *commands]
+    for name in table.free:
+        with keyed("free", name):
+            sentence = f"{law} has no setting {name!r} that can be searched"
+            check_known(name, [*spans, *commands], sentence, otherwise="it has", kind=SettingError)
+            if name in spans and spans[name].held:
+                raise SettingError(f"{name} of {law} is not searched: {spans[name].held}")
+            if name in stated:
+                raise SettingError(f"{name} is held among the settings and free; keep one")
+    return list(table.free)
 
 
 def _free(name: str, ends: Sequence[float], span: Span | None, magnitudes: Magnitudes) -> list[FreeSetting]:
