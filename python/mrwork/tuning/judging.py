@@ -202,17 +202,14 @@ def _judge_front(
     """A front whose points have their objectives on the test motions, from a study with the points as rows."""
     law = next(law for law in tuned.laws if law.label == front.label)
     constant = next(reference for reference in tuned.references if reference.kind == "best_passive")
-    points = [
+    points = tuple(
         replace(law, label=f"point {number}", settings=point.settings)
         for number, point in enumerate(front.points, start=1)
-    ]
-    rows = (
-        study.at_zero,
-        *(_arrange(study, found.law, found.settings, found.row) for found in (constant, *points)),
     )
     realisations = study.realisations if law.robust else None
-    points_study = replace(study, arrangements=rows, histories=(), realisations=realisations)
-    results = with_tuning(run_study(points_study, journal=journal, threads=threads), tuned)
+    alone = replace(study, arrangements=(study.at_zero,), histories=(), realisations=realisations)
+    of_points = replace(tuned, laws=points, references=(constant,), fronts=())
+    results = judge(alone, of_points, journal=journal, threads=threads)
 
     def judged(point: FrontPoint, found: TunedLaw) -> FrontPoint:
         parts = {name: replace(law.objective, weights={name: 1.0}) for name in front.objectives}
@@ -240,7 +237,8 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
             continue
         # Settings that make no law have no row, which the tuning warns of.
         with suppress(SettingError):
-            rows.append(_arrange(study, reference.law, reference.settings, reference.row))
+            row = Row(label=reference.label, kind=reference.kind, description=reference.origin)
+            rows.append(_arrange(study, reference.law, reference.settings, row))
     return replace(study, is_whole=False, arrangements=(*study.arrangements, *rows))
 
 

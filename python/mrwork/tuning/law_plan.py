@@ -8,8 +8,9 @@ moved along their derivatives.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -95,9 +96,7 @@ class Bench(Summarised):
             places = [members[index] for index in designed.designed]
             shapes = np.array([candidates[n].shape for n in places])
             shaped = np.any(shapes != LawCandidate({}).shape)
-            batch = self.simulate(
-                problem,
-                designed.law,
+            batch = self.loop(problem, designed.law)(
                 largest_commands=np.array(levels)[places] if together else None,
                 shaping=shapes if shaped else None,
             )
@@ -107,25 +106,12 @@ class Bench(Summarised):
                 runs.numbers[name][places] = array
         return runs
 
-    def simulate(
-        self,
-        problem: DesignProblem,
-        law: ControlLaw,
-        *,
-        largest_commands: Floats | None = None,
-        shaping: Floats | None = None,
-        changes: Floats | None = None,
-    ) -> Runs:
-        """Criteria of the candidates of a law, see `simulate_criteria`."""
-        return simulate_criteria(
-            replace(self.study.at_zero, devices=problem.all_devices, law=law),
-            self.study.chosen_on,
-            self.study.hardware,
-            self.realisations,
-            largest_commands=largest_commands,
-            shaping=shaping,
-            threads=self.threads,
-            changes=changes,
+    def loop(self, problem: DesignProblem, law: ControlLaw) -> Callable[..., Runs]:
+        """Criteria of the candidates of a law, a function of what `simulate_criteria` takes beside these."""
+        arrangement = replace(self.study.at_zero, devices=problem.all_devices, law=law)
+        motions, hardware = self.study.chosen_on, self.study.hardware
+        return partial(
+            simulate_criteria, arrangement, motions, hardware, self.realisations, threads=self.threads
         )
 
     def _empty(self, n_candidates: int) -> Runs:
@@ -192,7 +178,7 @@ class LawPlan:
             problem, law, rows, _ = self._move(unit)
         except SettingError:
             return math.inf, slopes
-        runs = self.bench.simulate(problem, law, changes=rows)
+        runs = self.bench.loop(problem, law)(changes=rows)
         values = self.objective.scores(runs, self.bench.baselines).penalised_scores
         if not math.isfinite(values[0]):
             return math.inf, slopes
@@ -208,15 +194,17 @@ class LawPlan:
 
     def _move(self, unit: Floats) -> tuple[DesignProblem, ControlLaw, Floats, dict[str, str]]:
         """A law, the change of its gains with each setting, (n, n_gains), and why settings next to one make no law."""
-        space, name = self.space, self.law
-        largest = space.candidate(unit, exact=True).largest_command
-        problem = self.bench.study.problem.limited_to(largest)
-        points, weights = [unit], []
-        for index in self.moved:
-            nodes, node_weights = _differences(space.free[index], float(unit[index]))
-            weights.append(node_weights)
-            points += [np.where(np.arange(len(unit)) == index, node, unit) for node in nodes]
-        settings = [settings_of(name, space.candidate(point, exact=True).of_law) for point in points]
+        space, name, moved = self.space, self.law, self.moved
+        weights = np.empty((len(moved), len(_NODES)))
+        points = np.tile(unit, (1 + weights.size, 1))
+        # A view, with the points around a setting in a row.
+        around = points[1:].reshape(*weights.shape, -1)
+        for row, index in enumerate(moved):
+            nodes, weights[row] = _differences(space.free[index], float(unit[index]))
+            around[row, :, index] = nodes
+        candidates = [space.candidate(point, exact=True) for point in points]
+        problem = self.bench.study.problem.limited_to(candidates[0].largest_command)
+        settings = [settings_of(name, candidate.of_law) for candidate in candidates]
         designed = design_candidates(name, problem, settings)
         if 0 in designed.refusals:
             raise SettingError(f"{name} has no score here: {designed.refusals[0]}; choose other settings")
@@ -225,16 +213,13 @@ class LawPlan:
         # A law without gains has one row.
         gains = np.full((len(points), rows.shape[1]), np.nan)
         gains[list(designed.designed)] = rows
-        around = gains[1:].reshape(len(weights), len(_NODES), -1)
-        labels = [space.free[index].label for index in self.moved]
-        law = replace(
-            designed.law, gains={gain: np.asarray(values)[:1] for gain, values in designed.law.gains.items()}
-        )
-        changes = np.einsum("kn,kng->kg", np.array(weights).reshape(len(weights), len(_NODES)), around)
+        first = {gain: np.asarray(values)[:1] for gain, values in designed.law.gains.items()}
+        changes = np.einsum("kn,kng->kg", weights, gains[1:].reshape(*weights.shape, -1))
         refusals = {
-            labels[(number - 1) // len(_NODES)]: refusal for number, refusal in designed.refusals.items()
+            space.free[moved[(number - 1) // len(_NODES)]].label: refusal
+            for number, refusal in designed.refusals.items()
         }
-        return problem, law, changes, refusals
+        return problem, replace(designed.law, gains=first), changes, refusals
 
 
 def _differences(setting: FreeSetting, share: float) -> tuple[Floats, Floats]:

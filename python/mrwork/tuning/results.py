@@ -25,7 +25,7 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.study.study import Kind, Row
+from mrwork.study.study import Kind
 from mrwork.tuning.space import (
     COMMAND_SLOPE,
     DEAD_ZONE,
@@ -81,11 +81,6 @@ class TunedLaw(Summarised):
     def candidate(self) -> LawCandidate:
         """The settings as a candidate."""
         return LawCandidate(self.settings)
-
-    @property
-    def row(self) -> Row:
-        """The law or reference as a row of a study."""
-        return Row(label=self.label, kind=self.kind, description=self.origin)
 
     @property
     def warnings(self) -> Iterator[str]:

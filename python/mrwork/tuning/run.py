@@ -116,7 +116,9 @@ def tune(
     if journal is not None:
         stated = {"tune": [*map(given_in, tables)], "places": study.table.places, "rng": rng}
         journal.agree("tuning", {**fingerprint_of(study), **stated})
-    tuned, fronts, references, places = list[TunedLaw](), list[Front](), list[TunedLaw](), list[Placement]()
+    places, references = list[Placement](), list[TunedLaw]()
+    # Laws that are done, and the law that is searched.
+    tuned, searched, fronts = list[TunedLaw](), list[TunedLaw](), list[Front]()
     total = sum((1 + bool(table.objectives)) * len(table.laws) for table in tables)
     total += study.table.places is not None
 
@@ -124,7 +126,7 @@ def tune(
         return TuningResults(
             title=study.title,
             status=status,
-            laws=tuple(tuned),
+            laws=(*tuned, *searched),
             references=tuple(references),
             training=tuple(motion.name for motion in study.chosen_on),
             command_unit=study.command_unit,
@@ -135,43 +137,36 @@ def tune(
 
     call = LongCall[TuningProgress, TuningResults](journal=journal, on_progress=on_progress, so_far=found)
 
-    def report(label: str, candidates: int, most: int, least: float = math.nan, *, done: int) -> None:
+    def report(label: str, candidates: int, most: int, least: float = math.nan) -> None:
         call.report(
             TuningProgress(
                 label=f"{label}{by_whom()}",
                 candidates=candidates,
                 budget=most,
                 least=least,
-                done=done,
+                done=bool(places) + len(tuned) + len(fronts),
                 total=total,
                 seconds=call.seconds,
             )
         )
 
+    def advance(law: TunedLaw, most: int) -> None:
+        searched[:] = [law]
+        report(law.label, law.candidates, most, law.least)
+
     with call.keeping("tuning"):
         if study.table.places is not None:
-            compare = partial(report, "placements", done=0)
+            compare = partial(report, "placements")
             places += compare_places(study, call=call, threads=threads, on_compared=compare)
             study = placed_study(study, places[0].storeys)
         plans, untuned = _plan(study, tables, call, threads)
         # One by one, so that an interrupt finds those that are done.
         references.extend(untuned)
-        for number, plan in enumerate(plans):
-            searched = bool(places) + number + len(fronts)
-
-            def advance(law: TunedLaw, most: int, number: int = number, done: int = searched) -> None:
-                tuned[number:] = [law]
-                report(law.label, law.candidates, most, law.least, done=done)
-
-            tuned[number:] = [tune_law(plan, rng=rng, advance=advance)]
+        for plan in plans:
+            tuned.append(tune_law(plan, rng=rng, advance=advance))
+            searched.clear()
             if plan.table.objectives:
-                fronts.append(
-                    front_of(
-                        plan,
-                        rng=rng,
-                        report=partial(report, plan.label, done=searched + 1),
-                    )
-                )
+                fronts.append(front_of(plan, rng=rng, report=partial(report, plan.label)))
     return found("finished")
 
 

@@ -41,26 +41,24 @@ class _StudyScore:
 
     def values(self, settings: Floats) -> Floats:
         """Scores of settings, (..., n_free), shape (...)."""
-        points = np.asarray(settings)
-        units, _, inside = self.places(points)
+        units, _, inside = self.places(settings)
         values = np.full(len(units), math.inf)
         if inside.any():
             values[inside] = self.plan.values(units[inside], exact=True)
-        return values.reshape(points.shape[:-1])
+        return values.reshape(settings.shape[:-1])
 
     def linearise(self, settings: Floats) -> tuple[Floats, Floats]:
         """Scores of settings, (..., n_free), and their derivatives."""
-        points = np.asarray(settings)
-        units, rates, inside = self.places(points)
+        units, rates, inside = self.places(settings)
         values, slopes = np.full(len(units), math.inf), np.zeros(units.shape)
         for row in np.flatnonzero(inside):
             values[row], slopes[row] = self.plan.slopes(units[row])
             slopes[row] *= rates[row]
-        return values.reshape(points.shape[:-1]), slopes.reshape(points.shape)
+        return values.reshape(settings.shape[:-1]), slopes.reshape(settings.shape)
 
     def places(self, settings: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Places of settings in their ranges with their slopes, (n, n_free), and which rows have them."""
-        rows = settings.reshape(-1, len(self.box.names))
+        rows = np.asarray(settings).reshape(-1, len(self.box.names))
         # Rounding of a range that is logarithmic leaves its ends.
         theta = np.clip(rows, self.box.lower, self.box.upper)
         inside: NDArray[np.bool_] = np.all(np.isclose(rows, theta, rtol=_ROUNDING, atol=0.0), axis=1)
