@@ -13,7 +13,7 @@ import study_samples
 from blank_pictures import blank
 
 from mrwork.plots.samples import envelope
-from mrwork.report.study.fragility_section import fragilities_of_page
+from mrwork.report.study.figures import fragilities_of_page
 from mrwork.report.study.front import study_lead
 from mrwork.report.study.page import study_page
 from mrwork.study import StudyResults, compared

@@ -65,10 +65,12 @@ def run(options: argparse.Namespace) -> int:
     if files:
         with undrawn_warned("a figure", "the table stands without it"):
             # Matplotlib is slow to load.
+            from mrwork.plots import style
             from mrwork.plots.canvas import svg_bytes
-            from mrwork.report.study.fragility_section import fragility_figures
+            from mrwork.report.study.figures import fragility_figures
 
-            contents += map(svg_bytes, fragility_figures(result).values())
+            with style.drawn_in_style():
+                contents += map(svg_bytes, fragility_figures(result).values())
     written = files[: len(contents)]
     for path, content in zip(written, contents, strict=True):
         write_file(path, content)

@@ -156,11 +156,13 @@ def _find_counts(options: argparse.Namespace) -> int:
         )
     drawn = {} if options.figure is None else {"figure": str(options.figure)}
     if options.figure is not None:
+        from mrwork.plots import style
         from mrwork.plots.canvas import column_axes
         from mrwork.plots.of_studies import damper_counts as figure_of
 
-        figure, axes = column_axes()
-        figure_of(counts, axes)
+        with style.drawn_in_style():
+            figure, axes = column_axes()
+            figure_of(counts, axes)
         write_figure(options.figure, figure)
     below = [f"Figure: {curve}" for curve in drawn.values()]
     show_results(options, counts, document=counts.document() | drawn, below=below)

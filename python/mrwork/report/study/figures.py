@@ -1,4 +1,4 @@
-"""Figures of a study's page with their sections: profiles, energies, histories and loops, spread over motions."""
+"""Figures of a study's page with their sections: profiles, energies, histories and loops, spread, fragilities."""
 
 from __future__ import annotations
 
@@ -18,11 +18,13 @@ from mrwork.base.units import STANDARD_GRAVITY
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import History
 from mrwork.plots import canvas, style
-from mrwork.plots.of_studies import Stroke, energies, name_heights, short, storey_profiles
+from mrwork.plots.of_studies import Stroke, energies, ida, name_heights, short, storey_profiles
+from mrwork.plots.of_studies import fragility as draw_fragility
 from mrwork.plots.of_tests import Motion, commands, loops
 from mrwork.plots.samples import envelope, strong_part
 from mrwork.report.section import Group, Section, panel
 from mrwork.study.comparison import Comparison, judged_in_words, motion_groups
+from mrwork.study.fragilities import Fragilities, fragility
 from mrwork.study.histories import RunHistory
 from mrwork.study.results import MotionFacts, StudyResults
 from mrwork.study.study import uses_in_words
@@ -305,4 +307,62 @@ def motion_section(results: StudyResults) -> Section:
         title="Ground motions",
         summary=f"{uses}{of}, peaks from {peaks} m/s², {lengths} s long.",
         groups=(Group(table=table),),
+    )
+
+
+# Records and levels from which on a page has the section, and arrangements that it draws.
+_LEAST_RECORDS, _LEAST_LEVELS, _MOST_DRAWN = 2, 3, 6
+_PANEL, _COLUMNS = (2.5, 2.3), 3
+
+
+def fragility_figures(fragilities: Fragilities) -> dict[str, Figure]:
+    """By name: intensity over the response, a panel an arrangement, and the probability over it, a curve for each."""
+    shown = range(min(len(fragilities.rows), _MOST_DRAWN))
+    lines, panels = canvas.grid_of_axes(len(shown), _COLUMNS, _PANEL)
+    ida(fragilities, panels, rows=shown)
+    curves, axes = canvas.column_axes(left=0.75, top=0.34 + 0.18 * ((len(shown) - 1) // _COLUMNS))
+    draw_fragility(fragilities, axes, rows=shown)
+    axes.set_ylabel("Probability")
+    return {"ida": lines, "fragility": curves}
+
+
+def fragilities_of_page(results: StudyResults) -> Fragilities | None:
+    """Fragilities at the limit of the study; `None` without several records at several levels, or a limit."""
+    at, limit = results.record_levels, results.limit or results.building.heights
+    few = len(at.records) < _LEAST_RECORDS or at.levels.size < _LEAST_LEVELS or len(at.measures) > 1
+    if few or not limit or not results.complete:
+        return None
+    return fragility(results)
+
+
+def fragility_section(results: StudyResults, fragilities: Fragilities) -> Section:
+    """Median intensities at the limit of the study, with both figures."""
+    at, (table,) = results.record_levels, fragilities._summary().shown_tables
+    figures = fragility_figures(fragilities)
+    words = f"{counted(len(at.records), 'record')} at {at.levels.size} levels"
+    curves = panel(
+        "fragility",
+        f"Probability that {fragilities.limit_in_words}",
+        figures["fragility"],
+        f"Probability over {at.measure} that {fragilities.limit_in_words}, {words}",
+        "Points are shares of the records; the bars at one half are bands of the medians.",
+    )
+    lines = panel(
+        "ida",
+        "Incremental dynamic analysis",
+        figures["ida"],
+        f"{at.measure} over {fragilities.title} of {words}",
+        "Thin: a record each. Thick: 16, 50 and 84 % of the records lie below. Dashed: the limit.",
+    )
+    return Section(
+        title="Records at several levels",
+        summary=f"the {at.measure} at which {fragilities.limit_in_words}, of {words}.",
+        groups=(
+            Group(
+                points=fragilities.in_words(),
+                table=replace(table, note=" ".join(f"{caution}." for caution in fragilities.cautions)),
+            ),
+            Group(panels=(curves,)),
+            Group(panels=(lines,), layout="whole"),
+        ),
     )

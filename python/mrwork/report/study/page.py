@@ -18,12 +18,13 @@ from mrwork.report.study.figures import (
     ReadHistory,
     device_section,
     energy_figure,
+    fragilities_of_page,
+    fragility_section,
     history_section,
     motion_section,
     profile_figure,
     spread_section,
 )
-from mrwork.report.study.fragility_section import fragilities_of_page, fragility_section
 from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.report.study.tuning_section import tuning_sections
 from mrwork.study.comparison import Comparison, change_table, compared, findings, judged_in_words
