@@ -30,8 +30,8 @@ from mrwork.records.finding import FindingKind
 from mrwork.records.reading import synthetic_test
 from mrwork.report import html
 from mrwork.report.fit.agreement import amplitude_section
-from mrwork.report.fit.bands import _verdict
 from mrwork.report.fit.figures import common_unit
+from mrwork.report.fit.later import _verdict
 from mrwork.report.fit.page import fit_page, open_run
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.section import PageProgress, Section

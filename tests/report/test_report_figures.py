@@ -31,8 +31,8 @@ from mrwork.plots.of_tests import Motion
 from mrwork.plots.samples import even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
 from mrwork.report.fit.figures import common_unit, cycles_figure, loop_figure, record_figure, repair_figure
+from mrwork.report.fit.later import profiles_figure
 from mrwork.report.fit.page import fit_page, write_figures
-from mrwork.report.fit.parameters import profiles_figure
 from mrwork.uncertainty import Prediction, Profiles
 from mrwork.uncertainty.identifiability.profile import Profile
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mrwork.identification.result import BuildingCost
-from mrwork.report.fit.choices import ranking_figure
+from mrwork.report.fit.later import ranking_figure
 from mrwork.uncertainty.choice.ranking import Ranking, Standing, rank
 
 TESTS = np.array([0.10, 0.14, 0.08, 0.12, 0.11, 0.13])

@@ -27,7 +27,7 @@ from mrwork.report.fit import figures
 from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.bands.predictions import Predictions, spread_of
+from mrwork.uncertainty.bands.predictions import spread_of
 
 # Up to so many tests are all drawn in full.
 _ALL_IN_FULL = 4
@@ -304,15 +304,3 @@ def _classes(amplitude: Floats) -> NDArray[np.intp]:
     within = np.searchsorted(_ENDS, 1e3 * amplitude / 10.0**decade)
     # The last class of a decade is the first of the next.
     return np.asarray(decade * len(_ENDS) + within, dtype=np.intp)
-
-
-def held_out_section(held_out: Predictions) -> Section:
-    """A table of the held-out tests of every prediction."""
-    prose = (
-        "Neither the fit nor its calibration has seen these tests; one that is predicted again counts once."
-    )
-    return Section(
-        title="Held-out tests",
-        summary=f"{held_out.spread.in_words}.",
-        groups=(Group(summary=held_out._summary(), prose=(prose,)),),
-    )

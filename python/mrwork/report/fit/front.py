@@ -15,8 +15,8 @@ from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
 from mrwork.plots.of_fits import laws as draw_laws
 from mrwork.plots.of_tests import Motion
 from mrwork.report.fit.agreement import loop_panel
-from mrwork.report.fit.bands import coverage_summary
 from mrwork.report.fit.figures import common_unit, small_loop
+from mrwork.report.fit.later import coverage_summary
 from mrwork.report.section import Lead, Number, Panel, first_sentences, panel
 from mrwork.runs.load import StoredRun
 from mrwork.uncertainty.bands.held_out import median_place

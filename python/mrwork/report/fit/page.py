@@ -12,76 +12,19 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.plots import style
 from mrwork.plots.canvas import png_bytes, svg_bytes
-from mrwork.report.fit.agreement import (
-    amplitude_section,
-    drawn_in_full,
-    has_small_loops,
-    held_out_section,
-    tests_section,
-)
-from mrwork.report.fit.bands import bands_section
-from mrwork.report.fit.choices import plan_section, ranking_section
+from mrwork.report.fit import later
+from mrwork.report.fit.agreement import amplitude_section, drawn_in_full, has_small_loops, tests_section
 from mrwork.report.fit.figures import common_unit
 from mrwork.report.fit.front import fit_lead
-from mrwork.report.fit.parameters import parameters_section, profiles_section
-from mrwork.report.fit.posterior import posterior_section
+from mrwork.report.fit.parameters import parameters_section
 from mrwork.report.fit.residuals import residual_section
 from mrwork.report.fit.search import search_section
 from mrwork.report.html import Page, page_html
-from mrwork.report.section import (
-    Group,
-    OnDrawn,
-    PageProgress,
-    Section,
-    ignore_progress,
-    warning_section,
-)
+from mrwork.report.section import Group, OnDrawn, PageProgress, Section, ignore_progress, warning_section
 from mrwork.runs.load import StoredRun, with_additions
 from mrwork.store.run_folder import FIGURES
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.prediction import Prediction, predictions_of
-
-# What later verbs add: the attribute of a run, the title of the section, the command, and what it does.
-_LATER = (
-    (
-        "held_out",
-        "Held-out tests",
-        "mrwork predict RUN TESTS",
-        "predicts tests that the fit has not seen: the evidence of how well it predicts.",
-    ),
-    (
-        "bands",
-        "Prediction bands",
-        "mrwork calibrate RUN TESTS",
-        "calibrates prediction bands from the errors of the fit on tests that it has not seen; without TESTS the run's "
-        "own tests are left out in turn.",
-    ),
-    (
-        "ranking",
-        "Choice of model or laws",
-        "mrwork identify TESTS --model all",
-        "compares models on tests that their fits have not seen, and writes a run folder of its own; --law auto also "
-        "chooses which parameters follow the command, and by which law.",
-    ),
-    (
-        "profiles",
-        "Profile likelihood",
-        "mrwork profile RUN",
-        "computes an interval of each parameter by profile likelihood, open where the data set no bound.",
-    ),
-    (
-        "draws",
-        "Posterior",
-        "mrwork sample RUN",
-        "samples the posterior of the parameters: credible intervals, and pairs that the data cannot distinguish.",
-    ),
-    (
-        "plan",
-        "Next test",
-        "mrwork plan RUN",
-        "ranks candidates for the next test by how much each would narrow a band.",
-    ),
-)
 
 # Entries of a setting, and digits of a digest, that are shown.
 _SETTINGS_SHOWN, _HASH_SHOWN = 12, 12
@@ -117,32 +60,19 @@ def fit_page(
         warning_section(run.fit.warnings),
         tests,
         parameters_section(run),
-        None if run.held_out is None else held_out_section(run.held_out),
-        None if run.bands is None else bands_section(run.bands, unit),
-        None if run.ranking is None else ranking_section(run.ranking),
-        None if run.profiles is None else profiles_section(run.profiles),
-        None if run.draws is None else posterior_section(run.draws, run),
+        None if run.held_out is None else later.held_out_section(run.held_out),
+        None if run.bands is None else later.bands_section(run.bands, unit),
+        None if run.ranking is None else later.ranking_section(run.ranking),
+        None if run.profiles is None else later.profiles_section(run.profiles),
+        None if run.draws is None else later.posterior_section(run.draws, run),
         amplitude_section(predictions),
         residual_section(predictions),
-        None if run.plan is None else plan_section(run.plan),
+        None if run.plan is None else later.plan_section(run.plan),
         search_section(run.fit),
-        _absent_section(run),
+        later.absent_section(run),
         _provenance_section(run.fit, predictions),
     ]
     return page_html(fit_lead(run, predictions), sections)
-
-
-def _absent_section(run: StoredRun) -> Section | None:
-    absent = [(title, command, does) for part, title, command, does in _LATER if getattr(run, part) is None]
-    if not absent:
-        return None
-    prose = "RUN is the folder of this page. A command that takes RUN adds its section to the page."
-    facts = tuple((title, f"`{command}` {does}") for title, command, does in absent)
-    return Section(
-        title="Not in this report yet",
-        summary=f"{', '.join(title[:1].lower() + title[1:] for title, *_ in absent)}.",
-        groups=(Group(prose=(prose,), facts=facts),),
-    )
 
 
 def _provenance_section(fit: Fit, predictions: Sequence[Prediction]) -> Section:

@@ -7,18 +7,14 @@ from collections.abc import Sequence
 from typing import get_args
 
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from mrwork.base import numbers
 from mrwork.base.table import Table
 from mrwork.identification.fit import FINE, Fit, FittedParameter, Verdict, step_in_words
-from mrwork.plots.canvas import SMALL_WIDTH, grid_of_axes
-from mrwork.plots.of_fits import profiles as draw_profiles
 from mrwork.plots.style import shown_unit
 from mrwork.report.html import equation_html, symbol
-from mrwork.report.section import Group, Section, panel
+from mrwork.report.section import Group, Section
 from mrwork.runs.load import StoredRun
-from mrwork.uncertainty.identifiability.profile import Profiles
 
 
 def parameters_section(run: StoredRun) -> Section:
@@ -165,42 +161,3 @@ def _summary(fit: Fit) -> str:
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
     parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]
     return f"{'; '.join(parts)}."
-
-
-_COLUMNS, _HEIGHT = 4, 2.2
-
-
-def profiles_section(profiles: Profiles) -> Section:
-    """Intervals and a figure for each profiled parameter."""
-    open_ended = [
-        profiled.name for profiled in profiles.profiles if profiled.lower is None or profiled.upper is None
-    ]
-    count = len(profiles.profiles)
-    ends_in_words = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
-    what = f"Likelihood ratio over each of {count} parameters"
-    drawn = panel("profiles", "", profiles_figure(profiles), what)
-    return Section(
-        title="Profile likelihood",
-        summary=f"{100 * profiles.level:g} % intervals of {count} parameters, {ends_in_words}.",
-        groups=(
-            Group(
-                title="Likelihood ratio",
-                summary=profiles._summary(),
-                prose=(
-                    "Each panel holds one parameter at values around its estimate and fits all others again. The line "
-                    "is the likelihood ratio; the values below the dashed threshold form the "
-                    f"{100 * profiles.level:g} % interval (shaded). Where the line does not reach the threshold, the "
-                    "data do not bound the parameter on that side.",
-                ),
-                panels=(drawn,),
-                layout="whole",
-            ),
-        ),
-    )
-
-
-def profiles_figure(profiles: Profiles) -> Figure:
-    """Likelihood ratio against each parameter."""
-    figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))
-    draw_profiles(profiles, panels)
-    return figure
