@@ -6,7 +6,7 @@ import numpy as np
 
 import mrwork as mr
 from mrwork.plots.canvas import svg_bytes
-from mrwork.plots.of_dampers import nominal_loops
+from mrwork.plots.of_tests import nominal_loops
 
 # A sinusoid as in the tests of Spencer et al. 1997, of which the last of three cycles is drawn.
 _AMPLITUDE, _FREQUENCY = 0.015, 2.5

@@ -26,8 +26,7 @@ from mrwork import StoredRun
 from mrwork.identification.fit import SearchTrace
 from mrwork.plots import style
 from mrwork.plots.canvas import svg_bytes
-from mrwork.plots.of_dampers import nominal_loops
-from mrwork.plots.of_tests import Motion
+from mrwork.plots.of_tests import Motion, nominal_loops
 from mrwork.plots.samples import even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
 from mrwork.report.fit.figures import common_unit, cycles_figure, loop_figure, record_figure, repair_figure

@@ -17,7 +17,7 @@ from mrwork.cli.own_models import is_own, own_model
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError
 
-_FIGURE = "mrwork.plots.of_dampers:nominal_loops"
+_FIGURE = "mrwork.plots.of_tests:nominal_loops"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -101,7 +101,7 @@ def _list_presets(options: argparse.Namespace) -> int:
 
 def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
     check_figure(options.figure)
-    from mrwork.plots.of_dampers import nominal_loops
+    from mrwork.plots.of_tests import nominal_loops
 
     write_figure(options.figure, nominal_loops(spec, **arguments_of(options, _FIGURE)))
 

@@ -19,8 +19,7 @@ from mrwork.identification.identify import identify_with
 from mrwork.identification.settings import FitSettings
 from mrwork.plots import style
 from mrwork.plots.canvas import png_bytes
-from mrwork.plots.of_dampers import nominal_test
-from mrwork.plots.of_tests import loops
+from mrwork.plots.of_tests import loops, nominal_test
 from mrwork.plots.style import with_unit
 from mrwork.records.damper_test import DamperTest
 from mrwork.uncertainty.bands.prediction import Prediction

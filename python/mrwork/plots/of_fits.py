@@ -193,7 +193,25 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
     for end, way in ((profile.lower, -1), (profile.upper, 1)):
         if end is None:
-            _mark_open(axes, way)
+            # An arrow that leaves the panel where the interval is open.
+            edge, colour = (1.0 if way > 0 else 0.0), style.RESIDUAL
+            axes.annotate(
+                "open",
+                xy=(edge, 0.93),
+                xytext=(edge - 0.17 * way, 0.93),
+                xycoords="axes fraction",
+                ha="right" if way > 0 else "left",
+                va="center",
+                color=colour,
+                fontsize=style.SMALL_TEXT_SIZE,
+                arrowprops={
+                    "arrowstyle": "->",
+                    "color": colour,
+                    "linewidth": 1.3,
+                    "shrinkA": 1,
+                    "shrinkB": 0,
+                },
+            )
 
 
 def _tick(value: float) -> str:
@@ -203,28 +221,6 @@ def _tick(value: float) -> str:
         return numbers.shortest(value)
     mantissa, _, power = text.partition("e")
     return mantissa + numbers.power_of_ten(int(power))
-
-
-def _mark_open(axes: Axes, way: int) -> None:
-    """An arrow that leaves the panel on the side where the interval is open."""
-    edge = 1.0 if way > 0 else 0.0
-    axes.annotate(
-        "",
-        xy=(edge, 0.93),
-        xytext=(edge - 0.14 * way, 0.93),
-        xycoords="axes fraction",
-        arrowprops={"arrowstyle": "->", "color": style.RESIDUAL, "linewidth": 1.3},
-    )
-    axes.text(
-        edge - 0.17 * way,
-        0.93,
-        "open",
-        transform=axes.transAxes,
-        ha="right" if way > 0 else "left",
-        va="center",
-        color=style.RESIDUAL,
-        fontsize=style.SMALL_TEXT_SIZE,
-    )
 
 
 def _span(profile: Profile) -> tuple[float, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import get_args
@@ -42,27 +42,31 @@ def tests_section(
     the worst alone. `before` hears of each test before it is drawn.
     """
     unit, spread = figures.common_unit(predictions), spread_of(predictions)
-    overview = tuple(_overview(predictions, unit, before))
-    drawn = drawn_in_full(predictions, every_test=every_test)
+    are_many = len(predictions) > _ALL_IN_FULL
+    drawn = dict.fromkeys(range(len(predictions)), "")
+    if are_many and not every_test:
+        order = np.argsort([-prediction.fit_percent for prediction in predictions], kind="stable").tolist()
+        drawn = {order[0]: "Best fit", order[len(order) // 2]: "Median fit", order[-1]: "Worst fit"}
     worst = min(drawn, key=lambda number: predictions[number].fit_percent)
-    blocks = []
-    for number, role in drawn.items():
-        prediction = predictions[number]
-        test = prediction.test
-        before(f"test {test.name}")
-        panels = _test_panels(f"t{number + 1}", prediction, unit)
-        if number == worst:
-            panels += residual_panels(prediction, unit)
-        findings = sorted(test.findings, key=lambda finding: finding.severity != "warning")
-        blocks.append(
-            Group(
-                title=f"{role}: {test.name}" if role else test.name,
-                synthetic=test.synthetic,
-                prose=(_conditions(test, fit.quality[number]),),
-                panels=panels,
-                points=tuple(f"{finding.severity}: {finding.message}" for finding in findings),
-            )
-        )
+    small, blocks = [], dict[int, Group]()
+    for number, prediction in enumerate(predictions):
+        before(f"test {prediction.test.name}")
+        if are_many:
+            loop = figures.small_loop(prediction, unit, over="velocity")
+            small.append(loop_panel(f"o{number + 1}", prediction, loop))
+        if number in drawn:
+            more = residual_panels(prediction, unit) if number == worst else ()
+            blocks[number] = _test_group(number, drawn[number], prediction, fit.quality[number], unit, more)
+    overview = Group(
+        prose=(
+            "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, the "
+            "median and the worst fit follow in full; `mrwork report RUN --all-tests` draws every test so.",
+        ),
+        panels=tuple(small),
+        layout="small",
+    )
+    shared = gathered_findings([prediction.test for prediction in predictions]).shared
+    recurring = Group(title="Findings in several tests", points=tuple(finding.in_words for finding in shared))
     one = f"fit {numbers.format_fixed(fit.fit_percent, 2)} %, RMSE {numbers.significant(fit.rmse_n, 3)} N"
     text, records = (
         (one, "the record") if len(predictions) == 1 else (spread.in_words, f"{len(predictions)} records")
@@ -75,7 +79,27 @@ def tests_section(
     return Section(
         title="Agreement with the fitted tests",
         summary=f"{text}; the checks of {records} found {', '.join(parts) or 'nothing to report'}.",
-        groups=(Group(table=_agreement_table(fit, predictions)), *overview, *blocks),
+        groups=(
+            Group(table=_agreement_table(fit, predictions)),
+            *([overview] if are_many else []),
+            *([recurring] if len(predictions) > 1 and shared else []),
+            *(blocks[number] for number in drawn),
+        ),
+    )
+
+
+def _test_group(
+    number: int, role: str, prediction: Prediction, quality: FitQuality, unit: str, more: Sequence[Panel]
+) -> Group:
+    """A test with its conditions, its figures and `more`, and its findings."""
+    test = prediction.test
+    findings = sorted(test.findings, key=lambda finding: finding.severity != "warning")
+    return Group(
+        title=f"{role}: {test.name}" if role else test.name,
+        synthetic=test.synthetic,
+        prose=(_conditions(test, quality),),
+        panels=(*_test_panels(f"t{number + 1}", prediction, unit), *more),
+        points=tuple(f"{finding.severity}: {finding.message}" for finding in findings),
     )
 
 
@@ -167,41 +191,6 @@ def _test_panels(identifier: str, prediction: Prediction, unit: str) -> tuple[Pa
         panel(f"{identifier}-{suffix}", title, figure, f"{title} {what}", note)
         for suffix, title, figure, note in drawn
     )
-
-
-def drawn_in_full(predictions: Sequence[Prediction], *, every_test: bool = False) -> dict[int, str]:
-    """Indices of the tests with figures of their own, and what each stands for: the best, median and worst of many."""
-    if every_test or not has_small_loops(predictions):
-        return dict.fromkeys(range(len(predictions)), "")
-    order = np.argsort([-prediction.fit_percent for prediction in predictions], kind="stable").tolist()
-    return {order[0]: "Best fit", order[len(order) // 2]: "Median fit", order[-1]: "Worst fit"}
-
-
-def has_small_loops(predictions: Sequence[Prediction]) -> bool:
-    """Whether every test is drawn small: where not all are drawn in full by default."""
-    return len(predictions) > _ALL_IN_FULL
-
-
-def _overview(predictions: Sequence[Prediction], unit: str, before: Callable[[str], None]) -> Iterator[Group]:
-    """A small loop of each of many tests, and recurring findings."""
-    if has_small_loops(predictions):
-        panels = []
-        for number, prediction in enumerate(predictions, start=1):
-            before(f"test {prediction.test.name}")
-            panels.append(
-                loop_panel(f"o{number}", prediction, figures.small_loop(prediction, unit, over="velocity"))
-            )
-        yield Group(
-            prose=(
-                "Force against velocity of every test over a few cycles: grey as recorded, blue the model. The best, "
-                "the median and the worst fit follow in full; `mrwork report RUN --all-tests` draws every test so.",
-            ),
-            panels=tuple(panels),
-            layout="small",
-        )
-    shared = gathered_findings([prediction.test for prediction in predictions]).shared
-    if len(predictions) > 1 and shared:
-        yield Group(title="Findings in several tests", points=tuple(finding.in_words for finding in shared))
 
 
 def loop_panel(identifier: str, drawn: Prediction, figure: Figure, title: str = "") -> Panel:

@@ -13,7 +13,7 @@ from mrwork.identification.fit_file import reopen
 from mrwork.plots import style
 from mrwork.plots.canvas import png_bytes, svg_bytes
 from mrwork.report.fit import later
-from mrwork.report.fit.agreement import amplitude_section, drawn_in_full, has_small_loops, tests_section
+from mrwork.report.fit.agreement import amplitude_section, tests_section
 from mrwork.report.fit.figures import common_unit
 from mrwork.report.fit.front import fit_lead
 from mrwork.report.fit.parameters import parameters_section
@@ -46,8 +46,7 @@ def fit_page(
     """
     if summary:
         return page_html(fit_lead(run, predictions))
-    drawn = drawn_in_full(predictions, every_test=every_test)
-    total = 1 + len(drawn) + (len(predictions) if has_small_loops(predictions) else 0)
+    total = len(predictions) + 1
     done = itertools.count()
 
     def before(task: str) -> None:
