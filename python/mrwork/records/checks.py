@@ -199,8 +199,14 @@ _COARSELY_READ: Final = FindingKind(
 )
 _CLIPPED: Final = FindingKind(
     "clipped",
-    "the {0} is clipped at its extreme in {share:.2g} % of its samples: the channel exceeded its range",
+    "the {0} is clipped at its extreme in {value:.2g} % of its samples: the channel exceeded its range",
     "measure again with a wider one, or omit these parts",
+)
+_CLIPPED_FORCE: Final = FindingKind(
+    "clipped",
+    "the {0} is clipped at its extreme in {value:.2g} % of its samples, which are not compared with a model: the "
+    "channel exceeded its range",
+    "measure again with a wider one",
 )
 _HELD: Final = FindingKind(
     "held_samples",
@@ -221,8 +227,9 @@ def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
             half = 0.5 * float(np.ptp(samples))
             measured = Measured(step, unit)
             yield _COARSELY_READ.found(name, unit, measured=measured, share=100.0 * step / half, half=half)
-        elif (share := clipped_share(samples)) > 0.0:
-            yield _CLIPPED.found(name, measured=Measured(share, ""), share=100.0 * share)
+        elif (share := 100.0 * float(clipped_samples(samples).mean())) > 0.0:
+            kind = _CLIPPED_FORCE if name == "force" else _CLIPPED
+            yield kind.found(name, measured=Measured(share, "%"))
         if (held := held_samples(samples)) > 1:
             late = 500.0 * (held - 1) * test.dt
             measured = Measured(held, "samples")
@@ -243,22 +250,32 @@ def coarse_step(samples: Floats) -> float | None:
     return step if np.all(np.abs(gaps / step - np.round(gaps / step)) < _OFF_THE_STEPS) else None
 
 
-def clipped_share(samples: Floats) -> float:
-    """Fraction of the samples of a channel, shape (n_time,), in clipped peaks.
+def clipped_samples(samples: Floats) -> NDArray[np.bool_]:
+    """Which samples of a channel, shape (n_time,), are at an extreme that clips its peaks; none where none does.
 
-    Such a peak is a run of three or more samples at the extreme value, with slopes beside it so steep that the curve
-    would have continued by four steps of its resolution. A single one may be rest.
+    A clipped peak is three or more samples at the extreme value, between which noise leaves at most two others, with
+    slopes beside it so steep that the curve would have continued by four steps of its resolution. A single one may be
+    rest; of two, the other extreme clips one as well. A channel that is read coarsely has plateaus of its own.
     """
+    clipped = np.zeros(samples.shape, dtype=np.bool_)
     levels = np.unique(samples)
-    if levels.size < 2 * _SHORTEST_RUN:
-        return 0.0
+    if levels.size < 2 * _SHORTEST_RUN or coarse_step(samples) is not None:
+        return clipped
     resolution = float(np.diff(levels).min())
-    return sum(_flat_samples(side * samples, resolution) for side in (1.0, -1.0)) / samples.size
+    sides = samples, -samples
+    peaks = [_clipped_peaks(side, resolution) for side in sides]
+    if max(peaks) >= _FEWEST_RUNS:
+        for side, count in zip(sides, peaks, strict=True):
+            clipped |= (side == side.max()) & (count > 0)
+    return clipped
 
 
-def _flat_samples(samples: Floats, resolution: float) -> int:
-    """Number of samples in runs at the maximum with steep flanks."""
-    begin, end = np.array(runs_of(samples == samples.max())).T
+def _clipped_peaks(samples: Floats, resolution: float) -> int:
+    """Number of peaks at the maximum with steep flanks."""
+    flat = samples == samples.max()
+    for first, last in runs_of(~flat):
+        flat[first:last] = 0 < first and last < flat.size and last - first < _SHORTEST_RUN
+    begin, end = np.array(runs_of(flat)).T
     inside = (end - begin >= _SHORTEST_RUN) & (begin >= 2) & (end + 2 <= samples.size)
     begin, end = begin[inside], end[inside]
     # Both flanks must be steep; with one steep flank only, it may be a start from rest. They must be so beside the run,
@@ -269,8 +286,7 @@ def _flat_samples(samples: Floats, resolution: float) -> int:
         for length in (2, np.maximum((end - begin) // 4, 2))
     ]
     overshoot = np.minimum.reduce(slopes) * (end - begin) / 4.0
-    cut = overshoot > _OVERSHOOT_STEPS * resolution
-    return int(np.sum((end - begin)[cut])) if np.count_nonzero(cut) >= _FEWEST_RUNS else 0
+    return int(np.count_nonzero(overshoot > _OVERSHOOT_STEPS * resolution))
 
 
 _FEWEST_CHANGES: Final = 20

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.records.checks import clipped_share, half_range, mean_over_travel
+from mrwork.records.checks import clipped_samples, half_range, mean_over_travel
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
@@ -171,7 +171,7 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     turn. Compliance in series with the damper delays the corner in the same way as a slow channel. A varying command
     changes the force between turns, which can then not be folded.
     """
-    if test.has_varying_command or test.smoothing is not None or clipped_share(test.force) > 0.0:
+    if test.has_varying_command or test.smoothing is not None or clipped_samples(test.force).any():
         return None
     period = 1.0 / motion.frequency
     turn, direction = turning_points(motion.displacement, motion.velocity)

@@ -220,7 +220,7 @@ def test_from_arrays(
         force=freeze_samples(resisting),
         velocity_source=velocity_source,
         n_settle=settling_samples(displaced),
-        uncompared=spans_with(uncompared, rings),
+        uncompared=spans_with(uncompared, rings | checks.clipped_samples(resisting)),
         amplitude=amplitude,
         frequency=frequency,
         synthetic=synthetic,
