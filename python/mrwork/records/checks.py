@@ -274,7 +274,7 @@ def _clipped_peaks(samples: Floats, resolution: float) -> int:
     """Number of peaks at the maximum with steep flanks."""
     flat = samples == samples.max()
     for first, last in runs_of(~flat):
-        flat[first:last] = 0 < first and last < flat.size and last - first < _SHORTEST_RUN
+        flat[first:last] = first > 0 and last < flat.size and last - first < _SHORTEST_RUN
     begin, end = np.array(runs_of(flat)).T
     inside = (end - begin >= _SHORTEST_RUN) & (begin >= 2) & (end + 2 <= samples.size)
     begin, end = begin[inside], end[inside]
