@@ -37,6 +37,9 @@ def test_models_lists_every_model_and_shows_one_in_full() -> None:
         2224.0,
         "up to 10 kN",
     )
+    assert "alpha.2" in printed("models", "kwok2006")
+    same_name = json.loads(printed("models", "spencer1997", "--json"))["presets"]
+    assert [preset["model"] for preset in same_name] == ["bingham", "bouc_wen"]
     document = json.loads(printed("models", "bouc_wen", "--json"))
     assert [parameter["name"] for parameter in document["parameters"]][:2] == ["c0", "k0"]
 

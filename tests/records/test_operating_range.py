@@ -103,6 +103,7 @@ def test_the_unit_is_that_of_the_laws_or_of_most_tests() -> None:
     [
         ({"velocity": 0.313}, ["velocity 313 mm/s, tested to 88 mm/s (3.6 times)"]),
         ({"force": 2870.0}, ["force 2.87 kN, tested to 1.56 kN (1.8 times)"]),
+        ({"force": 1650.0}, ["force 1.65 kN, tested to 1.56 kN (1.06 times)"]),
         ({"force": 990.0}, []),
         ({"command": (0.0, 1.0)}, ["command 0 A, tested from 0.25 to 1 A"]),
         ({"command": (0.24, 1.04)}, []),

@@ -195,6 +195,8 @@ def test_xarray_has_every_criterion_and_quantity_by_the_labels_of_its_axes() -> 
         drift = tree["quantities/peak_drift"].sel(places)
         assert drift.sel(storey="storey 2") == results.quantities.peak_drift[row, motion, 0][1]
     assert tree["criteria/mean_current"].attrs["units"] == "A"
+    named = ("peak_acceleration", "peak_drift", "peak_base_shear")
+    assert [tree[f"criteria/{name}"].attrs["units"] for name in named] == ["m/s^2", "m", "N"]
     assert tree["quantities/peak_acceleration"].dims == ("row", "motion", "realisation", "floor")
     assert list(tree["quantities"].coords["realisation"].values) == [NOMINAL, HALF_STEP]
     assert tree["quantities/peak_force"].sel(row="Isolation").isnull().all()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict
 from math import inf
 from typing import Any
 
+from mrwork.base.summary import list_names
 from mrwork.base.table import Table
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of, arguments_of
@@ -14,7 +16,7 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import end_parser
 from mrwork.cli.output import check_figure, print_result, show_results, write_figure
 from mrwork.cli.own_models import is_own, own_model
-from mrwork.dampers.spec import DamperSpec, damper, damper_models
+from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.errors import SettingError
 
 _FIGURE = "mrwork.plots.of_tests:nominal_loops"
@@ -22,11 +24,11 @@ _FIGURE = "mrwork.plots.of_tests:nominal_loops"
 
 def add_options(parser: CommandParser) -> None:
     """Declare the options."""
-    parser.description = "List the damper models or their published sets, or show one model in full."
+    parser.description = "List the damper models or their published sets, or show one of them in full."
     parser.epilog = examples(
         "mrwork models --presets", "mrwork models normalised_bouc_wen --figure loops.svg"
     )
-    parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="model or published set to show")
     presets = "list the published sets by the force that a damper is made for, of all models or of NAME"
     parser.add_argument("--presets", action="store_true", help=presets)
     figure = "draw the loops of the model with its nominal parameters, as an .svg or a .png file"
@@ -36,7 +38,17 @@ def add_options(parser: CommandParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the list or the model, and draw its figure if requested."""
+    """Print the list, the model or the published set, and draw the figure of a model if requested."""
+    named = [spec.preset(options.name) for spec in damper_models() if options.name in spec.presets]
+    if named:
+        names = [preset.spec.name for preset in named]
+        if options.figure is not None:
+            raise SettingError(
+                f"--figure draws a model, and {options.name} is a published set of {list_names(names)}; name a model"
+            )
+        below = ["", *(f"The model in full: mrwork models {name}" for name in names)]
+        show_results(options, *named, document=_as_document(named), below=below)
+        return 0
     if options.presets:
         return _list_presets(options)
     if options.name is None:
@@ -94,9 +106,12 @@ def _list_presets(options: argparse.Namespace) -> int:
         ],
         note="Force and stroke to either side that one damper is made for; a study tells runs that exceed them.",
     )
-    document = [asdict(preset) | {"force_class": preset.force_class or None} for preset in presets]
-    print_result(options, {"presets": document}, "\n".join(listed.lines()))
+    print_result(options, _as_document(presets), "\n".join(listed.lines()))
     return 0
+
+
+def _as_document(presets: Sequence[Preset]) -> dict[str, Any]:
+    return {"presets": [asdict(preset) | {"force_class": preset.force_class or None} for preset in presets]}
 
 
 def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:

@@ -133,7 +133,12 @@ class Criterion:
     @property
     def unit(self) -> str:
         """Unit of the number, as in tables."""
-        return "1" if self.scale else quantity_named(self.quantity).unit.replace("^", "")
+        return self.declared_unit.replace("^", "")
+
+    @property
+    def declared_unit(self) -> str:
+        """Unit of the number, as the core declares it."""
+        return "1" if self.scale else quantity_named(self.quantity).unit
 
     def in_words(self, value: float, unit: str) -> str:
         """A value with its unit; a drift ratio in per cent."""

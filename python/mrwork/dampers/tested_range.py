@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import inf, isfinite
+from math import inf
 from typing import ClassVar, Literal, get_args
 
 import numpy as np
@@ -111,8 +111,8 @@ class Exceedance(Summarised):
             tested = f"at {highest}" if single else f"from {lowest} to {highest}"
         if self.between:
             tested = f"up to {lowest} {unit} and from {highest}"
-        no_times = self.between or self.below or not isfinite(self.times)
-        times = "" if no_times else f" ({self.times:.2g} times)"
+        no_times = self.between or self.below or not 1.005 <= self.times < inf
+        times = "" if no_times else f" ({self.times:.{3 if self.times < 1.1 else 2}g} times)"
         name = _NAMES.get(self.quantity, self.quantity)
         laws = ""
         if self.extrapolated:

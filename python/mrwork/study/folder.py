@@ -291,7 +291,7 @@ def _step_check(results: StudyResults, row: int, motion: int) -> dict[str, Any] 
 def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
     entries, quantities = criteria(), results.quantities
-    units = {quantity.name: quantity.unit for quantity in results.labelled.declared}
+    units = {quantity.name: quantity.unit.replace("^", "") for quantity in results.labelled.declared}
     heads = [f"{entry.name} [{units[entry.name]}]" for entry in entries]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     outcomes = outcome_names(quantities.outcome[:, :, 0])

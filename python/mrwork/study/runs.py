@@ -74,7 +74,7 @@ def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
 
 def study_criteria(command_unit: str) -> tuple[Quantity, ...]:
     """Every criterion as a quantity of a run, and the error of its energies."""
-    units = {criterion: in_command_unit(criterion.unit, command_unit) for criterion in criteria()}
+    units = {criterion: in_command_unit(criterion.declared_unit, command_unit) for criterion in criteria()}
     named = (
         Quantity(name=criterion.name, axis="run", unit=unit, description=criterion.title)
         for criterion, unit in units.items()
