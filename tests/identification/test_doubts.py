@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -189,3 +190,30 @@ def test_laws_through_logarithms_that_describe_the_tests_are_not_doubted(varying
     fit = fit_of(CURVED, logarithms, logarithms, varying=varying)
     assert fit.rmse_n == pytest.approx(NOISE_N, rel=0.1)
     assert not advice(fit)
+
+
+@pytest.mark.parametrize(("warmer", "told"), [(25.0, True), (3.0, False)])
+def test_recorded_temperatures_that_differ_between_tests_are_told(
+    tmp_path: Path, warmer: float, told: bool
+) -> None:
+    paths = []
+    for number, frequency in enumerate((1.0, 2.0)):
+        test = driven_test(
+            SPEC,
+            SPEC.nominal,
+            (0.01, frequency),
+            dt=2e-3,
+            n_time=1000,
+            noise_n=5.0,
+            rng=number,
+            command=0.0,
+        )
+        degrees = 22.0 + warmer * number + np.linspace(0.0, 1.0, test.n_time)
+        channels = np.stack([test.time, 1e3 * test.displacement, test.force, degrees], axis=1)
+        paths.append(tmp_path / f"{frequency:g}.csv")
+        header = "time_s,displacement_mm,force_N,Temp (°C)"
+        np.savetxt(paths[-1], channels, delimiter=",", header=header, comments="", encoding="utf-8")
+    tests = mr.read_damper_tests(paths)
+    assert all("temperature" in {finding.code for finding in test.findings} for test in tests)
+    fit = mr.identify(MODEL, tests, threads=1)
+    assert any("no model has a temperature" in warning for warning in fit.warnings) is told

@@ -163,3 +163,12 @@ def test_several_are_read_in_the_order_of_their_names(tmp_path: Path) -> None:
     assert [motion.name for motion in read_motions(tmp_path / "*.csv")] == ["a", "b"]
     assert [motion.name for motion in read_motions([tmp_path / "b.csv"])] == ["b"]
     refusal(read_motions, tmp_path / "*.at2", match="no file matches")
+
+
+@pytest.mark.parametrize("begins", [20.0, -5.0])
+def test_times_that_begin_elsewhere_are_counted_from_zero_and_said(tmp_path: Path, begins: float) -> None:
+    lines = (f"{begins + DT * row:.3f},{value:.8g}" for row, value in enumerate(IN_G))
+    path = write_lines(tmp_path / "late.csv", ["t_s,acceleration_g", *lines])
+    motion = read_motion(path)
+    assert_allclose(motion.acceleration, A, atol=1e-4)
+    assert motion.changes == (f"times begin at {begins:g} s in the file, and are counted from 0 s",)

@@ -28,7 +28,7 @@ from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, observe_tests_by, up_to
 from mrwork.identification.progress import on_every_test
-from mrwork.identification.suspicious import linear_warning
+from mrwork.identification.suspicious import linear_warning, temperature_warning
 from mrwork.records import DamperTest
 from mrwork.records.motion import Differentiator
 
@@ -50,6 +50,7 @@ def doubts_on_fit(ended: FinalFit, nrmse: float, *, is_suspected: bool) -> tuple
     return (
         *linear_warning(nrmse, objective.tests, follows_command=problem.spec.command_unit is not None),
         *together,
+        *temperature_warning(objective.tests),
         *missing_lag_warning(objective, theta, form.box),
         *needless_average_warnings(objective, form.box, theta),
         *law_shape_warnings(excerpts, form.box, theta),

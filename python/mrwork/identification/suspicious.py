@@ -8,10 +8,12 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.numbers import significant
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.identification.commands import command_of
 from mrwork.records import DamperTest
+from mrwork.records.checks import TEMPERATURE
 
 # A fit whose misfit is not below this share of the misfit of a linear spring and dashpot is linear itself.
 LINEAR_SHARE = 0.98
@@ -42,6 +44,27 @@ def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
     solution = np.linalg.lstsq(np.concatenate(motions) / scale, np.concatenate(forces), rcond=None)[0]
     residuals = [force - (motion / scale) @ solution for force, motion in zip(forces, motions, strict=True)]
     return [float(residual @ residual) for residual in residuals]
+
+
+# Degrees between tests; a fluid loses a few tenths of a per cent of its force in each.
+_WARMER = 10.0
+
+
+def temperature_warning(tests: Sequence[DamperTest]) -> tuple[str, ...]:
+    """Warning of tests whose recorded temperatures differ, which a fit takes for an effect of motion and command."""
+    degrees = [
+        finding.measured.value
+        for test in tests
+        for finding in test.findings
+        if finding.kind == TEMPERATURE and finding.measured is not None
+    ]
+    if not degrees or max(degrees) - min(degrees) < _WARMER:
+        return ()
+    return (
+        f"the tests were made at {significant(min(degrees), 3)} to {significant(max(degrees), 3)} degrees, and no "
+        "model has a temperature: the fit describes what it changes by parameters of motion and command; fit tests of "
+        "like temperature, or test each motion cold and warm",
+    )
 
 
 def linear_warning(

@@ -178,7 +178,10 @@ def motion_of_columns(
         padding = f"last point dropped: zero at {time[-1]:g} s, {last:g} s behind the others, is padding"
         time, acceleration = time[:-1], acceleration[:-1]
     dt, acceleration, change = _on_one_step(time, acceleration, where)
-    changes = tuple(filter(None, (padding, change)))
+    # Records of one step often begin after it.
+    begins = abs(time[0]) > 1.5 * dt
+    counted = f"times begin at {time[0]:g} s in the file, and are counted from 0 s" if begins else ""
+    changes = tuple(filter(None, (padding, change, counted)))
     return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=changes)
 
 

@@ -155,6 +155,11 @@ def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, 
     return -force, (_SIGN_FLIPPED.found(share=100.0 * share),)
 
 
+TEMPERATURE: Final = FindingKind(
+    "temperature",
+    "the temperature, column '{0}', is {value:.3g} in the mean and from {least:.3g} to {most:.3g}; no model has it",
+    verbs=ONCE,
+)
 FORCE_OFFSET: Final = FindingKind(
     "force_offset",
     "the force has a static offset of {value:+.4g} N, {share:.0f} % of its half range of {scale:.4g} N: gas pressure "

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -61,7 +62,7 @@ from mrwork.records.contradictions import (
 )
 from mrwork.records.cycles import delay_finding, drift_finding, mass_finding
 from mrwork.records.damper_test import DamperTest, VelocitySource, fields_of_commands
-from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind
+from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion, smooth_motion
 from mrwork.records.rig_table import (
     EVERY_USE,
@@ -438,6 +439,9 @@ def _assign_columns(
 
 
 _NOT_USED: Final = FindingKind("not_used", "not used: {parts}", verbs=OF_FILES)
+_TEMPERATURES: Final = re.compile(
+    r"(?<![a-z])t[eé]mp(?![o])|°\s*[cf]\b|(?<![a-z])deg[ _]?[cf]\b|温度", re.IGNORECASE
+)
 _ENCODING: Final = FindingKind("encoding", "the text is no UTF-8 and was read as {encoding}", verbs=ONCE)
 _FURTHER: Final = FindingKind(
     "further_records",
@@ -449,17 +453,32 @@ _NOT_READ: Final = FindingKind("files_not_read", "{sentence}", verbs=OF_FILES)
 
 
 def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, ...]:
-    """Note the columns and other parts of a file that no quantity of the test is read from."""
+    """Note the columns and other parts of a file that no quantity of the test is read from, and a temperature."""
     columns = [f"'{name}'" for name in table.names if name and name not in used]
     named = f"column{'s' if len(columns) > 1 else ''} {list_names(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
     findings = [_NOT_USED.found(parts="; ".join(parts))] if parts else []
+    for name in table.names:
+        if name not in used and _TEMPERATURES.search(f"{name} {table.units.get(name, '')}"):
+            findings += _temperature(table, name)
     if table.encoding:
         findings.append(_ENCODING.found(encoding=table.encoding))
     if table.further:
         further = list_names([f"'{name}'" for name in table.further], _MOST_NAMED)
         findings.append(_FURTHER.found(number=len(table.further), names=further))
     return tuple(findings)
+
+
+def _temperature(table: ColumnTable, name: str) -> Iterator[Finding]:
+    try:
+        degrees = table.read([name])[name]
+    except RecordError:
+        return
+    if np.isfinite(degrees).all():
+        mean = Measured(float(degrees.mean()), "")
+        yield checks.TEMPERATURE.found(
+            name, measured=mean, least=float(degrees.min()), most=float(degrees.max())
+        )
 
 
 @checked

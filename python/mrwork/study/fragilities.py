@@ -148,7 +148,9 @@ class Fragility(Summarised):
                 f"{counted(unresolved, 'record')} ended at a run that could not be resolved, and count as above"
             )
         if beyond.size:
-            notes.append(f"from {_in_g(beyond.min())} g on dampers go beyond their tests: extrapolated")
+            notes.append(
+                f"from {_in_g(beyond.min())} g on dampers go beyond their tests or their rating: extrapolated"
+            )
         if not self.bound and above.max() <= below.min():
             notes.append(
                 "one intensity separates all records, so that the dispersion is not known: give finer levels"

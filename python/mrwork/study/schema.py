@@ -533,8 +533,8 @@ class MotionTable(Stated):
         "what becomes as in [target]: pga; sa at its period; least_squares, Sa from 0.2 to 2 times its period"
     )
     time_scale: float = positive("factor of the time axis", default=1.0)
-    start: NotNegative = key("start of the part that is used, in the time of the file", unit="s", default=0.0)
-    end: float | None = positive("end of the part that is used, in the time of the file", unit="s")
+    start: NotNegative = key("start of the part that is used, from the first sample", unit="s", default=0.0)
+    end: float | None = positive("end of the part that is used, from the first sample", unit="s")
     baseline: int | None = optional(
         "order of the polynomial of the baseline correction", least=0, most=HIGHEST_ORDER
     )
