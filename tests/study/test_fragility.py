@@ -105,6 +105,13 @@ def test_where_one_intensity_separates_all_records_the_median_is_known_to_their_
     assert coarse.startswith("law; other: one intensity separates all records")
 
 
+def test_a_median_above_all_records_is_known_to_lie_above_what_was_simulated() -> None:
+    # The runs of two records of three could not be resolved at the second level.
+    responses = np.array([[0.2, math.nan, math.nan], [0.3, math.nan, math.nan], [0.1, 0.2, 0.3]])
+    found = found_of(responses)["a"]
+    assert (found.median, found.band) == (math.inf, (1.0, math.inf))
+
+
 def found_of(*rows: Floats, limit: float = 1.0, level: float = 0.9, seed: int = 0) -> Fragilities:
     """The fragilities of rows of responses, shape (n_records, n_levels), at the levels 1, 2, ... m/s^2."""
     levels = 1.0 + np.arange(rows[0].shape[1], dtype=float)

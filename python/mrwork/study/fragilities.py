@@ -77,8 +77,8 @@ class Fragility(Summarised):
     do at their lowest level; the dispersion is 0 where one intensity separates all records.
 
     `medians` are of the bootstrap, of the same records for every arrangement, shape (n_draws,), and lie between the
-    `ends`, shape (2, n_draws): an infinite one above the highest level, one of 0 below the lowest, a NaN anywhere, and
-    where the dispersion is 0 in the intervals of the middle records. `band` has the lower and upper end of the median.
+    `ends`, shape (2, n_draws): an infinite one, one of 0, and all where the dispersion is 0 in the interval of the
+    middle records, a NaN anywhere. `band` has the lower and upper end of the median.
     At each of the `levels`, shape (n_levels,), `crossed` is the share of the resolved runs that reach the limit, and
     `outside` of all runs that go beyond the tested ranges of a damper; NaN where there is none. `responses` are the
     criterion of each record at each level, shape (n_records, n_levels): infinite where the run diverged, NaN where it
@@ -575,11 +575,11 @@ def _band(ends: Floats, level: float, n_records: int) -> tuple[float, float]:
     return float(lower), float(upper)
 
 
-# Steps of Newton's method and of a search along one, the largest in standard deviations or of a larger slope, the slope
-# of a distribution that is flat, relative length of a step at the maximum, and the least probability of an interval.
 # A record of so little more or less weight than half of all is still a middle one.
 _TIE = 1e-9
-_STEPS, _HALVINGS, _LONGEST, _FLAT, _CONVERGED, _TINY = 60, 40, 1.5, 1e-9, 1e-6, 1e-290
+# Steps of Newton's method and halvings of one, the largest step in standard deviations or of a larger slope, relative
+# length of a step at the maximum, and the least probability of an interval.
+_STEPS, _HALVINGS, _LONGEST, _CONVERGED, _TINY = 60, 40, 1.5, 1e-6, 1e-290
 
 
 def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats, Floats, Floats]:
@@ -602,9 +602,17 @@ def lognormal_of(above: Floats, below: Floats, weights: Floats) -> tuple[Floats,
     medians[_middle(above, weights, 0.5 + _TIE) == 0.0] = 0.0
     medians[np.isinf(_middle(below, weights, 0.5 - _TIE))] = np.inf
     dispersions, is_open = np.zeros(len(weights)), highest > lowest
-    if is_open.any():
-        medians[is_open], dispersions[is_open] = _newton(above, below, weights[is_open])
-        low[is_open], high[is_open] = 0.0, np.inf
+    medians[is_open], dispersions[is_open], low[is_open], high[is_open] = np.nan, np.nan, 0.0, np.inf
+    # Of records with one end each it rises with the slope at 0 where the mean of the upper ends lies above the other.
+    is_below, is_above = np.isfinite(below), above > 0.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        upper, lower = (
+            weights[:, side] @ np.log(ends[side]) / weights[:, side].sum(axis=1)
+            for ends, side in ((below, is_below & ~is_above), (above, is_above & ~is_below))
+        )
+    has_maximum = is_open & (weights[:, is_below & is_above].any(axis=1) | (upper - lower > 1e-12))
+    if has_maximum.any():
+        medians[has_maximum], dispersions[has_maximum] = _newton(above, below, weights[has_maximum])
     return medians, dispersions, np.stack([low, high])
 
 
@@ -631,7 +639,7 @@ def _newton(above: Floats, below: Floats, weights: Floats) -> Floats:
         converged = (np.abs(step) < _CONVERGED * np.stack([slope, 1.0 + np.abs(at[:, 1])], axis=1)).all(
             axis=1
         )
-        if ((length < 1e-10) | (slope < _FLAT)).all():
+        if length.max() < 1e-10:
             break
         step *= np.minimum(1.0, _LONGEST * np.maximum(1.0, slope) / np.maximum(length, 1e-300))[:, None]
         for _ in range(_HALVINGS):
