@@ -17,7 +17,7 @@ from report_samples import prediction
 
 from mrwork.plots import style
 from mrwork.plots.canvas import inline_svg
-from mrwork.report.fit.figures import record_figure
+from mrwork.report.fit.figures import history_figure
 
 # ASCII, Latin with accents, Greek, and the punctuation and mathematical signs of labels.
 _CHARACTERS = (
@@ -31,11 +31,11 @@ _KEPT_NAMES = [0, 1, 2, 3, 4, 5, 6, 13, 14]
 _DRAW = """
 import sys, hashlib
 from report_samples import prediction
-from mrwork.report.fit.figures import record_figure
+from mrwork.report.fit.figures import history_figure
 from mrwork.plots import style
 from mrwork.plots.canvas import inline_svg, svg_bytes
 with style.drawn_in_style():
-    figure = record_figure(prediction(), "N")
+    figure = history_figure(prediction(), "N")
 print(hashlib.sha256(svg_bytes(figure) + inline_svg(figure, identifier="f", description="").encode()).hexdigest())
 """
 
@@ -52,7 +52,7 @@ def test_fonts_of_the_system_change_no_figure_and_a_page_brings_its_own(tmp_path
         drawn.add(ran(sys.executable, "-c", prepare + _DRAW, env=environment, check=True).stdout)
     assert len(drawn) == 1
     with style.drawn_in_style():
-        text = inline_svg(record_figure(prediction(), "N"), identifier="f", description="")
+        text = inline_svg(history_figure(prediction(), "N"), identifier="f", description="")
     assert style.FAMILY in text
     assert "DejaVu" not in text
     assert style.font_faces().count("data:font/woff;base64,") == 2

@@ -29,7 +29,7 @@ from mrwork.plots.canvas import svg_bytes
 from mrwork.plots.of_tests import Motion, nominal_loops
 from mrwork.plots.samples import even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
-from mrwork.report.fit.figures import common_unit, cycles_figure, loop_figure, record_figure, repair_figure
+from mrwork.report.fit.figures import common_unit, few_cycles, history_figure, loop_figure, repair_figure
 from mrwork.report.fit.later import profiles_figure
 from mrwork.report.fit.page import fit_page, write_figures
 from mrwork.uncertainty import Prediction, Profiles
@@ -85,7 +85,7 @@ def test_labels_stay_inside_the_figure_and_off_each_other(tested: Prediction) ->
     with style.drawn_in_style():
         unit = common_unit([tested])
         loops = (loop_figure(tested, unit, over) for over in get_args(Motion))
-        for figure in (record_figure(tested, unit), cycles_figure(tested, unit), *loops):
+        for figure in (*(history_figure(each, unit) for each in (tested, few_cycles(tested))), *loops):
             assert_labels_apart(figure)
 
 

@@ -23,6 +23,7 @@ from mrwork.plots.canvas import draw_points, include_zero, plain_ticks
 from mrwork.plots.of_tests import Abscissa, axis_name, axis_values, data_label
 from mrwork.plots.samples import even_samples
 from mrwork.plots.sheet import (
+    PANEL,
     GivenAxes,
     Panels,
     all_chosen,
@@ -31,7 +32,6 @@ from mrwork.plots.sheet import (
     figure,
     finished,
     panels_for,
-    triangle_for,
 )
 from mrwork.plots.style import with_unit
 from mrwork.records.motion import whole_cycles
@@ -264,6 +264,8 @@ def _line(profile: Profile, left: float, right: float) -> tuple[Floats, Floats]:
 
 # Cells of a density, and their smoothing.
 _CELLS, _SMOOTH = 32, 1.2
+# Size of a panel where there are several [in].
+_CORNER = (1.7, 1.7)
 
 
 @figure
@@ -295,7 +297,11 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     asked = all_chosen(parameters, (curve.name for curve in result.varied), "parameter that varied")
     drawn = [result.varied[number] for number in asked]
     names = [curve.name for curve in drawn]
-    panels = triangle_for(ax, len(names), "posterior")
+    count = len(names)
+    size = _CORNER if count > 1 else PANEL
+    panels = panels_for(ax, count**2, "posterior", columns=count, size=size).reshape(count, count)
+    for axes in panels[np.triu_indices(count, 1)]:
+        axes.set_axis_off()
     values = [result.chain(name).reshape(-1) for name in names]
     # Single outliers would compress the rest.
     spans = [tuple(np.quantile(value, [0.002, 0.998]).tolist()) for value in values]
@@ -395,7 +401,31 @@ def bands(
     prediction, band = _predict_with_band(result, calibration, test, level)
     shown = style.force_unit(float(np.abs(prediction.measured).max()), unit)
     axes = axes_for(ax)
-    _draw_band(axes, prediction, band, shown, over)
+    record = prediction.test
+    cycles = whole_cycles(record.displacement[record.counted])
+    # The whole cycle in the middle of the samples that count; all of them where there is none.
+    middle = cycles[len(cycles) // 2] if cycles else slice(0, prediction.force.size - 1)
+    samples = slice(middle.start, middle.stop + 1)
+    across = axis_values(record, over)[0][record.counted][samples]
+    measured, model, lower, upper = (
+        force[samples] * shown.factor
+        for force in (prediction.measured, prediction.force, band.lower, band.upper)
+    )
+    label = f"{100 * band.level:.0f} % prediction"
+    if over == "time":
+        drawn = np.unique(np.linspace(0, across.size - 1, min(across.size, _BAND_POINTS)).astype(np.intp))
+        ends = lower[drawn], upper[drawn]
+        axes.fill_between(across[drawn], *ends, color=style.BAND, linewidth=0.0, label=label, zorder=1.0)
+        for end in ends:
+            axes.plot(across[drawn], end, color=style.BAND_EDGE, linewidth=0.9, linestyle=style.DASHED)
+    else:
+        drawn = _along(across, upper)
+        _fill_loop(axes, across[drawn], lower[drawn], upper[drawn], label)
+    line = _along(across, model)
+    axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
+    drawn = even_samples(across, measured, _FORCE_POINTS, aspect=_ASPECT)
+    points = across[drawn], measured[drawn]
+    draw_points(axes, *points, size=2.6, colour=style.INK, label=data_label(record), zorder=2.2)
     return finished(axes, axis_name(over), f"Force ({shown.symbol})", legend=legend)
 
 
@@ -426,36 +456,6 @@ def _known_band(calibration: Calibration, prediction: Prediction, level: float) 
     if band is None:
         raise SettingError(f"{prediction.test.label}: {calibration.test_to_run(prediction)}")
     return band
-
-
-def _draw_band(
-    axes: Axes, prediction: Prediction, band: Band, unit: style.DisplayUnit, over: Abscissa
-) -> None:
-    """Force over one cycle with its prediction band, over time or along the loop over displacement or velocity."""
-    test, cycles = prediction.test, whole_cycles(prediction.test.displacement[prediction.test.counted])
-    # The whole cycle in the middle of the samples that count; all of them where there is none.
-    middle = cycles[len(cycles) // 2] if cycles else slice(0, prediction.force.size - 1)
-    samples = slice(middle.start, middle.stop + 1)
-    across = axis_values(test, over)[0][test.counted][samples]
-    measured, model, lower, upper = (
-        force[samples] * unit.factor
-        for force in (prediction.measured, prediction.force, band.lower, band.upper)
-    )
-    label = f"{100 * band.level:.0f} % prediction"
-    if over == "time":
-        drawn = np.unique(np.linspace(0, across.size - 1, min(across.size, _BAND_POINTS)).astype(np.intp))
-        ends = lower[drawn], upper[drawn]
-        axes.fill_between(across[drawn], *ends, color=style.BAND, linewidth=0.0, label=label, zorder=1.0)
-        for end in ends:
-            axes.plot(across[drawn], end, color=style.BAND_EDGE, linewidth=0.9, linestyle=style.DASHED)
-    else:
-        drawn = _along(across, upper)
-        _fill_loop(axes, across[drawn], lower[drawn], upper[drawn], label)
-    line = _along(across, model)
-    axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
-    drawn = even_samples(across, measured, _FORCE_POINTS, aspect=_ASPECT)
-    points = across[drawn], measured[drawn]
-    draw_points(axes, *points, size=2.6, colour=style.INK, label=data_label(test), zorder=2.2)
 
 
 def _fill_loop(axes: Axes, across: Floats, lower: Floats, upper: Floats, label: str) -> None:

@@ -30,8 +30,7 @@ Panels = NDArray[np.object_]
 """Axes of a figure of several panels, as `matplotlib.pyplot.subplots` returns them."""
 
 _COLUMNS = 3
-_PANEL = (2.6, 2.3)
-_CORNER = 1.7
+PANEL = (2.6, 2.3)
 
 _SHOWN = {
     "m": style.MILLIMETRE,
@@ -73,24 +72,23 @@ def axes_for(ax: Axes | None, *, rows: int = 0) -> Axes:
     return cast(Axes, _new_axes(1, 1, (style.PANEL_WIDTH, height))[0, 0])
 
 
-def panels_for(ax: GivenAxes, count: int, figure: str) -> Panels:
-    """The axes that were given, or of a new figure of pyplot, shape (count,)."""
+def panels_for(
+    ax: GivenAxes, count: int, figure: str, *, columns: int = _COLUMNS, size: tuple[float, float] = PANEL
+) -> Panels:
+    """The axes that were given, or of a new figure of pyplot with at most so many columns, shape (count,)."""
     if ax is not None:
-        return _check_axes(ax, (count,), figure)
-    columns = min(_COLUMNS, count)
-    panels = _new_axes(-(-count // columns), columns, _PANEL).reshape(-1)
+        panels = np.array([ax] if isinstance(ax, Axes) else list(ax), dtype=object).reshape(-1)
+        if panels.size != count or not all(isinstance(value, Axes) for value in panels):
+            raise SettingError(
+                f"`ax` of {figure} has {panels.size} entries where {count} axes were expected; give as many, or choose "
+                "by `parameters`"
+            )
+        return panels
+    columns = min(columns, count)
+    panels = _new_axes(-(-count // columns), columns, size).reshape(-1)
     for spare in panels[count:]:
         spare.remove()
     return panels[:count]
-
-
-def triangle_for(ax: GivenAxes, count: int, figure: str) -> Panels:
-    """The axes that were given, or of a new figure of pyplot, shape (count, count); the upper half is empty."""
-    size = _PANEL if count == 1 else (_CORNER, _CORNER)
-    panels = _new_axes(count, count, size) if ax is None else _check_axes(ax, (count, count), figure)
-    for row, column in zip(*np.triu_indices(count, 1), strict=True):
-        panels[row, column].set_axis_off()
-    return panels
 
 
 def chosen(name: str | int | None, names: Sequence[str], what: str) -> int:
@@ -121,17 +119,6 @@ def finished(axes: Axes, abscissa: str, ordinate: str, *, legend: bool = False) 
     if legend and len(axes.get_legend_handles_labels()[1]) > 1:
         canvas.legend(axes)
     return axes
-
-
-def _check_axes(ax: GivenAxes, shape: tuple[int, ...], figure: str) -> Panels:
-    panels = np.array([ax] if isinstance(ax, Axes) or ax is None else list(ax), dtype=object)
-    count = int(np.prod(shape))
-    if panels.size != count or not all(isinstance(value, Axes) for value in panels.flat):
-        raise SettingError(
-            f"`ax` of {figure} has {panels.size} entries where {count} axes were expected; give as many, or choose by "
-            "`parameters`"
-        )
-    return panels.reshape(shape)
 
 
 def _new_axes(rows: int, columns: int, size: tuple[float, float]) -> Panels:

@@ -10,10 +10,10 @@ from mrwork.report.fit.page import fit_page, open_run
 from mrwork.report.html import Page
 from mrwork.report.section import OnDrawn, ignore_progress
 from mrwork.report.study.page import study_page
-from mrwork.store.run_folder import FIT_RUN, STUDY_RUN, RunFolder
-from mrwork.study.folder import read_results
+from mrwork.runs.load import read_run
+from mrwork.store.run_folder import FIT_RUN, RunFolder
 from mrwork.study.histories import read_history
-from mrwork.tuning.folder import read_tuning
+from mrwork.study.results import StudyResults
 from mrwork.uncertainty.bands.prediction import Prediction
 
 
@@ -63,7 +63,7 @@ def page_of(
         run, predictions = open_run(path)
         drawn = fit_page(run, predictions, every_test=every_test, summary=summary, on_progress=on_progress)
         return drawn, predictions
-    results = read_results(path) if opened.kind is STUDY_RUN else read_tuning(path)
-    stated, histories = opened.manifest, partial(read_history, path)
+    stated, results = opened.manifest, read_run(path)
     made = {"command": stated.get("command", ""), "seconds": stated.get("seconds")}
-    return study_page(results, histories, **made, summary=summary), ()
+    assert isinstance(results, StudyResults)
+    return study_page(results, partial(read_history, path), **made, summary=summary), ()

@@ -52,19 +52,26 @@ def citations(folder: Path | None) -> dict[Reference, tuple[str, ...]]:
 
 def _parts(folder: Path) -> Iterator[tuple[str, Reference]]:
     """Parts of a run in words, each with a work it rests on; a part without a published source is left out."""
+    from mrwork.buildings.frames import buildings
+    from mrwork.control.laws.control_law import control_laws
+    from mrwork.dampers.spec import damper_models, published_sets
+
     run = RunFolder.open(folder)
     manifest, study = run.manifest, run.content(STUDY) if is_file(folder / STUDY) else None
     settings = manifest.get("settings")
     stated = [manifest.get("model"), None if study is None else tomllib.loads(study.decode())]
     stated += [settings.get("search"), settings.get("engine")] if isinstance(settings, Mapping) else []
-    names = dict.fromkeys(
-        [*_texts(stated), *(name for name in sorted({*ADDITIONS, RANKING}) if is_file(folder / name))]
-    )
-    sources = _sources()
-    for name in names:
-        for part, source in sources.get(name, ()):
-            yield from ((part, work) for work in references_in(source, name))
-    for name in names:
+    names = {*_texts(stated), *(name for name in (*ADDITIONS, RANKING) if is_file(folder / name))}
+    for noun, entries in (
+        ("model", damper_models()),
+        ("published set", published_sets()),
+        ("control law", control_laws()),
+        ("building", buildings()),
+    ):
+        for entry in entries:
+            works = references_in(entry.source, entry.name) if entry.name in names else ()
+            yield from ((f"{noun}: {entry.name}", work) for work in works)
+    for name in sorted(names):
         yield from ((f"method: {name}", work) for work in references_of(name))
     # Measured tests of a fit and recorded motions of a study, without what was computed.
     for name, digest in (run.manifest.get("inputs", {}) if run.kind is FIT_RUN else {}).items():
@@ -78,24 +85,6 @@ def _parts(folder: Path) -> Iterator[tuple[str, Reference]]:
             name, source = str(motion["name"]), str(motion.get("source"))
             facts = {"title": name, "howpublished": "ground motion", "note": source}
             yield f"record: {name}", _misc(f"motion-{name}", facts)
-
-
-def _sources() -> dict[str, list[tuple[str, str]]]:
-    """What each name of a model, published set, control law or building stands for, with its source."""
-    from mrwork.buildings.frames import buildings
-    from mrwork.control.laws.control_law import control_laws
-    from mrwork.dampers.spec import damper_models, published_sets
-
-    sources: dict[str, list[tuple[str, str]]] = {}
-    for noun, entries in (
-        ("model", damper_models()),
-        ("published set", published_sets()),
-        ("control law", control_laws()),
-        ("building", buildings()),
-    ):
-        for entry in entries:
-            sources.setdefault(entry.name, []).append((f"{noun}: {entry.name}", entry.source))
-    return sources
 
 
 def _texts(document: object) -> Iterator[str]:

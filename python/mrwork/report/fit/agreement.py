@@ -170,10 +170,12 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
 
 def _test_panels(identifier: str, prediction: Prediction, unit: str) -> tuple[Panel, ...]:
     test, data = prediction.test, data_label(prediction.test)
-    shaded = f"Residual: {data} minus model. The shaded part is enlarged in the next figure."
+    record = figures.shaded(figures.history_figure(prediction, unit), test)
+    note = f"Residual: {data} minus model. The shaded part is enlarged in the next figure."
+    enlarged = figures.history_figure(figures.few_cycles(prediction), unit)
     drawn = [
-        ("record", "Whole record", figures.record_figure(prediction, unit), shaded),
-        ("cycles", zoom_window(test.displacement).in_words, figures.cycles_figure(prediction, unit), ""),
+        ("record", "Whole record", record, note),
+        ("cycles", zoom_window(test.displacement).in_words, enlarged, ""),
         *(
             (over, f"Force against {over}", figures.loop_figure(prediction, unit, over), "")
             for over in get_args(Motion)
@@ -181,7 +183,7 @@ def _test_panels(identifier: str, prediction: Prediction, unit: str) -> tuple[Pa
     ]
     if test.has_varying_command:
         wide = "The loops belong to the whole record, so they are wide where the command changes."
-        drawn.append(("command", "Command", figures.command_figure(prediction), wide))
+        drawn.append(("command", "Command", figures.shaded(figures.command_figure(prediction), test), wide))
     if test.original is not None:
         changed = "The findings below list the repairs; the model is compared with the repaired record."
         repair = figures.repair_figure(test, test.original, unit)

@@ -46,20 +46,7 @@ def repair_figure(test: DamperTest, original: DamperTest, unit: str) -> Figure:
     return figure
 
 
-def record_figure(drawn: Prediction, unit: str) -> Figure:
-    """The whole record; the part that `cycles_figure` enlarges is shaded."""
-    figure = _history_figure(drawn, unit)
-    for axes in figure.axes:
-        _shade_window(axes, drawn.test)
-    return figure
-
-
-def cycles_figure(drawn: Prediction, unit: str) -> Figure:
-    """A few cycles of the record."""
-    return _history_figure(few_cycles(drawn), unit)
-
-
-def _history_figure(drawn: Prediction, unit: str) -> Figure:
+def history_figure(drawn: Prediction, unit: str) -> Figure:
     """Force over time and, below, its residual."""
     figure, upper = canvas.column_axes()
     left, bottom, width, height = upper.get_position().bounds
@@ -90,20 +77,21 @@ def few_cycles(drawn: Prediction, most: int | None = None) -> Prediction:
     return Prediction(test=part, model_force=drawn.model_force[window.start : window.stop : every])
 
 
-def _shade_window(axes: Axes, test: DamperTest) -> None:
-    """Shade the part of a record that another panel enlarges."""
-    window = zoom_window(test.displacement)
-    ends = test.time[window.start], test.time[window.stop - 1]
-    axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
-
-
 def command_figure(drawn: Prediction) -> Figure:
-    """A varying command over the whole record; the part of `cycles_figure` is shaded."""
+    """A varying command over the whole record."""
     figure, axes = canvas.column_axes()
     commands(drawn, axes)
     finish_signed(axes)
-    _shade_window(axes, drawn.test)
     axes.set_xlim(float(drawn.test.time[0]), float(drawn.test.time[-1]))
+    return figure
+
+
+def shaded(figure: Figure, test: DamperTest) -> Figure:
+    """A figure over the whole record with the part shaded that `few_cycles` enlarges."""
+    window = zoom_window(test.displacement)
+    for axes in figure.axes:
+        ends = test.time[window.start], test.time[window.stop - 1]
+        axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
     return figure
 
 

@@ -47,8 +47,12 @@ class _Evidence:
     title: str
     opening: str
     drawn: Sequence[Prediction]
-    spread: FitSpread
     remark: str = ""
+
+    @property
+    def spread(self) -> FitSpread:
+        """Median and worst of the fits."""
+        return spread_of(self.drawn)
 
     @property
     def in_words(self) -> str:
@@ -66,7 +70,6 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
         title="Fitted tests",
         opening=f"Nothing was held out: the model describes {_tests(len(predictions))} that it was fitted to,",
         drawn=predictions,
-        spread=spread_of(predictions),
         remark="How well it predicts others is not known.",
     )
     bands, ranking = run.bands, run.ranking
@@ -77,7 +80,6 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
             title="Kept for test",
             opening=f"Predicts {_tests(len(run.held_out.predictions))} kept for test",
             drawn=run.held_out.predictions,
-            spread=run.held_out.spread,
             remark=f"{lying} outside the tested ranges." if outside else "",
         )
     if bands is not None and bands.predictions:
@@ -91,7 +93,6 @@ def _evidence(run: StoredRun, predictions: Sequence[Prediction]) -> _Evidence:
             title="Calibration" if held_out in openings else "Left out",
             opening=openings.get(held_out, left_out),
             drawn=bands.predictions,
-            spread=spread_of(bands.predictions),
         )
     if ranking is not None:
         chosen = "model was" if ranking.unit is None else "laws were"

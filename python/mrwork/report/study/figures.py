@@ -270,23 +270,6 @@ _MOTIONS = (
 )
 
 
-def _of_first(column: TableColumn) -> TableColumn:
-    return replace(column, cell=lambda motions: column.cell(motions[0]))
-
-
-def _levels_in_words(motions: Sequence[MotionFacts]) -> str:
-    ends = least_to_most(motion.intensity.value / STANDARD_GRAVITY for motion in motions)
-    return f"{len(motions)}, {motions[0].intensity.name} {ends} g"
-
-
-_RECORDS = (
-    TableColumn(heading="record", cell=lambda motions: motions[0].record),
-    *map(_of_first, _MOTIONS[1:2]),
-    TableColumn(heading="levels", cell=_levels_in_words),
-    *map(_of_first, _MOTIONS[4:6]),
-)
-
-
 def motion_section(results: StudyResults) -> Section:
     """The ground motions: use, groups, peak, duration, source and processing; of records at several levels a row each.
 
@@ -298,11 +281,18 @@ def motion_section(results: StudyResults) -> Section:
     records: dict[tuple[str, str], list[MotionFacts]] = {}
     for motion in results.motions:
         records.setdefault((motion.use, motion.record), []).append(motion)
-    several = len(records) < len(results.motions)
-    table = page_table("Ground motions", _MOTIONS, results.motions)
-    if several:
-        table = page_table("Records and their levels", _RECORDS, [*records.values()])
-    of = f" of {counted(len(records), 'record')}" if several else ""
+
+    def levels(first: MotionFacts) -> str:
+        several = records[first.use, first.record]
+        ends = least_to_most(motion.intensity.value / STANDARD_GRAVITY for motion in several)
+        return f"{len(several)}, {first.intensity.name} {ends} g"
+
+    table, of = page_table("Ground motions", _MOTIONS, results.motions), ""
+    if len(records) < len(results.motions):
+        record = TableColumn(heading="record", cell=attrgetter("record"))
+        columns = record, _MOTIONS[1], TableColumn(heading="levels", cell=levels), *_MOTIONS[4:6]
+        table = page_table("Records and their levels", columns, [first for first, *_ in records.values()])
+        of = f" of {counted(len(records), 'record')}"
     return Section(
         title="Ground motions",
         summary=f"{uses}{of}, peaks from {peaks} m/s², {lengths} s long.",
