@@ -23,11 +23,11 @@ from mrwork.store.run_folder import JOURNAL, REPORT, RunKind
 from mrwork.store.run_writer import RunAtWork
 from mrwork.study.course import StudyProgress
 from mrwork.study.histories import history_names
-from mrwork.study.named_laws import designed
 from mrwork.study.results import StudyResults
 from mrwork.study.schema import Use
 from mrwork.study.study import Study, StudyFile
 from mrwork.study.tables import study_summary
+from mrwork.study.trials import designed
 
 Results = TypeVar("Results", bound=StudyResults)
 

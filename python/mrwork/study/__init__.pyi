@@ -9,9 +9,9 @@ from .fragilities import fragilities_of as fragilities_of
 from .fragilities import fragility as fragility
 from .least_counts import DamperCounts as DamperCounts
 from .least_counts import damper_counts as damper_counts
-from .named_laws import designed as designed
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study
 from .schema import TuneTable as TuneTable
 from .study import MotionOfStudy as MotionOfStudy
 from .study import Study as Study
+from .trials import designed as designed

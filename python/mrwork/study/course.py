@@ -14,11 +14,11 @@ import numpy as np
 
 from mrwork.base.numbers import duration_in_words
 from mrwork.base.progress import ProgressReport
+from mrwork.buildings.groups import commanded, products_of
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws.control_law import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.study.constant import n_constant
 from mrwork.study.study import Arrangement, Study, commands_force
 from mrwork.workers.engine import by_whom
 
@@ -125,6 +125,10 @@ class Course:
         return sum(left[kind] * rates[kind] for kind in left) if left.keys() <= rates.keys() else None
 
 
+LEVELS = 21
+"""Number of constant commands, equally spaced from zero to the largest, among which the best is chosen."""
+ROUNDS = 2
+"""Most rounds of the search for a constant command of each group."""
 # Runs that one thread does at once where there are as many, with any law and with a rollout.
 _LANES, _LANES_OF_ROLLOUT = 32, 16
 # What a step of all trials of a rollout costs, in steps of the loop.
@@ -150,6 +154,12 @@ def steps_of(study: Study, *, check_step: bool, threads: int = 0) -> Iterator[St
     yield from (step(row, "realisations", n_realisations) for row in rows if n_realisations)
     # After all other runs, so that a study without this check can be resumed with it.
     yield from (step(row, "runs with half the step") for row in rows if check_step)
+
+
+def n_constant(arrangement: Arrangement) -> int:
+    """Most constant commands that are tried for a row without a law."""
+    by_group = arrangement.row.kind == "best_passive_by_group"
+    return LEVELS * (ROUNDS * len(products_of(commanded(arrangement.devices))) if by_group else 1)
 
 
 def _kind_of(arrangement: Arrangement) -> Kind:

@@ -18,13 +18,12 @@ from mrwork.closed_loop.evaluation import Scales, criterion, searched
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.errors import Interrupted, SettingError
 from mrwork.study.comparison import small_first
-from mrwork.study.constant import n_constant
-from mrwork.study.course import StudyProgress
+from mrwork.study.course import StudyProgress, n_constant
 from mrwork.study.fragilities import limit_of
-from mrwork.study.named_laws import designed
 from mrwork.study.reading import counted_study
 from mrwork.study.run import run_study
 from mrwork.study.study import Kind, Study
+from mrwork.study.trials import designed
 
 By = Literal["uniform", "storey"]
 """Whether each place has as many dampers, or a count of its own."""

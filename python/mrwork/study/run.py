@@ -7,19 +7,19 @@ from concurrent.futures import Executor
 from functools import partial
 
 from mrwork.base.arguments import Threads, checked
+from mrwork.base.summary import named
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.constant import BestConstant, ConstantSearch
 from mrwork.study.course import Course, StudyProgress, What, steps_of
 from mrwork.study.damper_size import judged_by_demand
 from mrwork.study.histories import RunHistory
 from mrwork.study.loop_runs import scales_of
-from mrwork.study.named_laws import designed
 from mrwork.study.results import StudyResults
 from mrwork.study.row_runs import RowRuns
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, own_axes, study_criteria, study_quantities
 from mrwork.study.study import Study, digest_of_run, fingerprint_of
+from mrwork.study.trials import BestConstant, Trials, designed
 from mrwork.workers.engine import Workers, on_executor
 
 
@@ -96,9 +96,9 @@ def run_study(
     def results() -> StudyResults:
         done = nominal.beside(halved).with_labels("row", [row.row.label for row in rows])
         labelled = done.criteria(Scales.of_rows([*map(scales_of, rows)], 2), study.command_unit)
-        named = [row.row for row in rows]
+        of_rows = [row.row for row in rows]
         return judged_by_demand(
-            StudyResults.of(study, named, done, labelled.beside(realised), choices), study
+            StudyResults.of(study, of_rows, done, labelled.beside(realised), choices), study
         )
 
     call = LongCall(journal=journal, on_progress=on_progress, so_far=results)
@@ -109,14 +109,9 @@ def run_study(
             arrangement, recalling = rows[step.row], call.recalling
             course.begin(arrangement.row.label, step, nominal.n_done + halved.n_done)
             if step.what == "constant commands":
-                search = ConstantSearch(
-                    arrangement=arrangement,
-                    motions=study.chosen_on,
-                    hardware=study.hardware,
-                    threads=threads,
-                    on_block=course.advance,
-                )
-                rows[step.row], choice = search.chosen(call, shares)
+                where = named(study, "chosen_on", "hardware")
+                trials = Trials(arrangement=arrangement, **where, threads=threads, on_block=course.advance)
+                rows[step.row], choice = trials.chosen(call, shares)
                 choices.append(choice)
                 continue
             of_row = RowRuns(

@@ -25,11 +25,11 @@ from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.long_call import LongCall
 from mrwork.study.loop_runs import REACH, simulate_criteria
-from mrwork.study.named_laws import magnitudes_of_runs
 from mrwork.study.realisations import Realisations
 from mrwork.study.runs import Runs, candidate_axes, study_criteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
+from mrwork.study.trials import magnitudes_of_runs
 from mrwork.tuning.space import (
     LARGEST,
     SHAPING_SPANS,

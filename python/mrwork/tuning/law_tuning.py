@@ -17,6 +17,7 @@ import numpy as np
 from mrwork.base.numbers import duration_in_words, round_to
 from mrwork.base.places import keyed
 from mrwork.base.progress import ProgressReport
+from mrwork.base.summary import named
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
 from mrwork.closed_loop.evaluation import SCORE, searched
@@ -29,9 +30,10 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search import SearchResult, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
 from mrwork.search.rules import EliteRule, StopRules
-from mrwork.study.constant import LEVELS, BestConstant, ConstantSearch
+from mrwork.study.course import LEVELS
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import Kind
+from mrwork.study.trials import BestConstant, Trials
 from mrwork.tuning.law_plan import Bench, LawPlan
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw
 from mrwork.tuning.space import (
@@ -201,13 +203,9 @@ def _sizes(
 def constant_commands(bench: Bench) -> tuple[TunedLaw, ...]:
     """References at a constant command: none, the best by the score of a study, and the largest."""
     study, began = bench.study, time.perf_counter()
-    search = ConstantSearch(
-        arrangement=replace(study.at_zero, law=None),
-        motions=study.chosen_on,
-        hardware=study.hardware,
-        threads=bench.threads,
-    )
-    found = bench.call.step("constant commands", BestConstant, lambda: search.scan()[0])
+    where = named(study, "chosen_on", "hardware")
+    trials = Trials(arrangement=study.at_zero, **where, threads=bench.threads)
+    found = bench.call.step("constant commands", BestConstant, lambda: trials.scan()[0])
     scores, devices = searched(np.array(found.scores)), study.problem.devices
     alike = len({(device.largest_command, device.spec.command_unit) for device in devices}) == 1
 

@@ -16,12 +16,12 @@ from mrwork.base.numbers import counted
 from mrwork.base.places import keyed
 from mrwork.errors import InvalidSettingError
 from mrwork.store.long_call import LongCall
-from mrwork.study.constant import ConstantSearch
 from mrwork.study.dampers import chosen_damper, equip_building
 from mrwork.study.loop_runs import simulate_criteria, unobserved
 from mrwork.study.reading import with_dampers
 from mrwork.study.schema import DamperTable
 from mrwork.study.study import Study, constant_commands
+from mrwork.study.trials import Trials
 from mrwork.tuning.results import Placement
 
 Placed = Mapping[str, int]
@@ -105,10 +105,8 @@ def compare_places(
         tables = placed_tables(study, placed)
         building, devices = equip_building(study.building, tables, [one] * len(tables))
         there = replace(study.at_zero, building=building, devices=devices, law=None)
-        search = ConstantSearch(
-            arrangement=there, motions=study.chosen_on, hardware=hardware, threads=threads
-        )
-        commands = search.scan()[0].commands
+        trials = Trials(arrangement=there, chosen_on=study.chosen_on, hardware=hardware, threads=threads)
+        commands = trials.scan()[0].commands
         law = constant_commands(commands)
         runs = simulate_criteria(replace(there, law=law), motions, hardware, threads=threads)
         train, test = np.split(runs.scores(bare)[0, :, 0], [len(study.chosen_on)])

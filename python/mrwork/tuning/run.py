@@ -22,9 +22,9 @@ from mrwork.search.registry import library
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.study.motions import refuse_same
-from mrwork.study.named_laws import designed
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
+from mrwork.study.trials import designed
 from mrwork.tuning.law_plan import (
     Bench,
     LawPlan,

@@ -1,8 +1,10 @@
-"""Settings that a law of a study leaves out: taken from the response of the dampers, or the best of a few by score.
+"""Laws that are tried on the training motions: the best constant commands, and settings that a law leaves out.
 
-Without weights a regulator weighs all drifts alike, and R is scanned. On test motions that scored 0.795 on average over
-eleven studies of 1 to 20 storeys, and convex weights as they are designed for the force of the dampers 0.845, which
-were better in one, of 20 storeys.
+Constant commands are levels from zero to the largest of all dampers together, and then of each group alone. A setting
+that a law lacks is taken from the response of the dampers, or is the best of a few values by score. Without weights a
+regulator weighs all drifts alike, and R is scanned. On test motions that scored 0.795 on average over eleven studies of
+1 to 20 storeys, and convex weights as they are designed for the force of the dampers 0.845, which were better in one,
+of 20 storeys.
 """
 
 from __future__ import annotations
@@ -19,35 +21,40 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import as_document, keys_of, toml_value
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.places import keyed, read_each
-from mrwork.base.summary import list_names
+from mrwork.base.summary import list_names, named
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
-from mrwork.buildings.groups import largest_command, sends_shares
+from mrwork.buildings.groups import commanded, largest_command, products_of, sends_shares
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import searched
+from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import command_unit_of, in_command_unit
 from mrwork.control.laws.control_law import ControlLaw, control_law
 from mrwork.control.laws.law_problem import DesignProblem, Magnitude, Magnitudes, ReferencePeaks
 from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.course import Course, StudyProgress
-from mrwork.study.loop_runs import simulate_criteria
+from mrwork.study.course import LEVELS, ROUNDS, Course, StudyProgress
+from mrwork.study.loop_runs import OnBlock, simulate_criteria
 from mrwork.study.runs import Runs
+from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import (
     WEIGHT,
     Arrangement,
     NamedLaw,
     Study,
     TakenSettings,
+    constant_commands,
     constant_share,
     digest_of_run,
 )
 
+# Devices of a group that a sentence names.
+_NAMED = 3
 # Values of a setting that is scanned, over the range in which a search would look for it.
-_STEPS, _LEVELS = 13, 21
+_STEPS = 13
 # Smallest over largest of the motion that a static model of the damper is fitted to.
 _SMALLEST = 0.1
 
@@ -57,6 +64,180 @@ _MAGNITUDES: Mapping[Magnitude, str] = {
     "rate": "the peak stroke at i = 0 times the first natural frequency",
     "ground": "the peak of the ground motions",
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BestConstant:
+    """The constant commands of the lowest score: one share of the largest ones, or one command for each group.
+
+    `commands` are sent to the devices that follow one [A or V], and are 0 without any score. `scores` are of all shares
+    that were tried, from i = 0 to the largest. A search by group took `rounds`, the last one perhaps in part, from the
+    score `of_share`, and tried so many commands.
+    """
+
+    commands: tuple[float, ...]
+    score: float
+    runs: int
+    scores: tuple[float, ...] = ()
+    of_share: float = math.nan
+    rounds: int = 0
+    tried: int = 0
+
+    def in_words(self, label: str, devices: Sequence[Device]) -> str:
+        """The choice in a sentence, with the ends of the scan, or the devices of each group."""
+        driven, runs = commanded(devices), counted(self.runs, "run")
+        if math.isnan(self.score):
+            return f"{label} is at i = 0: no constant command has a score ({runs})."
+        if not self.rounds:
+            largest = np.array([device.largest_command for device in driven])
+            off, on = (_share_in_words(driven, share * largest) for share in (0.0, 1.0))
+            return (
+                f"{label} is the best of {len(self.scores)} constant commands, score {self.score:.3f}: from "
+                f"{PASSIVE_OFF}, {off}, {self.scores[0]:.3f}, to {PASSIVE_ON}, {on}, {self.scores[-1]:.3f} ({runs} in "
+                "one batch)."
+            )
+        held = (
+            f"{_command(driven[group[0]], self.commands[group[0]])} in "
+            f"{list_names([driven[member].name for member in group], _NAMED)}"
+            for group in products_of(driven)
+        )
+        return (
+            f"{label}: {'; '.join(held)}; score {self.score:.3f}, beside {self.of_share:.3f} of one share of the "
+            f"largest commands ({counted(self.tried, 'constant command')} in {counted(self.rounds, 'round')} of "
+            f"coordinate search, {runs})."
+        )
+
+    def label(self, devices: Sequence[Device]) -> str:
+        """The commands in words, after a search by group a command for each group."""
+        driven = commanded(devices)
+        if not self.rounds:
+            return _share_in_words(driven, self.commands)
+        return list_names(
+            [_command(driven[first], self.commands[first]) for first, *_ in products_of(driven)]
+        )
+
+
+def _share_in_words(driven: Sequence[Device], commands: Sequence[float] | Floats) -> str:
+    """One share of the largest commands in words: the command where that is the same of all dampers."""
+    if len({(device.largest_command, device.spec.command_unit) for device in driven}) == 1:
+        return _command(driven[0], commands[0])
+    return f"{100.0 * commands[0] / driven[0].largest_command:.0f} %"
+
+
+def _command(device: Device, command: float) -> str:
+    return f"{command:.3g} {device.spec.command_unit or 'A'}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trials:
+    """The arrangement, motions and hardware on which laws are tried; a law has no score if a run failed."""
+
+    arrangement: Arrangement
+    chosen_on: Sequence[GroundMotion]
+    hardware: Hardware
+    threads: int = 0
+    on_block: OnBlock | None = None
+
+    @property
+    def _levels(self) -> Floats:
+        """The constant commands that are tried, a row of one share of all largest ones for each level."""
+        largest = [device.largest_command for device in commanded(self.arrangement.devices)]
+        return np.linspace(0.0, largest, LEVELS)
+
+    def with_law(self, law: ControlLaw | None, devices: Sequence[Device] = ()) -> Arrangement:
+        """The arrangement under a law, perhaps with other devices in the places of the own ones."""
+        return replace(self.arrangement, law=law, devices=tuple(devices) or self.arrangement.devices)
+
+    def runs(self, law: ControlLaw, devices: Sequence[Device] = ()) -> Runs:
+        """Criteria under a law, as `with_law` has it."""
+        return simulate_criteria(
+            self.with_law(law, devices),
+            self.chosen_on,
+            self.hardware,
+            threads=self.threads,
+            on_block=self.on_block,
+        )
+
+    def scan(self) -> tuple[BestConstant, Runs]:
+        """The best share of the largest commands, and the criteria under it."""
+        commands = self._levels
+        runs = self.runs(constant_commands(commands))
+        scores = runs.scores(runs.of_row(0)).mean(axis=(1, 2))
+        best = int(np.argmin(searched(scores)))
+        return BestConstant(
+            commands=tuple(commands[best].tolist()),
+            score=float(scores[best]),
+            scores=tuple(scores.tolist()),
+            runs=runs.outcome.size,
+        ), runs.of_row(best)
+
+    def chosen(self, call: LongCall[Any, Any], shares: dict[str, BestConstant]) -> tuple[Arrangement, str]:
+        """The arrangement under its best constant commands, and a sentence on the choice.
+
+        `shares` are the best shares of the largest commands that were found, by the digest of the runs.
+        """
+        arrangement = self.arrangement
+        inputs = digest_of_run(arrangement, *self.chosen_on)
+        if inputs not in shares:
+            shares[inputs] = call.step("best_constant", BestConstant, lambda: self.scan()[0], inputs)
+        best = shares[inputs]
+        # The row that the study has added may be without a score.
+        if math.isnan(best.score) and not arrangement.added:
+            raise self._without_score()
+        if arrangement.row.kind == "best_passive_by_group":
+            best = call.step("best_by_group", BestConstant, partial(self._best_by_group, best), inputs)
+        label = f"{arrangement.row.label}, {best.label(arrangement.devices)}"
+        row, law = replace(arrangement.row, label=label), constant_commands(best.commands)
+        return replace(arrangement, row=row, law=law), best.in_words(label, arrangement.devices)
+
+    def _best_by_group(self, start: BestConstant) -> BestConstant:
+        """The best constant command of each group, from one share on: the levels of a group, then of the next.
+
+        Scores are over i = 0. A search ends where the levels of every group were tried since the last change.
+        """
+        if math.isnan(start.score):
+            return replace(start, runs=0)
+        levels = self._levels
+        groups = products_of(commanded(self.arrangement.devices))
+        off = self.runs(constant_commands(levels[:1]))
+        commands, score = np.array(start.commands), start.score
+        steps, changed = 0, 0
+        while steps < ROUNDS * len(groups) and steps - changed < len(groups):
+            group = groups[steps % len(groups)]
+            tried = np.tile(commands, (LEVELS, 1))
+            tried[:, group] = levels[:, group]
+            scores = searched(self.runs(constant_commands(tried)).scores(off).mean(axis=(1, 2)))
+            best = int(np.argmin(scores))
+            if scores[best] < score:
+                commands, score, changed = tried[best], float(scores[best]), steps
+            steps += 1
+        return BestConstant(
+            commands=tuple(commands.tolist()),
+            score=score,
+            of_share=start.score,
+            tried=steps * LEVELS,
+            rounds=math.ceil(steps / len(groups)),
+            runs=(1 + steps * LEVELS) * len(self.chosen_on),
+        )
+
+    def reference_peaks(self) -> ReferencePeaks:
+        """The best share of the largest commands, and the mean peaks under it, to four digits."""
+        best, runs = self.scan()
+        if math.isnan(best.score):
+            raise self._without_score()
+        drift, acceleration = (
+            round_to(float(runs.numbers[name].mean())) for name in ("peak_drift", "peak_acceleration")
+        )
+        return ReferencePeaks(
+            commands=tuple(map(round_to, best.commands)), drift=drift, acceleration=acceleration
+        )
+
+    def _without_score(self) -> SimulationError:
+        return SimulationError(
+            f"{self.arrangement.row.label}: no constant command has a score, because under "
+            f"{list_names([ground.name for ground in self.chosen_on])} the run at i = 0, or at every command, "
+            "did not finish or has no response; check the dampers and the step, or leave best_passive out"
+        )
 
 
 def magnitudes_of_runs(
@@ -133,16 +314,20 @@ def designed(
     >>> study = mr.study.designed(mr.read_study("study.toml"))  # doctest: +SKIP
     >>> study.taken_settings  # doctest: +SKIP
     """
-    lacking = [arrangement.named for arrangement in study.arrangements if arrangement.named is not None]
-    if not lacking:
+    if all(arrangement.named is None for arrangement in study.arrangements):
         return study
-    call = LongCall[StudyProgress, Study](journal=journal, on_progress=on_progress)
-    trials = _Trials(study=study, call=call, course=Course(on_progress))
+    call, course = (
+        LongCall[StudyProgress, Study](journal=journal, on_progress=on_progress),
+        Course(on_progress),
+    )
+    on_training = named(study, "chosen_on", "hardware")
+    trials = Trials(arrangement=study.at_zero, **on_training, on_block=course.advance)
+    lacking = _Lacking(trials=trials, whole=study.problem.whole, call=call, course=course)
 
     def arranged(arrangement: Arrangement) -> Arrangement:
         if arrangement.named is None:
             return arrangement
-        law, taken = trials.design(arrangement.named)
+        law, taken = lacking.design(arrangement.named)
         return replace(arrangement, law=law, taken=taken, named=None)
 
     with study.place.prefix_errors(SettingError):
@@ -152,10 +337,11 @@ def designed(
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Trials:
-    """Runs from which settings of laws are taken, on the training motions; none is simulated before a law asks."""
+class _Lacking:
+    """Runs from which settings that laws lack are taken; none is simulated before a law asks."""
 
-    study: Study
+    trials: Trials
+    whole: DesignProblem
     call: LongCall[StudyProgress, Study]
     course: Course
 
@@ -176,14 +362,14 @@ class _Trials:
                 partial(self._take, named, problem, beside),
                 law,
                 toml_value(as_document(named.given)),
-                digest_of_run(self._arranged(problem, None), *problem.motions),
+                digest_of_run(self.trials.with_law(None, problem.all_devices), *problem.motions),
             )
             return named.design(problem, taken.settings), taken
 
     @cached_property
     def _shaken(self) -> DesignProblem:
         """The problem with the motion that the response of its dampers lets expect."""
-        whole, (_, _, expected) = self.study.problem.whole, self._response
+        whole, (_, _, expected) = self.whole, self._response
         amplitude, velocity = (
             (round_to(_SMALLEST * value), round_to(value)) for value in (expected.stroke, expected.rate)
         )
@@ -215,7 +401,7 @@ class _Trials:
             else:
                 lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
                 linear = span.scale == "linear"
-                steps = np.linspace(lower, upper, _LEVELS) if linear else np.geomspace(lower, upper, _STEPS)
+                steps = np.linspace(lower, upper, LEVELS) if linear else np.geomspace(lower, upper, _STEPS)
                 scanned[entry.name] = np.array([round_to(step) for step in steps])
         if scanned:
             chosen, sentence = self._scan(named, {**settings, **taken}, scanned, problem)
@@ -243,7 +429,7 @@ class _Trials:
         self.course.begin(f"settings of {law}")
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
-            runs = self._run(problem, named.shaped(designed.law))
+            runs = self.trials.runs(named.shaped(designed.law), problem.all_devices)
             of_runs = runs.scores(off).mean(axis=(1, 2))
             if control_law(law).commands_force:
                 within = (runs.peak_force <= on.peak_force)[:, :, 0].all(axis=1)
@@ -269,15 +455,8 @@ class _Trials:
     @cached_property
     def _response(self) -> tuple[Runs, Runs, Magnitudes]:
         """Criteria of the dampers at i = 0 and at the largest command, and the magnitudes that follow from them."""
-        problem = self.study.problem.whole
+        problem = self.whole
         self.course.begin("dampers at i = 0 and at the largest command")
-        off, on = (self._run(problem, constant_share(problem.devices, share)) for share in (0.0, 1.0))
+        off, on = (self.trials.runs(constant_share(problem.devices, share)) for share in (0.0, 1.0))
         magnitudes = magnitudes_of_runs(problem.building, problem.motions, off, on, devices=problem.devices)
         return off, on, magnitudes
-
-    def _run(self, problem: DesignProblem, law: ControlLaw) -> Runs:
-        arrangement, hardware = self._arranged(problem, law), self.study.hardware
-        return simulate_criteria(arrangement, problem.motions, hardware, on_block=self.course.advance)
-
-    def _arranged(self, problem: DesignProblem, law: ControlLaw | None) -> Arrangement:
-        return replace(self.study.at_zero, devices=problem.all_devices, law=law)
