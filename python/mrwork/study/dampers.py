@@ -210,18 +210,8 @@ def equip_building(
     bare: Building, tables: Sequence[DamperTable], chosen: Sequence[Device]
 ) -> tuple[Building, tuple[Device, ...]]:
     """The building with braces, and the chosen devices in their places."""
-
-    def row_of(number: int) -> Floats:
-        with keyed("damper", number):
-            return _row_of(bare, tables[number])
-
-    building, rows = bare, read_each(row_of, range(len(tables)))
-
-    def whole(row: Floats) -> Floats:
-        # Braces of other dampers add coordinates, which do not move this one.
-        return np.append(row, np.zeros(building.n_coordinates - len(row)))
-
-    names = list[str]()
+    rows = read_each(lambda number: _row_of(bare, tables[number], number), range(len(tables)))
+    building, names = bare, list[str]()
     for number, table in enumerate(tables):
         storey = bare.storey_name(table.storey)
         name = table.name or f"damper in {storey}"
@@ -229,33 +219,36 @@ def equip_building(
             with keyed("damper", number, "brace"):
                 building = brace_across(
                     building,
-                    whole(rows[number]),
+                    rows[number],
                     storey,
                     **named(brace, "stiffness", "damping"),
                     mass=brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names),
                     name=name,
                 )
+            # The coordinate that the brace adds does not move other dampers.
+            rows = [np.append(row, 0.0) for row in rows]
             rows[number] = building.storeys[-1]
         before = 0 if table.name else sum(other.startswith(name) for other in names)
         names.append(f"{name}, number {before + 1}" if before else name)
     return building, tuple(
-        replace(one, name=name, row=whole(row), **named(table, "count", "differential"))
+        replace(one, name=name, row=row, **named(table, "count", "differential"))
         for one, name, row, table in zip(chosen, names, rows, tables, strict=True)
     )
 
 
-def _row_of(bare: Building, table: DamperTable) -> Floats:
-    """Stretch of the dampers of a table over the coordinates of the bare building."""
-    if table.row is None:
-        refuse_without_masses(bare)
-    with keyed("storey"):
-        row = bare.storey_row(table.storey)
-    if table.row is None:
-        return cos(table.angle or 0.0) * row
-    if len(table.row) != bare.n_coordinates or not any(table.row):
-        raise InvalidSettingError(
-            "row",
-            f"row has {counted(len(table.row), 'number')} for {counted(bare.n_coordinates, 'coordinate')} of "
-            f"{bare.name}; give one for each, not all 0",
-        )
+def _row_of(bare: Building, table: DamperTable, number: int) -> Floats:
+    """Stretch of the dampers of a table of this number over the coordinates of the bare building."""
+    with keyed("damper", number):
+        if table.row is None:
+            refuse_without_masses(bare)
+        with keyed("storey"):
+            row = bare.storey_row(table.storey)
+        if table.row is None:
+            return cos(table.angle or 0.0) * row
+        if len(table.row) != bare.n_coordinates or not any(table.row):
+            raise InvalidSettingError(
+                "row",
+                f"row has {counted(len(table.row), 'number')} for {counted(bare.n_coordinates, 'coordinate')} of "
+                f"{bare.name}; give one for each, not all 0",
+            )
     return np.array(table.row)

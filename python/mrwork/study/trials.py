@@ -96,25 +96,23 @@ class BestConstant:
                 f"{PASSIVE_OFF}, {off}, {self.scores[0]:.3f}, to {PASSIVE_ON}, {on}, {self.scores[-1]:.3f} ({runs} in "
                 "one batch)."
             )
-        held = (
-            f"{_command(driven[group[0]], self.commands[group[0]])} in "
-            f"{list_names([driven[member].name for member in group], _NAMED)}"
-            for group in products_of(driven)
-        )
+        names = [
+            list_names([driven[member].name for member in group], _NAMED) for group in products_of(driven)
+        ]
+        held = zip(self._by_group(driven), names, strict=True)
+        tried, rounds = counted(self.tried, "constant command"), counted(self.rounds, "round")
         return (
-            f"{label}: {'; '.join(held)}; score {self.score:.3f}, beside {self.of_share:.3f} of one share of the "
-            f"largest commands ({counted(self.tried, 'constant command')} in {counted(self.rounds, 'round')} of "
-            f"coordinate search, {runs})."
+            f"{label}: {'; '.join(map(' in '.join, held))}; score {self.score:.3f}, beside {self.of_share:.3f} of one "
+            f"share of the largest commands ({tried} in {rounds} of coordinate search, {runs})."
         )
 
     def label(self, devices: Sequence[Device]) -> str:
         """The commands in words, after a search by group a command for each group."""
         driven = commanded(devices)
-        if not self.rounds:
-            return _share_in_words(driven, self.commands)
-        return list_names(
-            [_command(driven[first], self.commands[first]) for first, *_ in products_of(driven)]
-        )
+        return list_names(self._by_group(driven)) if self.rounds else _share_in_words(driven, self.commands)
+
+    def _by_group(self, driven: Sequence[Device]) -> list[str]:
+        return [_command(driven[first], self.commands[first]) for first, *_ in products_of(driven)]
 
 
 def _share_in_words(driven: Sequence[Device], commands: Sequence[float] | Floats) -> str:
@@ -245,9 +243,7 @@ def magnitudes_of_runs(
     motions: Sequence[GroundMotion],
     off: Runs,
     on: Runs,
-    *,
     devices: Sequence[Device],
-    constant: ReferencePeaks | None = None,
 ) -> Magnitudes:
     """Typical peaks of the response, medians over the motions, from the runs at i = 0 and at the largest command."""
     first = 2.0 * math.pi * float(building.frequencies[0])
@@ -268,8 +264,6 @@ def magnitudes_of_runs(
     displacement, stroke = at_zero("peak_displacement"), at_zero("peak_stroke")
     velocity = first * displacement
     return Magnitudes(
-        constant_drift=0.0 if constant is None else constant.drift,
-        constant_acceleration=0.0 if constant is None else constant.acceleration,
         drift=at_zero("peak_drift"),
         displacement=displacement,
         velocity=velocity,
@@ -458,5 +452,5 @@ class _Lacking:
         problem = self.whole
         self.course.begin("dampers at i = 0 and at the largest command")
         off, on = (self.trials.runs(constant_share(problem.devices, share)) for share in (0.0, 1.0))
-        magnitudes = magnitudes_of_runs(problem.building, problem.motions, off, on, devices=problem.devices)
+        magnitudes = magnitudes_of_runs(problem.building, problem.motions, off, on, problem.devices)
         return off, on, magnitudes

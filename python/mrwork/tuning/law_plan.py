@@ -267,15 +267,10 @@ def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
 
     Those under the best constant command are found where one of the `laws` chooses among commands.
     """
-    study, constant = bench.study, None
-    if study.problem.reference_peaks is not None and any(SETTINGS[law].chooses_levels for law in laws):
-        # Of the frame of the default model.
-        constant = study.problem.reference_peaks(True)
-    return magnitudes_of_runs(
-        study.building,
-        study.chosen_on,
-        bench.baselines["passive_off"],
-        bench.baselines["passive"],
-        devices=study.devices,
-        constant=constant,
-    )
+    study, off, on = bench.study, bench.baselines["passive_off"], bench.baselines["passive"]
+    magnitudes = magnitudes_of_runs(study.building, study.chosen_on, off, on, study.devices)
+    if study.problem.reference_peaks is None or not any(SETTINGS[law].chooses_levels for law in laws):
+        return magnitudes
+    # Of the frame of the default model.
+    peaks = study.problem.reference_peaks(True)
+    return replace(magnitudes, constant_drift=peaks.drift, constant_acceleration=peaks.acceleration)
