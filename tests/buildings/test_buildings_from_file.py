@@ -134,6 +134,8 @@ def test_a_published_building_can_be_changed() -> None:
     np.testing.assert_array_equal(heavier.stiffness, building("dyke1996").stiffness)
     assert heavier.status == "ours"
     assert heavier.source.endswith("mass replaced")
+    own = 'source = "a book"\nmass = [[100.0, 0, 0], [0, 100.0, 0], [0, 0, 100.0]]'
+    assert stated(f'published = "dyke1996"\n{own}').source == "a book"
 
 
 @pytest.mark.parametrize(

@@ -45,10 +45,8 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
         source, largest = f"{table.preset}, {known.status}: {known.source}", known.largest_command
     elif table.run is not None:
         known = fitted_of(table, folder, identified)
-        source, largest = (
-            f"run {table.run}" if isinstance(table.run, str) else "a fit",
-            _largest_tested(known),
-        )
+        largest = _largest_tested(known)
+        source = f"run {table.run}" if isinstance(table.run, str) else "a fit"
         source += "" if table.like is None else f", taken as {table.like}: {known.remark}"
     else:
         source = "parameters of the study"

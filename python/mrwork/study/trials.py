@@ -383,7 +383,7 @@ class _Lacking:
                 taken, says = dict(kind.weighed_by_default), ["equal weights of all drifts"]
         _, _, magnitudes = self._response
         magnitudes = replace(magnitudes, cost=kind.cost({**settings, **taken}, magnitudes))
-        scanned: dict[str, Floats] = {}
+        scanned: dict[str, list[float]] = {}
         for entry in (entry for entry in missing if entry.name not in taken):
             span = entry.says.span
             if span.entries:
@@ -396,7 +396,7 @@ class _Lacking:
                 lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
                 linear = span.scale == "linear"
                 steps = np.linspace(lower, upper, LEVELS) if linear else np.geomspace(lower, upper, _STEPS)
-                scanned[entry.name] = np.array([round_to(step) for step in steps])
+                scanned[entry.name] = [*map(round_to, steps.tolist())]
         if scanned:
             chosen, sentence = self._scan(named, {**settings, **taken}, scanned, problem)
             taken |= chosen
@@ -412,39 +412,36 @@ class _Lacking:
         self,
         named: NamedLaw,
         held: Mapping[str, Any],
-        scanned: Mapping[str, Floats],
+        scanned: Mapping[str, Sequence[float]],
         problem: DesignProblem,
     ) -> tuple[dict[str, float], str]:
         """The values of the lowest score, all scanned settings from the one end to the other together."""
-        law, count = named.table.law, len(next(iter(scanned.values())))
-        many = [{name: float(law[step]) for name, law in scanned.items()} for step in range(count)]
+        law, active = named.table.law, control_law(named.table.law).commands_force
+        many = [dict(zip(scanned, values, strict=True)) for values in zip(*scanned.values(), strict=True)]
         designed = design_candidates(law, problem, [settings_of(law, {**held, **item}) for item in many])
-        (off, on, _), scores = self._response, np.full(count, math.inf)
+        (off, on, _), scores = self._response, np.full(len(many), math.inf)
         self.course.begin(f"settings of {law}")
         # What no candidate can be designed for, the design of the chosen one refuses.
         if designed.law is not None:
             runs = self.trials.runs(named.shaped(designed.law), problem.all_devices)
             of_runs = runs.scores(off).mean(axis=(1, 2))
-            if control_law(law).commands_force:
+            if active:
                 within = (runs.peak_force <= on.peak_force)[:, :, 0].all(axis=1)
                 of_runs = np.where(within, of_runs, math.nan)
             scores[list(designed.designed)] = searched(of_runs)
-        best = int(np.argmin(scores)) if np.isfinite(scores).any() else count // 2
         unit = command_unit_of(problem.devices)
         units = {entry.name: in_command_unit(entry.says.unit, unit) for entry in keys_of(SETTINGS[law])}
-        spans = (f"{name} from {law[0]:.3g} to {law[-1]:.3g} {units[name]}" for name, law in scanned.items())
-        ranges = list_names([span.rstrip() for span in spans])
+        spans = (
+            f"{name} from {ends[0]:.3g} to {ends[-1]:.3g} {units[name]}" for name, ends in scanned.items()
+        )
+        ranges, of = list_names([span.rstrip() for span in spans]), f"of {len(many)} values"
         if not np.isfinite(scores).any():
-            return many[best], f"{ranges}, the middle, since none of {count} values has a score"
-        number, active = len(problem.motions), control_law(law).commands_force
-        motions = counted(number, "training motion")
-        if problem.judged:
-            motions = (
-                f"the {'motion' if number == 1 else counted(number, 'motion')} that it is judged on, too"
-            )
+            return many[len(many) // 2], f"{ranges}, the middle, since none {of} has a score"
+        number, best = len(problem.motions), int(np.argmin(scores))
+        judged_on = f"the {'motion' if number == 1 else counted(number, 'motion')} that it is judged on, too"
+        motions = judged_on if problem.judged else counted(number, "training motion")
         limit = " with no more force than the dampers at the largest command" if active else ""
-        score = f"(score {scores[best]:.3f} on {motions})"
-        return many[best], f"{ranges}, the best of {count} values{limit} {score}"
+        return many[best], f"{ranges}, the best {of}{limit} (score {scores[best]:.3f} on {motions})"
 
     @cached_property
     def _response(self) -> tuple[Runs, Runs, Magnitudes]:
