@@ -186,7 +186,7 @@ class Journal:
         if (recorded.get("step"), recorded.get("inputs", "")) != (step, inputs):
             raise JournalError(
                 f"line {recorded['line']} of {self.path} is a {recorded.get('step')} where this run comes to another "
-                f"{step}: the program or the machine has changed since; {_ANEW}"
+                f"{step}: its inputs, the program or the machine have changed since; {_ANEW}"
             )
         return recorded
 
