@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from mrwork.base.arguments import Count, NotNegative, Whole, checked
-from mrwork.base.keys import suggestion
+from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import (
     NOTHING,
@@ -24,7 +24,7 @@ from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.buildings.groups import BOTH_UNITS
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import SettingError
 from mrwork.study.study import Kind
 from mrwork.tuning.space import (
     COMMAND_SLOPE,
@@ -161,9 +161,8 @@ class Front(Plotted, WithAxes, Summarised):
         """
         factors = dict.fromkeys(self.objectives, 1.0) if weights is None else dict(weights)
         for name in factors:
-            if name not in self.objectives:
-                near = suggestion(name, self.objectives, otherwise="it has")
-                raise UnknownNameError(f"the front of {self.label} has no objective {name!r}{near}")
+            sentence = f"the front of {self.label} has no objective {name!r}"
+            check_known(name, self.objectives, sentence, otherwise="it has")
         if not self.points:
             raise SettingError(f"the front of {self.label} has no points; tune with a larger budget")
         return min(
@@ -261,7 +260,7 @@ class TuningResults(Plotted, WithAxes, Summarised):
 
     def _found(self) -> Summary:
         """The summary without what the judging study says, too: warnings, and what the settings are worth."""
-        places = places_table(self)
+        places = [places_table(self)] if self.places else []
         columns = ("law", "objective", "settings")
         rows = tuple(
             (
@@ -278,7 +277,7 @@ class TuningResults(Plotted, WithAxes, Summarised):
                 ("searches", self.effort_in_words),
                 *(("best placement", location.in_words) for location in self.places[:1]),
             ),
-            tables=(*([] if places is None else [places]), Table(columns=columns, rows=rows)),
+            tables=(*places, Table(columns=columns, rows=rows)),
             notes=[f"{law.label}: {law.certificate}" for law in self.laws if law.certificate],
         )
 
@@ -293,12 +292,10 @@ class TuningResults(Plotted, WithAxes, Summarised):
 _LISTED = 10
 
 
-def places_table(results: TuningResults) -> Table | None:
-    """The best placements of the dampers and the study's own; `None` where none were compared."""
+def places_table(results: TuningResults) -> Table:
+    """The best of the placements of the dampers that were compared, and the study's own."""
     ranked = enumerate(results.places, start=1)
     shown = [(number, placement) for number, placement in ranked if number <= _LISTED or placement.given]
-    if not shown:
-        return None
     return Table(
         title=f"{counted(len(results.places), 'placement')} of the dampers, each with its best constant command: score "
         "over the building without dampers",

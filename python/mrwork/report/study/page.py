@@ -182,15 +182,18 @@ def storey_section(results: StudyResults, first: Sequence[int], drawn: Sequence[
 _LONGEST = 30
 
 
-def tuning_sections(results: TunedStudy) -> Iterator[Section | None]:
+def tuning_sections(results: TunedStudy) -> Iterator[Section]:
     """How the settings of the laws were found, and what each is worth on the motions that it was tuned on."""
-    yield _places_section(results.tuned)
-    yield _settings_section(results)
     tuned = results.tuned
-    yield from (
-        _front_section(number, front, tuned.command_unit) for number, front in enumerate(tuned.fronts)
-    )
-    yield _search_section(results.tuned) if results.tuned.laws else None
+    if tuned.places:
+        summary = f"The lowest score on the training motions: {tuned.places[0].in_words}."
+        yield Section(title="Places", summary=summary, groups=(Group(table=places_table(tuned)),))
+    if tuned.laws:
+        yield _settings_section(results)
+    for number, front in enumerate(tuned.fronts):
+        yield _front_section(number, front, tuned.command_unit)
+    if tuned.laws:
+        yield _search_section(tuned)
 
 
 def _objective_table(results: TunedStudy) -> Table:
@@ -213,23 +216,9 @@ def _objective_table(results: TunedStudy) -> Table:
     )
 
 
-def _places_section(results: TuningResults) -> Section | None:
-    table = places_table(results)
-    if table is None:
-        return None
-    return Section(
-        title="Places",
-        summary=f"The lowest score on the training motions: {results.places[0].in_words}.",
-        groups=(Group(table=table),),
-    )
-
-
-def _settings_section(results: TunedStudy) -> Section | None:
-    tuned = results.tuned
-    if not tuned.laws:
-        return None
+def _settings_section(results: TunedStudy) -> Section:
     groups = [Group(table=_objective_table(results))]
-    for law in tuned.laws:
+    for law in results.tuned.laws:
         ranges = {free.name: f"{shortest(free.lower)} to {shortest(free.upper)}" for free in law.free}
         refused = f", of which {law.refused} of the first could not be simulated" if law.refused else ""
         prose = (
