@@ -29,7 +29,7 @@ from mrwork.control.weights.weight_solver import design_weights
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search import SearchResult, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
-from mrwork.search.rules import EliteRule, StopRules
+from mrwork.search.rules import EliteRule, StopRules, ended_in_words
 from mrwork.study.course import LEVELS
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
 from mrwork.study.study import Kind
@@ -52,12 +52,6 @@ _STALL, _TOLERANCE = 12, 1e-4
 # First standard deviation of a search that begins at a point, a share of each range.
 _SPREAD = 0.06
 _INTERRUPTED = "search, interrupted"
-_ENDS = {
-    "max_evaluations": "search, until its candidates were used up",
-    "max_generations": "search, until its candidates were used up",
-    "stall": "search, until it no longer improved",
-    "spread": "search, until its candidates were alike",
-}
 _STEPS = 12
 _WEIGHT = "control_weight"
 _EQUAL, _CONVEX, _DASHPOTS = "equal drift weights", "convex weights", "weights of dashpots"
@@ -348,7 +342,7 @@ def tune_law(plan: LawPlan, *, rng: int, advance: Callable[[TunedLaw, int], None
     if space.continuous:
         search = _search(plan, firsts, scores, rng, on_generation)
         if tuned.origin == _INTERRUPTED:
-            tuned = replace(tuned, origin=_ENDS.get(search.stop_reason, "search"))
+            tuned = replace(tuned, origin=f"search, ended {ended_in_words(search.stop_reason)}")
         start = space.unit(tuned.candidate)
         if table.gradient_steps and start is not None:
             follow = partial(follow_gradients, plan, start, table.gradient_steps)

@@ -288,12 +288,8 @@ class SettingSpace(Summarised):
         A weight or dead zone that is free and that the candidate does not have is taken for the least of its range, a
         slope for the largest.
         """
-        names = [setting.name for setting in self.free]
-        held, own = (
-            {name: value for name, value in settings.items() if name not in names}
-            for settings in (candidate.of_law, self.held)
-        )
-        if held != own:
+        names = {setting.name for setting in self.free}
+        if {name: value for name, value in candidate.of_law.items() if name not in names} != self.held:
             return None
         given, places = candidate.settings, []
         for setting in self.free:
