@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from mrwork.plots import style
 from mrwork.plots.canvas import coinciding, column_axes, grid_of_axes, inline_svg, small_axes, svg_bytes
 from mrwork.plots.drawn import drawn_csv
-from mrwork.plots.of_studies import storey_profiles, strokes
-from mrwork.report.study.figures import command_figure, energy_figure
+from mrwork.plots.of_studies import energies, storey_profiles
+from mrwork.report.study.figures import strip_of
 from mrwork.report.study.page import study_page
 
 Rgb = NDArray[np.float64]
@@ -155,7 +155,9 @@ def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
     assert [row["y"] for row in drift] == list(results.storey_names)
     assert (drift[0]["abscissa"], drift[0]["curve"]) == ("Peak drift (mm)", "Clipped-optimal")
 
-    bars = [row for row in read(energy_figure(results, 0, range(5))) if row["y"] == "Lyapunov <1 A>"]
+    shares, axes = column_axes()
+    energies(results, axes, motion=0, rows=range(5))
+    bars = [row for row in read(shares) if row["y"] == "Lyapunov <1 A>"]
     assert [row["curve"] for row in bars] == [
         part for part in ("Dampers", "Structure", "Still moving") for _ in "ab"
     ]
@@ -179,9 +181,5 @@ def test_numbers_of_a_figure_are_its_curves_bars_and_fills() -> None:
 def test_a_strip_of_a_command_that_switches_shows_its_switchings() -> None:
     history = study_samples.histories(3, 0)
     switching = history.numbers | {"command": (np.arange(history.time.size)[:, None] % 2) * np.ones((1, 2))}
-    stroke = strokes(study_samples.results())[3]
-    figure = command_figure(type(history)(time=history.time, numbers=switching), "A", 1.0, stroke)
-    sent, coil = figure.axes[0].get_lines()
-    turns = np.count_nonzero(np.diff(sent.get_ydata()))
-    assert 20 <= turns <= 40
-    assert sent.get_color() != coil.get_color() == stroke.colour
+    strip = strip_of(type(history)(time=history.time, numbers=switching))
+    assert 20 <= np.count_nonzero(np.diff(switching["command"][strip, 0])) <= 40

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from operator import attrgetter
 from typing import get_args
@@ -29,17 +29,6 @@ from mrwork.study.histories import RunHistory
 from mrwork.study.results import MotionFacts, StudyResults
 from mrwork.study.study import uses_in_words
 from mrwork.study.tables import ShownRows, group_table, spread_table
-
-
-def energy_figure(results: StudyResults, motion: int, rows: Collection[int]) -> Figure:
-    """Distribution of the input energy at the end of the motion, a bar for each of the rows."""
-    shown = [row for row in results.finished_rows(motion) if row in rows]
-    names = [short(results.rows[row].label, 29) for row in shown]
-    figure, axes = canvas.column_axes(left=canvas.room_for(names), top=0.42, height=0.95 + 0.30 * len(shown))
-    energies(results, axes, motion=motion, rows=shown)
-    axes.set_yticks(range(len(names)), names[::-1])
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-    return figure
 
 
 def profile_figure(
@@ -84,22 +73,6 @@ def _signals(history: RunHistory, part: slice) -> History:
         "damping_energy": input_energy - devices - kinetic - strain,
     }
     return History(time=history.time[part], numbers=numbers)
-
-
-def command_figure(history: RunHistory, unit: str, largest: float, stroke: Stroke) -> Figure:
-    """What the controller sends to the first damper and what its coil has, sample by sample around its largest force.
-
-    A strip up to `largest`.
-    """
-    figure, axes = canvas.column_axes(height=2.0)
-    commands(_signals(history, strip_of(history)), axes)
-    axes.get_lines()[1].set_color(stroke.colour)
-    canvas.finish(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})")
-    axes.margins(x=0.0)
-    axes.set_ylim(-0.06 * largest, 1.08 * largest)
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
-    canvas.plain_ticks(axes, 3, "y")
-    return figure
 
 
 def strip_of(history: RunHistory) -> slice:
@@ -180,7 +153,14 @@ def device_section(
         if max(np.ptp(history.command[:, 0]), np.ptp(history.current[:, 0])) > 0.0:
             part = strip_of(history)
             first, last, end = (significant(history.time[at], 3) for at in (part.start, part.stop - 1, -1))
-            figure = command_figure(history, unit_of_command, largest, stroke)
+            figure, axes = canvas.column_axes(height=2.0)
+            commands(_signals(history, part), axes)
+            axes.get_lines()[1].set_color(stroke.colour)
+            canvas.finish(axes, f"{what.capitalize()} ({unit_of_command})")
+            axes.margins(x=0.0)
+            axes.set_ylim(-0.06 * largest, 1.08 * largest)
+            axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 5, 10]))
+            canvas.plain_ticks(axes, 3, "y")
             words = f"{what.capitalize()} of {device} under {name}, sample by sample: {label}"
             panels.append(panel(f"command-{row}", "", figure, words, f"{first} to {last} s of {end} s"))
         groups.append(Group(title=label, panels=tuple(panels), layout="small"))

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from mrwork.base.numbers import NOTHING, format_fixed, percent, shortest, significant
 from mrwork.base.table import Table
 from mrwork.closed_loop.evaluation import criterion, ratio
 from mrwork.dampers.tested_range import OperatingRange, covering
 from mrwork.plots import style
-from mrwork.plots.canvas import column_axes, legend
-from mrwork.plots.of_studies import fronts, short, strokes
+from mrwork.plots.canvas import column_axes, legend, room_for
+from mrwork.plots.of_studies import energies, fronts, short, strokes
 from mrwork.report.html import Page, page_html
 from mrwork.report.section import Group, Section, panel, warning_section
 from mrwork.report.study.figures import (
     ReadHistory,
     device_section,
-    energy_figure,
     fragilities_of_page,
     fragility_section,
     history_section,
@@ -49,10 +49,16 @@ def energy_section(results: StudyResults, shown: ShownRows) -> Section | None:
     if not results.finished_rows(results.detailed):
         return None
     arrangements = "every arrangement" if count == total else f"{count} of {total} arrangements"
+    rows = [row for row in results.finished_rows(results.detailed) if row in shown.drawn]
+    names = [short(results.rows[row].label, 29) for row in rows]
+    bars, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + 0.30 * len(rows))
+    energies(results, axes, motion=results.detailed, rows=rows)
+    axes.set_yticks(range(len(names)), names[::-1])
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
     figure = panel(
         "energy",
         "Energy at the end of the motion",
-        energy_figure(results, results.detailed, shown.drawn),
+        bars,
         f"Energy dissipated by dampers and structure under {motion.name}, for {arrangements}",
     )
     worst = float(np.nanmax(results.quantities.energy_error[..., 0]))
