@@ -97,6 +97,7 @@ class Loading(Summarised):
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 
 
+@checked
 def sinusoid(
     amplitude: float,
     velocity: float,
