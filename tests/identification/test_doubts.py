@@ -47,7 +47,7 @@ def recorded(
     )
 
 
-def fitted(test: DamperTest, model: str = MODEL, **settings: Any) -> mr.Fit:
+def fitted(test: DamperTest | tuple[DamperTest, ...], model: str = MODEL, **settings: Any) -> mr.Fit:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return mr.identify(model, test, **settings, threads=1)
@@ -215,5 +215,15 @@ def test_recorded_temperatures_that_differ_between_tests_are_told(
         np.savetxt(paths[-1], channels, delimiter=",", header=header, comments="", encoding="utf-8")
     tests = mr.read_damper_tests(paths)
     assert all("temperature" in {finding.code for finding in test.findings} for test in tests)
-    fit = mr.identify(MODEL, tests, threads=1)
+    fit = fitted(tests)
     assert any("no model has a temperature" in warning for warning in fit.warnings) is told
+
+
+@pytest.mark.parametrize(("shift", "told"), [(300.0, True), (0.0, False)])
+def test_static_offsets_that_differ_between_tests_are_told(shift: float, told: bool) -> None:
+    first, second = (recorded(rng, force=5.0, displacement=1e-6, velocity=1e-4) for rng in (1, 2))
+    columns = {name: getattr(second, name) for name in ("time", "displacement", "velocity")}
+    second = mr.test_from_arrays(name="later", force=second.force + shift, **columns)
+    fit = fitted((first, second))
+    about = [each for each in fit.warnings if "the model has one for all tests" in each]
+    assert bool(about) is told

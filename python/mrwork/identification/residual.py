@@ -31,7 +31,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest
-from mrwork.records.checks import FORCE_OFFSET
+from mrwork.records.checks import FORCE_OFFSET, half_range, mean_over_travel
 from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.damper_test import AS_IT_IS, delay_signal, loading_of
 
@@ -91,10 +91,12 @@ def offset_warning(
     bounds: Mapping[str, tuple[float, float]],
     tests: Sequence[DamperTest],
 ) -> tuple[str, ...]:
-    """A warning where tests have a static offset of the force, and the bounds leave nothing that describes it."""
+    """A warning where tests have a static offset of the force that the model cannot describe, or unequal ones."""
     shifts = _shifts(spec)
-    if "offset" in names or any(bounds.get(name) != (0.0, 0.0) for name in shifts):
+    if "offset" in names:
         return ()
+    if any(bounds.get(name) != (0.0, 0.0) for name in shifts):
+        return _unequal_offsets(tests) if set(shifts) <= set(spec.without_laws.names) else ()
     shifted = [test.label for test in tests if any(finding.kind == FORCE_OFFSET for finding in test.findings)]
     if not shifted:
         return ()
@@ -105,6 +107,24 @@ def offset_warning(
     return (
         f"the force has a static offset in {list_names(shifted)}, and {lacks}, so the model cannot describe it; "
         f"{cure}, subtract the offset by --repair offset, or estimate it for each test by --nuisance offset",
+    )
+
+
+# Share of the least half range of the force by which static offsets differ that one parameter cannot describe.
+_UNEQUAL = 0.25
+
+
+def _unequal_offsets(tests: Sequence[DamperTest]) -> tuple[str, ...]:
+    # Under a varying command the mean force is no static one.
+    held = [test for test in tests if not test.has_varying_command]
+    offsets = [mean_over_travel(test.force, test.velocity) for test in held]
+    if not held or np.ptp(offsets) <= _UNEQUAL * min(half_range(test.force) for test in held):
+        return ()
+    least, most = int(np.argmin(offsets)), int(np.argmax(offsets))
+    return (
+        f"the static offset of the force is {offsets[least]:+.3g} N in {held[least].label} and {offsets[most]:+.3g} N "
+        f"in {held[most].label}, and the model has one for all tests; subtract it by --repair offset, or estimate it "
+        "for each test by --nuisance offset",
     )
 
 
