@@ -200,6 +200,13 @@ def test_a_mass_or_stiffness_that_is_off_by_a_thousand_is_asked_about(
     assert "off by a thousand" in said
 
 
+@pytest.mark.parametrize(("stiffer", "asked"), [(1e3, True), (20.0, False)])
+def test_a_storey_that_is_far_stiffer_than_the_others_is_asked_about(stiffer: float, asked: bool) -> None:
+    frame = shear_building(name="frame", masses=[4e4] * 3, stiffnesses=[6e7, stiffer * 6e7, 6e7])
+    said = with_modal_damping(frame, ratios=[0.02]).warnings
+    assert any("storey 2 has" in each and "off by a thousand" in each for each in said) is asked
+
+
 def test_a_part_that_is_softer_than_its_frame_is_asked_about() -> None:
     frame = shear_building(name="frame", masses=[2e4] * 3 + [10.0], stiffnesses=[1e8] * 3 + [1e3])
     (said,) = with_modal_damping(frame, ratios=[0.02]).warnings

@@ -284,3 +284,11 @@ def test_a_linear_damper_leaves_a_linear_building() -> None:
     damped = mr.buildings.with_viscous_damper(mr.building("uts"), storey=1, damping=1e4)
     assert damped.nonlinear == ""
     assert mr.buildings.system_of(damped).n_states == 10
+
+
+@pytest.mark.parametrize(("largest", "told"), [("3 A", True), ("1.5 A", False)])
+def test_a_command_beyond_that_of_the_published_set_is_told(tmp_path: Path, largest: str, told: bool) -> None:
+    text = STUDY.replace('run = "run"', f'preset = "kwok2006"\nlargest_command = "{largest}"')
+    said = [each for each in studied(tmp_path, None, text).warnings() if each.startswith("command ")]
+    assert bool(said) is told
+    assert all("rated from 0 to 1.88 A (1.6 times)" in each for each in said)

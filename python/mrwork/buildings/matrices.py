@@ -538,6 +538,8 @@ DRIFT_RATIOS: Final = (5e-4, 0.1)
 _HUMAN, _LEAST_FLOOR = 2.0, 200.0
 _SHOWN_MODES: Final = 10
 _MOST_DRAWN: Final = 100
+# Stiffness of a storey over that of ordinary ones; isolators are a hundred times softer.
+_STIFFER: Final = 300.0
 # Coordinates of a building whose modes take a fraction of a second.
 _MOST_QUESTIONED: Final = 300
 # Decimals of coordinates under a unit drift, which are ones and zeros of most frames; what is rounding of a spring.
@@ -716,6 +718,13 @@ def _ask_of_storeys(building: Building) -> Iterator[str]:
             numbers.append((f"the damping ratio that {element.name} adds to a mode", ratio, (2e-4, 50.0), ""))
     questions = [question_on(name, float(value), usual, unit) for name, value, usual, unit in numbers]
     yield from (f"{question}." for question in dict.fromkeys(questions) if question)
+    springs = building.storey_stiffnesses
+    ordinary = float(np.sort(springs)[(springs.size - 1) // 2]) if springs.size else np.inf
+    if springs.max(initial=0.0) > _STIFFER * ordinary:
+        yield (
+            f"{building.drift_names[int(springs.argmax())]} has {springs.max():.3g} N/m, and half of the storeys "
+            f"{ordinary:.3g} N/m or less; check whether one is off by a thousand."
+        )
     heaviest = float(np.diag(building.mass).max())
     if real.size and real.min() > _HUMAN and heaviest < _LEAST_FLOOR:
         yield (
@@ -875,8 +884,9 @@ class Device(Summarised):
         the last parameter of `spec` and `theta`.
     command
         Command that the dampers hold [A or V], whatever a law sends; `None` where a law commands them.
-    rated_force, rated_stroke
-        Force [N] and stroke [m] that one of the dampers is made for, beyond which runs are told; `None` if unknown.
+    rated_force, rated_stroke, rated_command
+        Force [N], stroke [m] and largest command [A or V] that one of the dampers is made for, beyond which runs are
+        told; `None` if unknown.
     """
 
     _made_by: ClassVar[str] = "mr.Device(name=..., spec=..., theta=..., row=..., largest_command=...)"
@@ -893,6 +903,7 @@ class Device(Summarised):
     command: NotNegative | None = None
     rated_force: Positive | None = None
     rated_stroke: Positive | None = None
+    rated_command: Positive | None = None
 
     def __post_init__(self) -> None:
         if not self.spec.follows_command:
@@ -984,7 +995,9 @@ class Device(Summarised):
     def outside(self, demand: OperatingRange) -> Outside:
         """Quantities of a demand outside the tested ranges and ratings; laws are at the median of the draws."""
         outside = outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
-        rated = beyond_rating(demand, force=self.rated_force, stroke=self.rated_stroke)
+        rated = beyond_rating(
+            demand, force=self.rated_force, stroke=self.rated_stroke, command=self.rated_command
+        )
         return replace(outside, exceedances=(*rated, *outside.exceedances))
 
     def _summary(self) -> Summary:

@@ -295,14 +295,18 @@ def outside_of(
 
 
 def beyond_rating(
-    demand: OperatingRange, *, force: float | None, stroke: float | None
+    demand: OperatingRange, *, force: float | None, stroke: float | None, command: float | None = None
 ) -> tuple[Exceedance, ...]:
-    """Peaks of a demand beyond the force [N] and the stroke [m] that a damper is rated for, `None` if unknown."""
-    rated = {"force": force, "stroke": stroke}
+    """What of a demand is beyond force [N], stroke [m] and command that a damper is rated for, `None` if unknown."""
+    rated: tuple[tuple[OperatingQuantity, str, float, float | None], ...] = (
+        ("stroke", "m", demand.stroke, stroke),
+        ("force", "N", demand.force, force),
+        ("command", demand.command_unit or "A", demand.command[1] if demand.command else 0.0, command),
+    )
     return tuple(
         Exceedance(quantity=name, demanded=peak, lowest=0.0, highest=most, unit=unit, rated=True)
-        for name, unit in _PEAKS
-        if (most := rated.get(name)) is not None and (peak := getattr(demand, name)) > most
+        for name, unit, peak, most in rated
+        if most is not None and peak > most
     )
 
 

@@ -78,6 +78,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> t
         tested=known.tested if isinstance(known, FittedDamper) else None,
         rated_force=table.rated_force or rated.rated_force,
         rated_stroke=table.rated_stroke or rated.rated_stroke,
+        rated_command=known.largest_command if isinstance(known, Preset) else None,
     ), source
 
 
