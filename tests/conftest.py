@@ -46,8 +46,8 @@ def _memory_is_given_back() -> Iterator[None]:
     release_compiled()
 
 
-# Rooms in which verbs write pages that are not looked at; `tests/report`, `tests/studies` and `tests/faults` draw.
-_BLANK = ("cli", "identification", "records", "store", "study", "tuning", "uncertainty")
+# Rooms in which verbs write pages that are not looked at; `tests/report` and `tests/studies` draw.
+_BLANK = ("cli", "faults", "identification", "records", "store", "study", "tuning", "uncertainty")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -70,13 +70,6 @@ def pages() -> Iterator[None]:
 def drawn_pictures() -> Iterator[None]:
     """Of a test in these rooms that looks at a picture."""
     with drawn(), all_pages():
-        yield
-
-
-@pytest.fixture(scope="module")
-def blank_pictures() -> Iterator[None]:
-    """Of a module elsewhere that looks at none."""
-    with blank():
         yield
 
 

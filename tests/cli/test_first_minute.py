@@ -52,6 +52,7 @@ def typed(line: str, folder: Path) -> str:
     with contextlib.chdir(folder):
         ended = mrwork(*words)
     assert ended.returncode == 0, (line, ended.stderr)
+    assert "was not drawn" not in ended.stderr
     return ended.stdout
 
 

@@ -11,9 +11,8 @@ from damper_samples import DT, noise, random_theta, sine
 from refusals import refusal
 from test_damper_batch import assert_same_bits
 from test_damper_current_laws import followed, stepped_command, theta_of, with_laws
-from test_damper_twin import rows_to_compare
+from test_damper_twin import OF_STATES, rows_to_compare
 
-from mrwork.dampers import damper_models
 from mrwork.dampers.simulation import Loading, Outcome, simulate_forces, simulate_sensitivities
 from mrwork.twins.models import parameters_at
 from mrwork.twins.own_stepping import simulate
@@ -55,9 +54,6 @@ def test_derivative_is_the_difference_quotient_of_the_kernel(spec, history):
 
 
 # The chain rule of laws and lag does not know the model but for its states; each wants a compilation.
-OF_STATES = {spec.n_states: spec for spec in damper_models()}
-
-
 @pytest.mark.parametrize("spec", OF_STATES.values(), ids=lambda spec: spec.name)
 def test_coefficients_of_laws_and_the_lag_are_differentiated_too(spec):
     model = with_laws(spec, lagged=True)

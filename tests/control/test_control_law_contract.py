@@ -106,8 +106,8 @@ def test_a_law_says_what_it_is(spec: ControlLawSpec) -> None:
 def test_commands_are_those_of_the_formula(spec: ControlLawSpec, sample_time: float) -> None:
     loop = devices(rd1005())
     law = law_of(spec, loop)
-    # The rollout in NumPy takes milliseconds for a decision.
-    motion = trimmed(sweep(), end=0.4 if spec.needs_model else 1.5)
+    # The rollout and a search in NumPy take milliseconds for a decision.
+    motion = trimmed(sweep(), end=0.4 if spec.needs_model or spec.name in SEARCHED else 1.5)
     run = run_of(law, loop, Hardware(sample_time=sample_time), motion)
     seen = Recorded.of(law, five_storeys(), loop, motion, run, sample_time)
     expected = commands(seen)

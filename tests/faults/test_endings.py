@@ -27,8 +27,6 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
 
-pytestmark = pytest.mark.usefixtures("blank_pictures")
-
 
 def fit_of(run: Any) -> object:
     return run.fit.model, run.fit.theta
@@ -79,7 +77,7 @@ JOBS = {
 # Signals itself at the file or folder of that number that it is about to make in its folder; 0 is none.
 PROGRAM = """
 import os, signal, sys
-from blank_pictures import blank
+from blank_pictures import no_pages
 from mrwork.cli import main
 
 number, point = int(sys.argv[1]), int(sys.argv[2])
@@ -99,7 +97,7 @@ def watch(event, arguments):
 
 sys.addaudithook(watch)
 try:
-    with blank():
+    with no_pages():
         main()
 finally:
     print(events, file=sys.stderr)
@@ -184,7 +182,7 @@ def folder(stage: Stage, tmp_path: Path) -> Path:
     return Path(shutil.copytree(stage.before, tmp_path / "work"))
 
 
-@pytest.mark.parametrize("third", [1, 2, 3])
+@pytest.mark.parametrize("third", [2, 3])
 def test_a_killed_verb_loses_nothing_and_goes_on_to_the_same_results(
     stage: Stage, folder: Path, third: int
 ) -> None:

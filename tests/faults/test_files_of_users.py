@@ -14,7 +14,6 @@ import mrwork as mr
 from mrwork.errors import OutputError
 from mrwork.store.output_file import Lock, write_file
 
-pytestmark = pytest.mark.usefixtures("blank_pictures")
 FIT = ("identify", "synthetic:spencer1997", "--model", "bingham", "--every", 40, "--threads", 1, "--quiet")
 
 

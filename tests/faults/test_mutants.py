@@ -32,7 +32,6 @@ from mrwork.identification.fit_file import reopen
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test, read_test_table
 
-pytestmark = pytest.mark.usefixtures("blank_pictures")
 TOKENS = st.sampled_from(
     [
         *("", " ", "\t", "\r", "\0", "\x1b[31m", "\u202e", "\ufeff", "x", "true", "[]", "{}", '"', "=", ","),

@@ -394,7 +394,7 @@ def test_the_command_line_fits_predicts_and_calibrates_records_of_a_set_point(tm
     assert checked["current_a"] == {"lowest": 0.0, "highest": 1.0}
     command_refusal("identify", files[0], "--driver-lag", match="--law")
     held = [each for name, (value, _) in HELD.items() for each in ("--fix", f"{name}={value}")]
-    auto = ["--law", "auto", "--driver-lag", "--fix", "eta=60", *held, "--replace"]
+    auto = ["--law", "auto", "--driver-lag", "--fix", "eta=60", *held, "--every", "4", "--replace"]
     chosen = json.loads(printed("identify", files[0], "--model", "static_hysteretic", *auto, *short))
     assert chosen["parameters"]["eta"]["value"] == 60.0
     assert {*chosen["choice_of_laws"]["standings"][0]["laws"]} == {"c", "alpha"}

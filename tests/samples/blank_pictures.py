@@ -79,8 +79,10 @@ def drawn() -> Iterator[None]:
 @cache
 def _drawing() -> tuple[ModuleType, Callable[..., int]]:
     """What draws the pages of verbs, and where; it loads NumPy, whose threads `conftest` has not set yet."""
-    from mrwork.cli import output
+    from mrwork.cli import output, report
 
+    # The verb that draws pages keeps the true function.
+    assert report.drawing is output.drawing
     return output, output.drawing
 
 
@@ -90,13 +92,13 @@ def no_pages() -> Iterator[None]:
     from mrwork.store.run_folder import REPORT
     from mrwork.store.run_writer import add_to_run
 
-    def written(folder: Path, *_: object, **__: object) -> int:
-        add_to_run(folder, {REPORT: b""})
-        return 0
+    output, drawing = _drawing()
 
-    output, _ = _drawing()
+    def without_page(folder: Path, _: object, *, quiet: bool) -> int:
+        return drawing(folder, lambda _: add_to_run(folder, {REPORT: b""}), quiet=quiet)
+
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(output, "drawing", written)
+        patch.setattr(output, "drawing", without_page)
         yield
 
 

@@ -405,12 +405,14 @@ def _array(node: Node, value: Any) -> Any:
     array = array if array.size else array.astype(scalar)
     # The limits are beyond single precision.
     size = np.abs(array.astype(np.float64) if array.dtype.itemsize < 8 else array)
-    permitted = (size <= LARGEST) | ((May.BE_INFINITE in node.notes) & (size > LARGEST))
-    permitted |= (May.BE_NAN in node.notes) & np.isnan(size)
+    permitted = size <= LARGEST
+    if node.notes and not permitted.all():
+        permitted |= (May.BE_INFINITE in node.notes) & (size > LARGEST)
+        permitted |= (May.BE_NAN in node.notes) & np.isnan(size)
     for note in node.notes:
         if isinstance(note, Within):
             permitted &= ~note.excludes(array)
-    if not np.all(permitted):
+    if not permitted.all():
         first = tuple(map(int, np.argwhere(~permitted)[0]))
         number, where = array[first].item(), f" at {first[0] if len(first) == 1 else first}" if first else ""
         end = f"; give {instead_of(number, node.notes)}"
