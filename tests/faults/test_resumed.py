@@ -42,6 +42,11 @@ def search(opened: Open) -> object:
     return numbers(mr.identify("bingham", PLAIN, search=SEARCH, rng=1, threads=1, journal=opened("fit")))
 
 
+def joint(opened: Open) -> object:
+    spec = mr.damper("viscous_dahl").with_current_laws({"k_w": "linear"})
+    return numbers(mr.identify(spec, TESTS, search=SEARCH, rng=1, threads=1, journal=opened("fit")))
+
+
 def laws(opened: Open) -> object:
     settings = mr.identification.FitSettings(search=SEARCH)
     found = mr.choose_laws("viscous_dahl", TESTS, settings=settings, threads=1, journal_of=opened)
@@ -123,7 +128,7 @@ def named(lines: list[tuple[str, bytes]]) -> list[tuple[str, str]]:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("call", [descents, search, laws, models, chain, study, tuning])
+@pytest.mark.parametrize("call", [descents, search, joint, laws, models, chain, study, tuning])
 def test_a_call_goes_on_from_any_line_of_its_journals_to_the_same_bits(
     call: Callable[[Open], object], tmp_path: Path
 ) -> None:

@@ -436,7 +436,7 @@ BESIDE = (
 
 
 def test_dampers_that_hold_a_command_or_follow_none_stand_beside_others(tmp_path: Path) -> None:
-    laws = ["clipped_optimal", "passive_on", "predictive_rollout"]
+    laws = ["clipped_optimal", "passive_on"]
     # In a study those that laws command come first, whatever their order.
     study = mr.study_of(building=FRAME, dampers=[BESIDE[1], BESIDE[0], BESIDE[2]], laws=laws, motions=MOTIONS)
     assert study.device_names[1:] == ("held", "dashpot")

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import replace
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 from refusals import refusal
-from resumed_steps import stopped_and_resumed
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
@@ -107,21 +104,6 @@ def test_other_sets_are_kept_as_they_were_fitted_to_excerpts(choice: Choice) -> 
         }
         assert other.fit_percent == pytest.approx(choice.best.fit_percent, abs=0.5)
         assert not any(each.standard_error for each in other.estimates)
-
-
-@pytest.mark.long
-def test_interrupted_in_the_last_fit_and_resumed_is_as_if_nothing_had_happened(
-    tests: tuple[DamperTest, ...], settings: FitSettings, choice: Choice, tmp_path: Path
-) -> None:
-    so_far, resumed = stopped_and_resumed(
-        tmp_path,
-        partial(choose_laws, "viscous_dahl", tests, settings=settings, threads=1),
-        lambda progress: progress.task == "all tests",
-    )
-    assert (so_far.best.status, so_far.others) == ("interrupted", ())
-    assert asdict(resumed.ranking) == asdict(choice.ranking)
-    assert resumed.best.theta == choice.best.theta
-    assert [each.theta for each in resumed.others] == [each.theta for each in choice.others]
 
 
 def test_a_row_without_a_fold_ends_where_a_fit_to_the_other_tests_ends(tests: tuple[DamperTest, ...]) -> None:
