@@ -19,8 +19,8 @@ from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.control.laws.control_law import ControlLaw, control_law, control_laws
-from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem, Magnitudes
-from mrwork.control.laws.law_settings import SETTINGS, design_candidates, settings_of
+from mrwork.control.laws.law_problem import NO_CERTIFICATE, DesignProblem
+from mrwork.control.laws.law_settings import design_candidates, settings_of
 from mrwork.errors import SettingError
 from mrwork.store.codec import digest_of
 from mrwork.store.long_call import LongCall
@@ -29,7 +29,6 @@ from mrwork.study.realisations import Realisations
 from mrwork.study.runs import Runs, candidate_axes, study_criteria
 from mrwork.study.schema import TuneTable
 from mrwork.study.study import Study
-from mrwork.study.trials import magnitudes_of_runs
 from mrwork.tuning.space import (
     LARGEST,
     SHAPING_SPANS,
@@ -260,17 +259,3 @@ def check_controllable(study: Study) -> None:
         raise SettingError(
             f"study {study.title!r} has no damper that follows a command, so no law can be tuned; give it one"
         )
-
-
-def magnitudes_of(bench: Bench, laws: Sequence[str] = ()) -> Magnitudes:
-    """Typical peaks of the response, medians over the motions, from the baselines of the nominal bench.
-
-    Those under the best constant command are found where one of the `laws` chooses among commands.
-    """
-    study, off, on = bench.study, bench.baselines["passive_off"], bench.baselines["passive"]
-    magnitudes = magnitudes_of_runs(study.building, study.chosen_on, off, on, study.devices)
-    if study.problem.reference_peaks is None or not any(SETTINGS[law].chooses_levels for law in laws):
-        return magnitudes
-    # Of the frame of the default model.
-    peaks = study.problem.reference_peaks(True)
-    return replace(magnitudes, constant_drift=peaks.drift, constant_acceleration=peaks.acceleration)

@@ -6,7 +6,7 @@ What gradients reach is a candidate as any other: it is chosen if it is better.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -165,11 +165,12 @@ def first_candidates(
         further = of_regulators if kind.is_regulator else ()
         shapes += [({**others, **shape}, name) for shape, name in (({}, "energy of the building"), *further)]
     scanned = next((setting for setting in space.free if setting.name == _WEIGHT), None)
-    return distinct(
-        LawCandidate({**shape, **middle, **R, **at_most}, origin)
-        for shape, origin in shapes
-        for R in _sizes(scanned, shape, space, magnitudes)
-    )
+    candidates = list[LawCandidate]()
+    for shape, origin in shapes:
+        for R in _sizes(scanned, shape, space, magnitudes):
+            candidate = LawCandidate({**shape, **middle, **R, **at_most}, origin)
+            candidates += [candidate] if candidate not in candidates else []
+    return tuple(candidates)
 
 
 def _sizes(
@@ -226,15 +227,6 @@ def constant_commands(bench: Bench) -> tuple[TunedLaw, ...]:
         reference(OPTIMAL_PASSIVE, "best_passive", int(np.argmin(scores)), best, LEVELS),
         reference(PASSIVE_ON, "passive", LEVELS - 1, "largest command"),
     )
-
-
-def distinct(candidates: Iterable[LawCandidate]) -> tuple[LawCandidate, ...]:
-    """Candidates without repetition, in order."""
-    unique: list[LawCandidate] = []
-    for candidate in candidates:
-        if candidate not in unique:
-            unique.append(candidate)
-    return tuple(unique)
 
 
 @array_dataclass()

@@ -17,6 +17,7 @@ from mrwork.base.keys import given_in
 from mrwork.base.places import Place, keyed, read_each
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.own_runs import beyond_twin
+from mrwork.control.laws.law_settings import SETTINGS
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.search.registry import library
 from mrwork.store.journal import Journal
@@ -24,14 +25,8 @@ from mrwork.store.long_call import LongCall
 from mrwork.study.motions import refuse_same
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
-from mrwork.study.trials import designed
-from mrwork.tuning.law_plan import (
-    Bench,
-    LawPlan,
-    check_controllable,
-    magnitudes_of,
-    without_gradient,
-)
+from mrwork.study.trials import designed, magnitudes_of_runs
+from mrwork.tuning.law_plan import Bench, LawPlan, check_controllable, without_gradient
 from mrwork.tuning.law_tuning import (
     TuningProgress,
     check_settings,
@@ -186,7 +181,13 @@ def _plan(
     benches = [bench.with_baselines(baselines)]
     if any(table.robust for table in tables):
         benches.append(replace(bench, realisations=study.realisations).with_baselines(baselines))
-    magnitudes = magnitudes_of(benches[0], [law for table in tables for law in table.laws])
+    off, on = (benches[0].baselines[kind] for kind in ("passive_off", "passive"))
+    magnitudes = magnitudes_of_runs(study.building, study.chosen_on, off, on, study.devices)
+    chooses = any(SETTINGS[law].chooses_levels for table in tables for law in table.laws)
+    if chooses and study.problem.reference_peaks is not None:
+        # Of the frame of the default model.
+        peaks = study.problem.reference_peaks(True)
+        magnitudes = replace(magnitudes, constant_drift=peaks.drift, constant_acceleration=peaks.acceleration)
     shapes = regulator_shapes(study.problem, magnitudes)
 
     def plan(table: TuneTable, law: str, objective: TuningObjective) -> LawPlan:
