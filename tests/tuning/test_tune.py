@@ -15,12 +15,14 @@ from tuning_samples import TWO_STOREYS, without_times
 import mrwork as mr
 from mrwork.closed_loop.evaluation import SCORE, ties_in_words
 from mrwork.errors import Interrupted
+from mrwork.study import TuneTable
 from mrwork.study.results import bands_over
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.folder import chosen_study, tuning_document
 from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, unjudged, with_tuned_rows
 from mrwork.tuning.law_plan import Bench
 from mrwork.tuning.results import settings_in_words
+from mrwork.tuning.run import plan_of
 from mrwork.tuning.space import LawCandidate
 
 
@@ -239,6 +241,16 @@ def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_o
         # An error of the balance is rounding itself.
         assert name == "energy_error" or array == pytest.approx(single, rel=1e-9, nan_ok=True)
         assert np.array_equal(array[2], single[2], equal_nan=True)
+
+
+def test_every_first_candidate_has_settings_of_the_law() -> None:
+    """Also where the force of a damper costs nothing in convex weights, which a regulator does not take."""
+    second = '\n[[damper]]\nstorey = 2\npreset = "kwok2006"\nlag = 190\ndifferential = true\n'
+    training = tuning_samples.motion("A", 1, "training") + tuning_samples.motion("B", 5, "training")
+    motions = training + tuning_samples.motion("C", 2)
+    study = tuning_samples.study_with(building=TWO_STOREYS, more=second, motions=motions, tune="")
+    plan = plan_of(study, TuneTable(laws=("clipped_optimal",)), 1)
+    assert np.isfinite(plan.scores(plan.firsts).objective).any()
 
 
 @pytest.mark.long

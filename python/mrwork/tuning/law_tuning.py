@@ -119,6 +119,8 @@ def regulator_shapes(problem: DesignProblem, magnitudes: Magnitudes) -> list[Sha
                 spectrum=ground_of(problem).spectrum,
             )
             weights = {name: _round_all(value) for name, value in designed.settings().items()}
+            # A force that costs nothing has a weight of 0, which a regulator does not take.
+            settings_of("clipped_optimal", weights)
             convex.append((weights, _CONVEX))
     # Where the weights of limits exist, their semi-active form does, too.
     designed_by = [{"designed": {**limit, "semi_active": _SHARE}} for limit in limits if convex]
