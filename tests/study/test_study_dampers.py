@@ -339,6 +339,7 @@ def test_a_run_without_laws_is_taken_as_a_passive_damper_where_the_study_says_so
     [
         ("", "", "line 4: no parameter of this bingham .* depends on the command"),
         ("passive = true\ncommand = 1.0", "", "line 4: .*a passive damper takes no command"),
+        ("passive = true\nlargest_command = 2.0", "", "line 8: a passive damper takes no command"),
         ("passive = true", CLIPPED, "line 10: clipped_optimal commands the dampers, and they are passive"),
     ],
 )

@@ -109,6 +109,10 @@ def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) ->
             f"passive is true, and {', '.join(spec.following)} of this {spec.name} depend on the command; leave "
             "passive out, and give command = 0 or another one to hold, or a law such as best_passive",
         )
+    if table.passive and table.largest_command is not None:
+        raise InvalidSettingError(
+            "largest_command", "a passive damper takes no command; leave largest_command out"
+        )
 
 
 def _model(name: str | DamperSpec | None, key: str = "model") -> DamperSpec:
