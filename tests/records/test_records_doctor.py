@@ -295,3 +295,14 @@ def test_a_wrong_label_in_a_set_is_named(wrong: int, label: float) -> None:
     assert finding.measured is not None
     assert right is not None
     assert np.sign(finding.measured.value) == np.sign(right - label)
+
+
+@pytest.mark.parametrize(("held", "told"), [(60, True), (10, False)])
+def test_a_force_that_a_logger_holds_within_one_way_is_told(held: int, told: bool) -> None:
+    time = 0.002 * np.arange(2000)
+    noise = 6.0 * np.random.default_rng(7).standard_normal(time.size)
+    motion, velocity = 0.008 * np.sin(4.0 * np.pi * time), 0.032 * np.pi * np.cos(4.0 * np.pi * time)
+    force = 800.0 * np.tanh(velocity / 0.02) + 1000.0 * velocity + noise
+    force[1000 : 1000 + held] = force[1000]
+    test = mr.test_from_arrays(name="held", time=time, displacement=motion, force=force)
+    assert ("stuck" in codes(test)) is told

@@ -221,6 +221,29 @@ _HELD: Final = FindingKind(
 )
 
 
+_STUCK: Final = FindingKind(
+    "stuck",
+    "the force has one value in {value:.0f} samples from {begin:.4g} s on, while the displacement moves, and elsewhere "
+    "another in nearly each sample",
+    "check the channel and the logger, or omit that part (--from, --until)",
+)
+# Samples in a row, share of other neighbours that may be equal, and share of its range by which the displacement moves.
+_STUCK_SAMPLES: Final = 20
+_EQUAL: Final = 0.01
+_MOVES: Final = 0.1
+
+
+def stuck_force(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+    """Warn of a force that a sensor or logger holds for a while within one way of the motion."""
+    equal = np.diff(test.force) == 0.0
+    first, last = max(runs_of(equal), key=lambda run: run[1] - run[0], default=(0, 0))
+    moved = np.ptp(test.displacement[first : last + 1]) > _MOVES * np.ptp(test.displacement)
+    rare = np.count_nonzero(equal) - (last - first) <= _EQUAL * equal.size
+    if last - first >= _STUCK_SAMPLES and moved and rare:
+        value = Measured(last - first + 1, "samples")
+        yield _STUCK.found(measured=value, begin=float(test.time[first]))
+
+
 def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     """Warn of channels with few levels, of clipped ones, and of those whose samples are held."""
     channels = [("displacement", test.displacement, "m"), ("force", test.force, "N")]

@@ -86,8 +86,8 @@ from mrwork.records.window import (
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]], ...]] = (
     checks.force_offset, checks.rest_before_motion, checks.samples_per_cycle, motion_matches_name,
     checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding, checks.stroke_finding,
-    checks.force_finding, checks.pace_finding, checks.command_finding, checks.resolution_findings, still_findings,
-    jump_finding, drift_of_displacement_finding, repeated_part, drift_finding,
+    checks.force_finding, checks.pace_finding, checks.command_finding, checks.resolution_findings, checks.stuck_force,
+    still_findings, jump_finding, drift_of_displacement_finding, repeated_part, drift_finding,
 )  # fmt: skip
 
 
