@@ -47,7 +47,7 @@ def _memory_is_given_back() -> Iterator[None]:
 
 
 # Rooms in which verbs write pages that are not looked at; `tests/report` and `tests/studies` draw.
-_BLANK = ("cli", "faults", "identification", "records", "store", "study", "tuning", "uncertainty")
+_BLANK = ("cli", "faults", "identification", "records", "store", "study", "tuning", "uncertainty", "workers")
 
 
 @pytest.fixture(scope="module", autouse=True)

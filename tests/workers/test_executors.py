@@ -5,13 +5,14 @@ import multiprocessing
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from command_line import COMMAND, ran
+from command_line import COMMAND, mrwork, ran
 
 from tests.workers.computations import STUDY, digests
 
@@ -49,9 +50,9 @@ def _timeless(value: Any) -> Any:
     return [_timeless(each) for each in value] if isinstance(value, list) else value
 
 
-def printed(*words: object) -> Any:
-    """What a command prints as JSON, in a process of its own: Dask changes how a process pickles errors."""
-    ended = ran(*COMMAND, *words, "--quiet", "--json")
+def printed(run: Callable[..., Any], *words: object) -> Any:
+    """What a command prints as JSON that is run in some way."""
+    ended = run(*words, "--quiet", "--json")
     assert ended.returncode == 0, ended.stderr
     return _timeless(json.loads(ended.stdout))
 
@@ -92,6 +93,7 @@ def test_workers_of_the_command_line(workers: str, request: pytest.FixtureReques
     else:
         words = ("identify", "synthetic:spencer1997", "--model", "dahl,bingham", "--every", "8")
         options = ("--workers", "1")
-    here = printed(*words, "--out", tmp_path / "here")
-    there = printed(*words, *options, "--out", tmp_path / "there")
+    here = printed(mrwork, *words, "--out", tmp_path / "here")
+    # In a process of its own: Dask changes how a process pickles errors.
+    there = printed(partial(ran, *COMMAND), *words, *options, "--out", tmp_path / "there")
     assert json.dumps(there).replace(str(tmp_path / "there"), str(tmp_path / "here")) == json.dumps(here)
