@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,15 +31,8 @@ def study() -> mr.Study:
 
 
 @pytest.fixture(scope="module")
-def journal(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """That of the tuning, once it has its results."""
-    return tmp_path_factory.mktemp("journal") / "journal.jsonl"
-
-
-@pytest.fixture(scope="module")
-def results(study: mr.Study, journal: Path) -> TuningResults:
-    with closing(mr.Journal(journal)) as kept:
-        return tune(study, threads=1, journal=kept)
+def results(study: mr.Study) -> TuningResults:
+    return tune(study, threads=1)
 
 
 @pytest.fixture(scope="module")
@@ -95,19 +87,6 @@ def test_the_best_constant_command_is_that_of_the_study(results: TuningResults) 
 
 def test_threads_change_no_bit(study: mr.Study, results: TuningResults) -> None:
     assert without_times(tune(study, threads=2)) == without_times(results)
-
-
-@pytest.mark.parametrize("share", [0.6, 1.0])
-def test_a_journal_that_was_cut_resumes_to_the_same_bits(
-    study: mr.Study, results: TuningResults, journal: Path, share: float, tmp_path: Path
-) -> None:
-    content, path = journal.read_bytes(), tmp_path / "journal.jsonl"
-    path.write_bytes(content[: int(share * len(content))])
-    with closing(mr.Journal(path, resume=True)) as resumed:
-        again = tune(study, threads=1, journal=resumed)
-    assert without_times(again) == without_times(results)
-    if share == 1.0:
-        assert path.read_bytes() == content
 
 
 def test_the_chosen_study_has_the_scores_of_the_tuning(results: TuningResults, tmp_path: Path) -> None:
