@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 import study_samples
+import xarray
 from command_line import printed
 from refusals import refusal
 from sentences import Refused
@@ -229,6 +230,20 @@ def test_a_damaged_history_is_simulated_again_on_resuming(path: Path, tmp_path: 
         printed("respond", path, "--out", out, "--quiet", "--resume")
         assert sorted((out / "histories").glob("*.nc")) == files
         assert files[0].read_bytes() == whole
+
+
+def test_xarray_opens_the_runs_and_a_history_with_their_axes_and_units(path: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    printed("respond", path, "--out", out, "--quiet")
+    with xarray.open_datatree(out / "runs.nc", engine="h5netcdf") as tree:
+        drift = tree["peak_drift"]
+        assert (drift.dims, drift.attrs["units"]) == (("row", "motion", "storey"), "m")
+        results = mr.load(out, StudyResults)
+        assert drift["row"].values.tolist() == [row.label for row in results.rows]
+        np.testing.assert_array_equal(drift.values, results.quantities.peak_drift[:, :, 0])
+        assert tree["criteria/peak_acceleration"].attrs["units"] == "m/s^2"
+    with xarray.open_dataset(next((out / "histories").iterdir()), engine="h5netcdf") as history:
+        assert history["drift"].dims == ("time", "storey")
 
 
 def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(path: Path, tmp_path: Path) -> None:
