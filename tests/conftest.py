@@ -78,27 +78,27 @@ INSTRUCTION_SETS = ("avx512", "avx2", "plain")
 
 @pytest.fixture(params=INSTRUCTION_SETS)
 def instruction_set(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Every instruction set that this machine has, in force for the test."""
-    if not _is_here(request.param, monkeypatch):
-        pytest.skip(f"this machine has no {request.param}")
+    """Every instruction set that build and machine have, in force for the test."""
+    if not _is_usable(request.param, monkeypatch):
+        pytest.skip(f"this build or this machine has no {request.param}")
     return request.param
 
 
 @pytest.fixture
 def of_instruction_sets(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], Any]], list[Any]]:
-    """What a function returns with every instruction set of this machine."""
+    """What a function returns with every instruction set that build and machine have."""
 
     def results(function: Callable[[], Any]) -> list[Any]:
-        made = [function() for name in INSTRUCTION_SETS if _is_here(name, monkeypatch)]
+        made = [function() for name in INSTRUCTION_SETS if _is_usable(name, monkeypatch)]
         if len(made) < 2:
-            pytest.skip("this machine has one instruction set only, there is nothing to compare")
+            pytest.skip("build and machine have one instruction set in common, there is nothing to compare")
         return made
 
     return results
 
 
-def _is_here(name: str, monkeypatch: pytest.MonkeyPatch) -> bool:
-    """Whether this machine has an instruction set, which is then in force."""
+def _is_usable(name: str, monkeypatch: pytest.MonkeyPatch) -> bool:
+    """Whether build and machine have an instruction set, which is then in force."""
     from mrwork import _rust
 
     monkeypatch.setenv("MRWORK_INSTRUCTION_SET", name)

@@ -1,49 +1,58 @@
-//! Chooses the instruction sets that are compiled: those of this machine, or all of the architecture.
+//! Chooses the instruction sets that are compiled: the best one of this machine, all of the architecture, or those named.
 //!
 //! All are compiled with the feature `all-sets`, where `MRWORK_BUILD_SETS` is `all`, and for another target than this
-//! machine; plain alone where it is `plain`, which builds soonest. Else a build from source is for the machine that it
-//! stands on: its best set, AVX2 and plain.
+//! machine. `MRWORK_BUILD_SETS` may also name sets, as `avx2` or `avx512,plain`: the module then runs on every processor
+//! that has one of them.
 
-/// Environment variable that asks for `all` sets, or for `plain` alone.
+/// Environment variable that asks for `all` sets, or names some.
 const BUILD_SETS: &str = "MRWORK_BUILD_SETS";
+/// The instruction sets of x86-64, fastest first; every target has the last one.
+const SETS: [&str; 3] = ["avx512", "avx2", "plain"];
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-env-changed={BUILD_SETS}");
-    println!("cargo::rustc-check-cfg=cfg(compiled_avx512, compiled_avx2)");
+    println!("cargo::rustc-check-cfg=cfg(compiled_avx512, compiled_avx2, compiled_plain)");
     let variable = |name: &str| std::env::var(name).unwrap_or_default();
-    if variable("CARGO_CFG_TARGET_ARCH") != "x86_64" {
-        return;
-    }
     let asked = variable(BUILD_SETS);
-    if !["", "all", "plain"].contains(&asked.as_str()) {
-        println!(
-            "cargo::error={BUILD_SETS} is {asked:?}; give all or plain, or unset it for the sets of this machine"
-        );
-    }
+    let of_target = if variable("CARGO_CFG_TARGET_ARCH") == "x86_64" { &SETS[..] } else { &SETS[2..] };
     let all = std::env::var_os("CARGO_FEATURE_ALL_SETS").is_some()
         || asked == "all"
-        || variable("HOST") != variable("TARGET");
-    let [avx512, avx2] = if asked == "plain" { [false; 2] } else { of_this_machine() };
-    if all || avx512 {
-        println!("cargo::rustc-cfg=compiled_avx512");
-    }
-    if all || avx2 {
-        println!("cargo::rustc-cfg=compiled_avx2");
+        || (asked.is_empty() && variable("HOST") != variable("TARGET"));
+    let chosen: Vec<&str> = match asked.as_str() {
+        _ if all => of_target.to_vec(),
+        "" => of_target.iter().copied().filter(|set| has(set)).take(1).collect(),
+        names => names.split(',').map(str::trim).collect(),
+    };
+    for set in chosen {
+        if of_target.contains(&set) {
+            println!("cargo::rustc-cfg=compiled_{set}");
+        } else {
+            println!(
+                "cargo::error={BUILD_SETS} is {asked:?}; give all or names among {}, parted by commas, or unset it for the \
+                 best set of this machine",
+                of_target.join(", ")
+            );
+        }
     }
 }
 
-/// Whether this machine has AVX-512 and AVX2, as `dispatch.rs` asks for them.
+/// Whether this machine has an instruction set, as `dispatch.rs` asks for it.
 #[cfg(target_arch = "x86_64")]
-fn of_this_machine() -> [bool; 2] {
+fn has(set: &str) -> bool {
     let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-    let avx512 = is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512dq")
-        && is_x86_feature_detected!("avx512vl");
-    [avx2 && avx512, avx2]
+    match set {
+        "avx512" => {
+            avx2 && is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512vl")
+        }
+        "avx2" => avx2,
+        _ => true,
+    }
 }
 
 #[cfg(not(target_arch = "x86_64"))]
-fn of_this_machine() -> [bool; 2] {
-    [false; 2]
+fn has(set: &str) -> bool {
+    set == "plain"
 }

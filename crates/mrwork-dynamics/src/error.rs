@@ -234,6 +234,19 @@ pub enum DynamicsError {
         /// The entries it should have.
         expected: &'static str,
     },
+    /// A build of other instruction sets than this processor has.
+    #[error(
+        "this build of mrwork is for processors with {}, and this one has {}; build mrwork again on this machine with \
+         MRWORK_BUILD_SETS={} in the environment, or with MRWORK_BUILD_SETS=all for every processor (by make in a clone, \
+         else by pip install --force-reinstall --no-cache-dir)",
+        of_build.join(" or "), of_processor.join(" and "), of_processor.first().copied().unwrap_or("all")
+    )]
+    Processor {
+        /// Names of the instruction sets of the build.
+        of_build: Vec<&'static str>,
+        /// Names of those of the processor, fastest first.
+        of_processor: Vec<&'static str>,
+    },
     /// The caller cancelled.
     #[error("the simulation was cancelled")]
     Cancelled,

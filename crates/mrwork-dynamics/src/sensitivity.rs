@@ -54,7 +54,7 @@ pub fn sensitivities(
     let progress = BatchProgress::at_rest(damper.spec(), n_batch, None);
     let directions = Directions::of(damper.spec(), laws, asked, loading);
     let lanes = lanes(&schedule.order, &directions, asked.len(), force, jacobian, n_time);
-    let set = settings.instruction_set.or_plain();
+    let set = settings.instruction_set;
     let work = blocks(lanes, set.vector_width(), |candidate| schedule.rows[candidate].substeps);
     on_threads(
         schedule.threads_at(DUAL_COST * directions.n_lanes() as u64),

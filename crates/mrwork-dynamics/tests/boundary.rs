@@ -71,8 +71,7 @@ fn numbers(n: usize) -> impl Strategy<Value = Vec<f64>> {
 }
 
 fn set() -> impl Strategy<Value = InstructionSet> {
-    let usable: Vec<_> = InstructionSet::ALL.into_iter().filter(|set| set.is_supported()).collect();
-    select(usable)
+    select(InstructionSet::usable().collect::<Vec<_>>())
 }
 
 fn settings(step_factor: u32, threads: usize, instruction_set: InstructionSet) -> Settings<'static> {

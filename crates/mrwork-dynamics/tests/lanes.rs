@@ -6,6 +6,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use mrwork_dynamics::dispatch::{InstructionSet, LaneJob};
 use mrwork_dynamics::elementary::{self, exp, ln, powf, tanh};
+use mrwork_dynamics::error::DynamicsError;
 use mrwork_dynamics::lanes::Lanes;
 use mrwork_dynamics::real::{Bits, Pairs, Real, SIXTEENTH_ALIGNER};
 
@@ -160,10 +161,6 @@ fn difference<O: Operation>(
     })
 }
 
-fn supported() -> impl Iterator<Item = InstructionSet> {
-    InstructionSet::ALL.into_iter().filter(|set| set.is_supported())
-}
-
 /// Any bit pattern: a linear congruential generator over 64 bits, top half kept and mixed.
 fn random_bits(n: usize) -> impl Iterator<Item = f64> {
     let mut state = 0x9E37_79B9_7F4A_7C15_u64;
@@ -190,7 +187,7 @@ fn operations_on_lanes_are_those_on_one_number() {
     numbers.extend(bits.chunks_exact(3).map(|x| [x[0], x[1], x[2]]));
     let near_one: Vec<f64> = random_unit(9_000).map(|u| 8.0 * u - 4.0).collect();
     numbers.extend(near_one.chunks_exact(3).map(|x| [x[0], x[1], x[2]]));
-    for set in supported() {
+    for set in InstructionSet::usable() {
         assert_eq!(differences(set, &numbers), Vec::<String>::new());
     }
 }
@@ -215,7 +212,7 @@ fn operations_on_normal_numbers_are_those_on_one_number() {
     for edge in step.into_iter().chain([f64::MIN_POSITIVE, 1.0, 1.0_f64.next_down()]) {
         numbers.push([edge, 1.0, 2.0]);
     }
-    for set in supported() {
+    for set in InstructionSet::usable() {
         assert_eq!(of_normal::differences(set, &numbers), Vec::<String>::new());
     }
 }
@@ -242,7 +239,7 @@ impl LaneJob for Quantifiers<'_> {
 #[test]
 fn one_lane_decides_any_and_all() {
     // Of several: without vectors a pack is one number.
-    for set in supported().filter(|set| set.run(1, Width) > 1) {
+    for set in InstructionSet::usable().filter(|set| set.run(1, Width) > 1) {
         for batch in &BATCHES[1..] {
             for answer in set.run(*batch, Quantifiers(&[-1.0, 1.0])) {
                 assert_eq!(answer, [true, false, true, false], "{}", set.name());
@@ -272,7 +269,7 @@ impl LaneJob for Width {
 #[test]
 fn candidates_run_in_lanes_that_hold_them_and_a_full_block_in_one_pack() {
     // Without vectors a pack is one number, and a block is several packs side by side.
-    for set in supported().filter(|set| set.run(1, Width) > 1) {
+    for set in InstructionSet::usable().filter(|set| set.run(1, Width) > 1) {
         assert_eq!(set.run(1, Width), 8);
         assert_eq!(set.run_narrow(Width), 8);
         assert_eq!(set.run(set.block_width(), Width), set.block_width());
@@ -284,10 +281,19 @@ fn candidates_run_in_lanes_that_hold_them_and_a_full_block_in_one_pack() {
 }
 
 #[test]
-fn an_instruction_set_that_is_missing_falls_back() {
-    for set in InstructionSet::ALL {
-        let results = set.run(8, OverLanes { operation: Addition, numbers: &[[1.0, 2.0, 0.0]] });
-        assert_eq!(results.1, [3.0]);
+fn batches_run_on_the_fastest_set_of_build_and_processor() {
+    let usable: Vec<_> = InstructionSet::usable().map(InstructionSet::name).collect();
+    assert_eq!(InstructionSet::detect().map(InstructionSet::name), Ok(usable[0]));
+    let of_both =
+        InstructionSet::of_build().filter(|name| InstructionSet::of_processor().any(|other| other == *name));
+    assert_eq!(of_both.collect::<Vec<_>>(), usable);
+}
+
+#[test]
+fn a_processor_without_the_sets_of_the_build_is_told_what_to_build() {
+    let error = DynamicsError::Processor { of_build: vec!["avx512"], of_processor: vec!["avx2", "plain"] };
+    let sentence = error.to_string();
+    for part in ["for processors with avx512", "this one has avx2 and plain", "MRWORK_BUILD_SETS=avx2 "] {
+        assert!(sentence.contains(part), "{sentence}");
     }
-    assert!(InstructionSet::detect().is_supported());
 }

@@ -15,10 +15,6 @@ fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
 }
 
-fn supported() -> impl Iterator<Item = InstructionSet> {
-    InstructionSet::ALL.into_iter().filter(|set| set.is_supported())
-}
-
 #[test]
 fn a_row_of_a_batch_has_the_bits_of_a_call_of_its_own() {
     let loading = loading(300);
@@ -29,7 +25,7 @@ fn a_row_of_a_batch_has_the_bits_of_a_call_of_its_own() {
             theta.chunks(n_params).map(|row| forces(damper, row, &loading, default())).collect();
         let measured = &alone[0].1;
         let target = Target { force: measured, first: 20 };
-        for set in supported() {
+        for set in InstructionSet::usable() {
             let (rows, force) = forces(damper, &theta, &loading, settings(2, set));
             let fits = misfits(damper, &constant(damper), &theta, &loading, target, None, settings(2, set))
                 .expect("a batch that runs");
@@ -56,7 +52,7 @@ fn a_candidate_is_abandoned_where_its_error_reaches_its_limit_and_nowhere_else()
         let measured = vec![100.0; loading.n_time()];
         let target = Target { force: &measured, first: 40 };
         let run = |limits, threads| {
-            let settings = settings(threads, InstructionSet::detect());
+            let settings = settings(threads, InstructionSet::detect().expect("a set"));
             misfits(damper, &constant(damper), &theta, &loading, target, limits, settings)
                 .expect("a batch that runs")
         };
@@ -113,7 +109,7 @@ fn threads_do_not_change_a_bit() {
                 &loading,
                 target,
                 None,
-                settings(threads, InstructionSet::detect()),
+                settings(threads, InstructionSet::detect().expect("a set")),
             )
             .expect("a batch that runs")
         };

@@ -93,44 +93,34 @@ pub fn value_error(error: DynamicsError) -> PyErr {
 /// The instruction set to run on: the fastest, or the one that the environment forces.
 pub fn chosen_instruction_set() -> PyResult<InstructionSet> {
     let Some(wanted) = std::env::var_os(INSTRUCTION_SET).filter(|wanted| !wanted.is_empty()) else {
-        return Ok(InstructionSet::detect());
+        return InstructionSet::detect().map_err(value_error);
     };
-    let forced =
-        InstructionSet::ALL.into_iter().find(|set| wanted.to_str() == Some(set.name()) && set.is_supported());
-    forced.ok_or_else(|| {
-        // Quoted and escaped; what is no text has replacement characters.
-        let text = wanted.to_string_lossy();
-        let left_out = InstructionSet::ALL
-            .into_iter()
-            .any(|set| wanted.to_str() == Some(set.name()) && set.is_of_processor());
-        let remedy = if left_out {
-            format!(
-                "build it from source with {BUILD_SETS}=all, unset {INSTRUCTION_SET} or name one of these"
-            )
+    // Quoted and escaped; what is no text has replacement characters.
+    let wanted = wanted.to_string_lossy();
+    InstructionSet::usable().find(|set| wanted == set.name()).ok_or_else(|| {
+        let usable: Vec<_> = InstructionSet::usable().map(InstructionSet::name).collect();
+        let usable = usable.join(", ");
+        let left_out = InstructionSet::of_processor().any(|name| wanted == name);
+        let (which, remedy) = if left_out {
+            ("this build of mrwork has", format!("build it from source with {BUILD_SETS}=all, or "))
         } else {
-            "unset it or name one of these".to_owned()
+            ("this machine has", String::new())
         };
-        let has = if left_out { "this build of mrwork has" } else { "this machine has" };
-        let usable = names(InstructionSet::is_supported).join(", ");
-        PyValueError::new_err(format!("{INSTRUCTION_SET} is {text:?}, {has} {usable}; {remedy}"))
+        PyValueError::new_err(format!(
+            "{INSTRUCTION_SET} is {wanted:?}, {which} {usable}; {remedy}unset it or name one of these"
+        ))
     })
 }
 
-/// Names of the instruction sets of which this holds, fastest first.
-pub fn names(holds: impl Fn(InstructionSet) -> bool) -> Vec<&'static str> {
-    InstructionSet::ALL.into_iter().filter(|&set| holds(set)).map(InstructionSet::name).collect()
-}
-
 /// A sentence where vectors of the processor lie idle because this build has none of them.
-pub fn idle_vectors() -> Option<String> {
-    if InstructionSet::detect() != InstructionSet::Plain {
-        return None;
-    }
-    let idle = names(|set| set.is_of_processor() && set != InstructionSet::Plain);
-    idle.first()?;
-    Some(format!(
-        "this build of mrwork has none of the vector instructions of this machine ({}) and is at least {SLOWDOWN} times \
-         slower than it could be: it was built from source on another machine; build it here, or there with {BUILD_SETS}=all",
-        idle.join(", ")
-    ))
+pub fn idle_vectors(used: InstructionSet) -> Option<String> {
+    let idle: Vec<_> = InstructionSet::of_processor().filter(|&name| name != "plain").collect();
+    (used.name() == "plain" && !idle.is_empty()).then(|| {
+        format!(
+            "this build of mrwork has none of the vector instructions of this machine ({}) and is at least {SLOWDOWN} times \
+             slower than it could be: build it again from source with {BUILD_SETS}={} in the environment",
+            idle.join(", "),
+            idle[0]
+        )
+    })
 }

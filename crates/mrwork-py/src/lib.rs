@@ -23,6 +23,8 @@ use crate::enter::idle_vectors;
 mod _rust {
     use std::ffi::CString;
 
+    use mrwork_dynamics::dispatch::InstructionSet;
+
     use super::{Bound, PyAnyMethods, PyErr, PyModule, PyModuleMethods, PyResult, idle_vectors};
 
     #[pymodule_export]
@@ -46,10 +48,14 @@ mod _rust {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        if let Some(sentence) = idle_vectors() {
-            // A warning of the package: the command shows it in one line on stderr, and hides those of libraries.
-            let category = module.py().import("mrwork.errors")?.getattr("MrworkWarning")?;
-            PyErr::warn(module.py(), &category, &CString::new(sentence)?, 1)?;
+        // Classes of the package: the command shows their sentence in one line on stderr, and hides warnings of libraries.
+        let class = |name: &str| module.py().import("mrwork.errors")?.getattr(name);
+        let used = match InstructionSet::detect() {
+            Ok(used) => used,
+            Err(error) => return Err(PyErr::from_value(class("LibraryError")?.call1((error.to_string(),))?)),
+        };
+        if let Some(sentence) = idle_vectors(used) {
+            PyErr::warn(module.py(), &class("MrworkWarning")?, &CString::new(sentence)?, 1)?;
         }
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }

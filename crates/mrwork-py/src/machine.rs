@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::contiguous;
 use crate::damper::{check_count, named};
-use crate::enter::{chosen_instruction_set, interruptible, names};
+use crate::enter::{chosen_instruction_set, interruptible};
 
 const MOST_THREADS: usize = 1024;
 const LONGEST: f64 = 60.0;
@@ -22,7 +22,7 @@ pub fn instruction_set() -> PyResult<&'static str> {
 /// Names of the instruction sets of this build, and of those that this processor has, fastest first.
 #[pyfunction]
 pub fn instruction_sets() -> (Vec<&'static str>, Vec<&'static str>) {
-    (names(InstructionSet::is_compiled), names(InstructionSet::is_of_processor))
+    (InstructionSet::of_build().collect(), InstructionSet::of_processor().collect())
 }
 
 /// Peak rate of fused multiply-adds [flop/s] on that many threads, measured for about `seconds`.

@@ -367,16 +367,17 @@ class InstructionSets(Summarised):
     machine: tuple[str, ...]
 
     @property
-    def left_out(self) -> tuple[str, ...]:
-        """Those of this processor that a build for another machine left out, fastest first."""
-        return tuple(name for name in self.machine if name not in self.built)
+    def faster(self) -> tuple[str, ...]:
+        """Those of this processor that are faster than the one used and that the build left out, fastest first."""
+        sets = self.machine[: self.machine.index(self.used)]
+        return tuple(name for name in sets if name not in self.built)
 
     def __str__(self) -> str:
-        """In one line."""
+        """The sets in use and built, and faster ones of the machine if there are any, in one line."""
         text = f"simulates with {self.used}; this build has {', '.join(self.built)}"
-        if not self.left_out:
+        if not self.faster:
             return text
-        return f"{text}; this machine has {', '.join(self.left_out)}, too: build with MRWORK_BUILD_SETS=all"
+        return f"{text}; this machine has {', '.join(self.faster)}, which is faster: build with MRWORK_BUILD_SETS=all"
 
     def _summary(self) -> Summary:
         return Summary(title="Instruction sets", notes=[str(self)])
@@ -388,8 +389,8 @@ def instruction_set() -> InstructionSets:
     Returns
     -------
     InstructionSets
-        `MRWORK_INSTRUCTION_SET` chooses another one that is built; a build from source with `MRWORK_BUILD_SETS=all` has
-        every set of the architecture.
+        A wheel has every set of its architecture, a build from source the best one of its machine, or what
+        `MRWORK_BUILD_SETS` asked for (`all`, or names as `avx2,plain`). `MRWORK_INSTRUCTION_SET` chooses among them.
     """
     built, machine = _rust.instruction_sets()
     try:

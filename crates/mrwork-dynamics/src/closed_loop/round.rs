@@ -42,7 +42,7 @@ pub(super) fn round(
     output: &mut Output<'_>,
     settings: Settings<'_>,
 ) -> Result<Vec<(usize, u32, LaneResult)>, DynamicsError> {
-    let set = settings.instruction_set.or_plain();
+    let set = settings.instruction_set;
     let threads = thread_count(settings.threads);
     // Lanes of a block have equal operations: places of the springs of the first run with the pattern of each.
     let mut patterns: Vec<usize> = Vec::with_capacity(batch.springs.len());

@@ -11,16 +11,22 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::job::{GROUPS, LaneJob, MIDDLE_PAIRS};
+use super::job::LaneJob;
 use crate::lanes::{Lanes, Pack};
 use crate::real::{
     Bits, EXPONENT_BIAS_AT_TWO_TO_52, HALF_EXPONENT_BIAS, MANTISSA_BITS, ONE_BITS, OutOfLine, Pairs, Real,
     SIXTEENTH_ALIGNER, SQRT_HALF_BITS, TWO_TO_52,
 };
 
+/// Vectors in the widest pack: enough to hide the latency of a power and a division.
+pub(super) const GROUPS: usize = 8;
+/// Pairs of vectors in a pack of the loop: shared data are loaded once, and the state of a step stays in the cache. Work that
+/// keeps its numbers in registers takes one pair after the other.
+pub(super) const MIDDLE_PAIRS: usize = 2;
+
 /// Entry into an instruction set, compiled in the module of `Self`: modules are compiled side by side, and a function that
 /// stands here would be compiled here, with all its models.
-pub(super) trait Compiled {
+pub(super) trait Entry {
     /// Runs a job in the pack that so many candidates fill.
     ///
     /// # Safety
@@ -121,7 +127,7 @@ pub(super) trait Compiled {
     }
 }
 
-impl<T: ?Sized> Compiled for T {}
+impl<T: ?Sized> Entry for T {}
 
 const SIGN_BIT: i64 = i64::MIN;
 
@@ -210,7 +216,7 @@ impl Real for Avx512 {
     #[inline(always)]
     fn out_of_line<W: OutOfLine>(work: W) {
         // SAFETY: the processor has the features of `Avx512`.
-        unsafe { <W::Home as Compiled>::out_of_line_avx512(work) }
+        unsafe { <W::Home as Entry>::out_of_line_avx512(work) }
     }
     #[inline(always)]
     fn splat(value: f64) -> Self {
@@ -347,7 +353,7 @@ impl Real for Avx2 {
     #[inline(always)]
     fn out_of_line<W: OutOfLine>(work: W) {
         // SAFETY: the processor has the features of `Avx2`.
-        unsafe { <W::Home as Compiled>::out_of_line_avx2(work) }
+        unsafe { <W::Home as Entry>::out_of_line_avx2(work) }
     }
     #[inline(always)]
     fn splat(value: f64) -> Self {

@@ -11,7 +11,7 @@ pub const fn settings(threads: usize, instruction_set: InstructionSet) -> Settin
 }
 
 pub fn default() -> Settings<'static> {
-    settings(1, InstructionSet::detect())
+    settings(1, InstructionSet::detect().expect("a set"))
 }
 
 /// A sinusoid of 10 mm at 2.5 Hz.
