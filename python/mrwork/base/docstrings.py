@@ -40,7 +40,7 @@ def parameter_texts(declaring: Any) -> dict[str, str]:
 
 
 def texts_in(docstring: str | None) -> dict[str, str]:
-    """What a docstring says of each parameter."""
+    """Text of each parameter of a numpydoc docstring, dedented; empty without a section of parameters."""
     _, _, below = inspect.cleandoc(docstring or "").partition(PARAMETERS)
     section = SECTION.split(f"{below}\n", maxsplit=1)[0]
     # One or several names, and the indented lines below them.

@@ -104,7 +104,9 @@ def key(
 ) -> Any:
     """Declare a field of a dataclass as a key, by the notes `Within` and `Says`; without a default it is required."""
     terms = locals()
-    within, says = (note(**{item.name: terms[item.name] for item in fields(note)}) for note in (Within, Says))
+    within, says = (
+        kind(**{entry.name: terms[entry.name] for entry in fields(kind)}) for kind in (Within, Says)
+    )
     # Without a range of its own the annotation may have one.
     metadata = {NOTES: (says,) if within == Within() else (within, says)}
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
@@ -130,12 +132,12 @@ class Key:
 
     @property
     def name_in_file(self) -> str:
-        """Name of the key in a file."""
+        """Name of the key in a document: the one that its note states, else the name of the field or argument."""
         return self.says.named or self.name
 
     @property
     def is_required(self) -> bool:
-        """Whether the key must be given."""
+        """Whether the key has no default, so that a document must give it."""
         return self.default is inspect.Parameter.empty
 
     @property
@@ -197,7 +199,7 @@ def as_document(value: Any, *, from_one: bool = False) -> Any:
 
 def documented(target: Any, declared: Mapping[str, Node]) -> str | None:
     """The docstring of a function or class with what the notes of its parameters say."""
-    if not target.__doc__ or not any(note_of(quantity, Says) for quantity in declared.values()):
+    if not target.__doc__ or not any(note_of(node, Says) for node in declared.values()):
         return cast("str | None", target.__doc__)
     texts = {}
     for entry in keys_of((target,)):
@@ -231,7 +233,7 @@ class Arguments:
         return {names[name]: value for name, value in self.given.items() if name in names}
 
     def refuse_others(self, functions: tuple[Callable[..., Any], ...], reason: str, remedy: str) -> None:
-        """Refuse a key that none of these functions has."""
+        """Refuse the first given key that none of these functions has, as "KEY reason; remedy"."""
         names = {entry.name_in_file for entry in keys_of(functions)}
         for name in self.given:
             if name not in names:
@@ -256,7 +258,7 @@ class Arguments:
         """A table with keys of two functions is refused, or with none; keys that all functions have tell nothing."""
         ways = own_keys(self.functions)
         names = [[name for name in way if name in self.given] for way in ways]
-        used = [(function, way) for function, way in zip(self.functions, names, strict=True) if way]
+        used = [(function, given) for function, given in zip(self.functions, names, strict=True) if given]
         choice = " or by ".join(" and ".join(filter(None, (", ".join(way[:-1]), way[-1]))) for way in ways)
         if not used:
             self.place.refuse(f"{self.place.table} is given by {choice}; give one of these")
@@ -276,7 +278,7 @@ def tables(table: Table, path: str = "") -> Iterator[tuple[str, Table]]:
             name = ".".join(filter(None, (path.strip("[]"), entry.name_in_file)))
             for heading, nested in tables(inner, f"[[{name}]]" if several else f"[{name}]"):
                 by_table.setdefault(nested, heading)
-    yield from ((heading, key_name) for key_name, heading in by_table.items())
+    yield from ((heading, declaration) for declaration, heading in by_table.items())
 
 
 def inner_table(entry: Key) -> tuple[Table | None, bool]:
@@ -303,7 +305,7 @@ def refuse_repeated(table: Any) -> None:
 
 
 def toml_value(value: Any) -> str:
-    """TOML text of a setting's value."""
+    """TOML text of a value; a mapping becomes an inline table, a sequence an array."""
     if isinstance(value, bool | str):
         # JSON and TOML have the same escapes.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
@@ -315,7 +317,7 @@ def toml_value(value: Any) -> str:
 
 
 def toml_lines_of(table: Mapping[str, Any]) -> list[str]:
-    """A line of TOML for each key of a table."""
+    """A line NAME = VALUE of TOML for each key of a table; a name that TOML does not take bare is quoted."""
     return [
         f"{name if re.fullmatch('[A-Za-z0-9_-]+', name) else toml_value(name)} = {toml_value(value)}"
         for name, value in table.items()

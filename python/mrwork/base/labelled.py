@@ -69,7 +69,7 @@ class NamedArrays:
 
         labels = {axis: ((axis,), label.values, label.attributes) for axis, label in self.labels.items()}
         arrays, along = (
-            {name: (member.axes, member.values, member.attributes) for name, member in group.items()}
+            {name: (array.axes, array.values, array.attributes) for name, array in group.items()}
             for group in (self.arrays, self.along)
         )
         return Dataset(arrays, coords=labels | along, attrs={"title": self.title})
@@ -84,7 +84,7 @@ class NamedArrays:
             for name, array in {**self.along, **self.arrays}.items()
             if set(self.rows) <= set(array.axes) or (name in self.along and set(array.axes) <= set(self.rows))
         }
-        depth = max((len(label.axes) - len(self.rows) for label in shown.values()), default=0)
+        depth = max((len(array.axes) - len(self.rows) for array in shown.values()), default=0)
         columns: dict[Any, NDArray[Any]] = {}
         for name, array in shown.items():
             further = [axis for axis in array.axes if axis not in self.rows]
@@ -103,8 +103,8 @@ class NamedArrays:
             table.columns = MultiIndex.from_tuples(list(columns), names=["", *[""] * depth])
         table.attrs = {
             "title": self.title,
-            "units": {name: label.unit for name, label in shown.items() if label.unit},
-            "long_name": {name: label.long_name for name, label in shown.items() if label.long_name},
+            "units": {name: array.unit for name, array in shown.items() if array.unit},
+            "long_name": {name: array.long_name for name, array in shown.items() if array.long_name},
         }
         return table
 

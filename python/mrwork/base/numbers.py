@@ -102,7 +102,7 @@ def counted(count: int, noun: str) -> str:
 
 
 def percent(share: float, decimals: int = 1) -> str:
-    """A share as a number of percent."""
+    """A share in per cent as text, without the sign: 0.5 as "50.0"."""
     return format_fixed(100.0 * share, decimals)
 
 
@@ -113,7 +113,7 @@ def least_to_most(values: Iterable[float], shown: Callable[[float], str] | None 
 
 
 def power_of_ten(power: int) -> str:
-    """Exponent part of a formatted number."""
+    """Power of ten behind a formatted number, in superscripts; empty for the power 0."""
     return f" × 10{str(power).translate(_SUPERSCRIPTS)}" if power else ""
 
 
@@ -141,7 +141,7 @@ def with_decimals(value: float, decimals: int) -> str:
 
 
 def of_unit(value: float | None, unit: str, digits: int = 4) -> str:
-    """A number with its unit, which "1" is not."""
+    """A number with its unit, of which "1" is left out; a dash where there is no number."""
     return f"{format_rounded(value, digits)} {unit if unit != '1' else ''}".rstrip()
 
 

@@ -85,7 +85,7 @@ class Place:
     on_table: Callable[[Place, Any], None] | None = field(default=None, repr=False, compare=False)
 
     def within(self, *keys: str | int) -> Place:
-        """The place of something inside."""
+        """The place to which further keys lead from here."""
         return replace(self, path=(*self.path, *keys))
 
     def __str__(self) -> str:

@@ -40,7 +40,7 @@ class ProgressReport(ABC):
     @property
     @abstractmethod
     def in_words(self) -> str:
-        """Progress in one line."""
+        """The work and how far it is, in one line, as the progress line shows it."""
 
     @property
     def share(self) -> float | None:
@@ -134,7 +134,7 @@ class ProgressLine:
         self._n_compiled = len(COMPILATIONS)
 
     def __call__(self, progress: ProgressReport) -> None:
-        """Show a progress report."""
+        """Show a progress report; nothing within `patience`, or `every` seconds after the last one shown."""
         if self._display is None or time.monotonic() < self._next:
             return
         self._next = time.monotonic() + self._display.every

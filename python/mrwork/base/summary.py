@@ -75,7 +75,7 @@ class Summary:
         return "\n".join(lines)
 
     def html(self) -> str:
-        """For a notebook."""
+        """HTML for a notebook: title, facts, first rows of the tables, cautions and notes."""
         facts = "".join(
             f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(value)}</td></tr>"
             for name, value in self.shown_facts

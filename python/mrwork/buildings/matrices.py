@@ -106,7 +106,7 @@ def transform_elements(elements: Sequence[PassiveElement], onto: Floats) -> tupl
 
 
 def source_with(building: Building, change: str) -> str:
-    """The source of a building that was changed."""
+    """Source of a changed building: that of the original and, behind a semicolon, the change."""
     return f"{building.source}; {change}".removeprefix("; ")
 
 
@@ -202,7 +202,7 @@ class Building(Plotted, Summarised):
 
     @property
     def n_coordinates(self) -> int:
-        """Number of coordinates."""
+        """Number n of coordinates: the size of mass, damping and stiffness."""
         return len(self.mass)
 
     @property
@@ -236,8 +236,8 @@ class Building(Plotted, Summarised):
         loops = [element for element in self.elements if element.in_stiffness]
         if not loops:
             return self.stiffness
-        rows = np.array([loop.row for loop in loops])
-        springs = np.array([loop.yield_force / loop.yield_displacement for loop in loops])
+        rows = np.array([element.row for element in loops])
+        springs = np.array([element.yield_force / element.yield_displacement for element in loops])
         return np.asarray(self.stiffness - rows.T @ (springs[:, None] * rows))
 
     @property
@@ -448,7 +448,7 @@ class Building(Plotted, Summarised):
 
     @checked
     def storey_name(self, storey: int | str) -> str:
-        """Name of a storey, by its number from 1 or by its name."""
+        """Name of the storey of a number from 1 or of a name; refused where the building has none."""
         return self.storey_names[self._storey(storey)]
 
     def _storey(self, storey: int | str) -> int:
@@ -945,7 +945,7 @@ class Device(Summarised):
 
     @property
     def draws(self) -> Floats:
-        """Parameters, shape (n_draws, n_params)."""
+        """Parameters of each draw, shape (n_draws, n_params); one draw where `theta` is one set."""
         return np.atleast_2d(np.asarray(self.theta, dtype=np.float64))
 
     @checked
@@ -1018,7 +1018,7 @@ class Device(Summarised):
 
 
 def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
-    """Rows of elongation of devices in a building, shape (n_devices, n)."""
+    """Rows that give elongations of devices from coordinates, shape (n_devices, n); refused where one does not fit."""
     n = building.check().n_coordinates
     if not devices:
         raise SettingError(f"no device was given for {building.name}; give one or more")

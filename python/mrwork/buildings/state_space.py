@@ -66,7 +66,7 @@ class LinearSystem(Summarised):
 
     @property
     def n_states(self) -> int:
-        """Number of states."""
+        """Number of states: the size of the square matrix A."""
         return len(self.A)
 
     def to_control(self) -> StateSpace:
@@ -186,7 +186,7 @@ def system_of(
         D=np.vstack([np.zeros((0, inputs.shape[1])), *D]),
         input_names=(
             "ground acceleration",
-            *(f"force in {building.storey_name(device)}" for device in devices),
+            *(f"force in {building.storey_name(storey)}" for storey in devices),
         ),
         output_names=tuple(names),
     )

@@ -300,7 +300,7 @@ def pushover(
     q, w, load = np.zeros(building.n_coordinates), np.zeros(len(rows)), 0.0
     # The frame carries what the weight on it adds.
     signs, carrying = np.ones(len(rows)), replace(building, loads=np.empty(0)).site_stiffness
-    path = [(0.0, 0.0, np.zeros(len(drifts)), np.zeros(len(drifts)))]
+    points = [(0.0, 0.0, np.zeros(len(drifts)), np.zeros(len(drifts)))]
 
     def slopes(w: Floats, signs: Floats) -> Floats:
         rising = 1.0 - 0.5 * (np.sign(w) * signs + 1.0) * np.abs(w) ** loops[:, 2]
@@ -338,10 +338,10 @@ def pushover(
             continue
         drift = drifts @ q
         shear = units @ (carrying @ q + rows.T @ (loops[:, 0] * w))
-        path.append((float(top @ q), load, drift, shear))
+        points.append((float(top @ q), load, drift, shear))
         if load <= 0.0:
             break
-    columns: list[Any] = [np.array(column) for column in zip(*path, strict=True)]
+    columns: list[Any] = [np.array(column) for column in zip(*points, strict=True)]
     return Pushover(
         name=building.name,
         pattern=pattern,

@@ -19,7 +19,7 @@ from mrwork.uncertainty.bands.predictions import predict
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run, the tests to predict or those to leave out of its fit, and the observation."""
     parser.description = (
         "Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
         "and write them into the run folder, where mrwork predict RUN --level uses them. A test with the motion and "

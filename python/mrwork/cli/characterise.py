@@ -49,7 +49,7 @@ _NAMED = 3
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the folder of tests, the models to choose among, the seed and the run folder."""
     parser.description = (
         "From a folder of test records to a damper: read its table of tests, or make it and decide which motions are "
         "kept for test; choose the model and its current laws; calibrate on the tests set aside; predict those kept "
@@ -173,13 +173,13 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
         _refuse_lone_commands(options.folder, rows, tests)
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
-        laws = partial(choose_laws, models, settings=settings, unit=command_unit(tests))
-        fit = partial(verb.choose, laws)
+        choice = partial(choose_laws, models, settings=settings, unit=command_unit(tests))
+        work = partial(verb.choose, choice)
     elif len(models) > 1:
-        fit = partial(verb.choose, partial(choose_model, models=models, settings=settings))
+        work = partial(verb.choose, partial(choose_model, models=models, settings=settings))
     else:
-        fit = partial(verb.fit, damper(models[0]), settings)
-    return ("choosing model and laws", fit), spare
+        work = partial(verb.fit, damper(models[0]), settings)
+    return ("choosing model and laws", work), spare
 
 
 def _calibrate(path: Path, rows: Sequence[ListedTest]) -> int:
@@ -188,8 +188,8 @@ def _calibrate(path: Path, rows: Sequence[ListedTest]) -> int:
     from mrwork.uncertainty.bands.predictions import predict
 
     with adding(path, CALIBRATION):
-        prediction = predict(read_fit(path), _read(_reading(_of_use(rows, "calibration"))))
-        write_bands(path, StoredBands.of(prediction.predictions, held_out=UNSEEN))
+        predicted = predict(read_fit(path), _read(_reading(_of_use(rows, "calibration"))))
+        write_bands(path, StoredBands.of(predicted.predictions, held_out=UNSEEN))
     return 0
 
 

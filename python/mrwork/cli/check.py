@@ -28,7 +28,7 @@ from mrwork.store.input_file import is_folder
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the files, and the table of first guesses that `--table` writes."""
     parser.description = (
         "Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "
         "and others."
@@ -71,7 +71,9 @@ def run(options: argparse.Namespace) -> int:
     }
     pairs = zip(tests, gathered.own, strict=True)
     notes = [
-        f"{test.label}: {finding.severity}: {finding.message}" for test, items in pairs for finding in items
+        f"{test.label}: {finding.severity}: {finding.message}"
+        for test, findings in pairs
+        for finding in findings
     ]
     notes += [f"{finding.severity}: {finding.message}" for finding in together]
     notes += [finding.in_words for finding in gathered.shared]

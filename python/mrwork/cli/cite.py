@@ -13,7 +13,7 @@ from mrwork.runs.citations import citations
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run whose sources are listed; without a run only the package is cited."""
     parser.description = (
         "Print what to cite for a run as BibTeX: the package, models, control laws, methods and records."
     )
@@ -29,7 +29,7 @@ def add_options(parser: CommandParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the entries."""
+    """Print a BibTeX entry of each work, below what the run uses it for."""
     cited = citations(options.folder)
     document = {"entries": [asdict(work) | {"used_for": reasons} for work, reasons in cited.items()]}
     text = "\n\n".join(f"% {'; '.join(reasons)}\n{work.bibtex}" for work, reasons in cited.items())

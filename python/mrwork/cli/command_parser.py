@@ -43,7 +43,7 @@ class VerbHelp(argparse.HelpFormatter):
         groups: Iterable[Any],
         prefix: str | None = None,
     ) -> None:
-        """Say what must be given."""
+        """Write the usage with the required arguments only; [options] stands for all others."""
         needed = [action for action in actions if action.required or not action.option_strings]
         words = f"{self._format_usage(usage, needed, [], '').strip()} [options]".replace("%", "%%")
         margin = " " * len("usage: ")
@@ -62,7 +62,7 @@ class CommandParser(argparse.ArgumentParser):
     """Reports a wrong command line in one line, without the usage; of a misspelt word it names the nearest."""
 
     def error(self, message: str) -> NoReturn:
-        """End with a message."""
+        """Exit with status 2 and the message in one line, which ends with the way to the help."""
         self.exit(2, f"{self.prog}: {escape_text(message)}; see {self.prog} --help\n")
 
     def parse_known_args(  # type: ignore[override] # of the overloads this package uses one
@@ -174,7 +174,7 @@ class Collect(argparse.Action):
         value: Any,
         option_string: str | None = None,
     ) -> None:
-        """Add a value."""
+        """Add the values of one occurrence; a name that is given twice is refused."""
         before = getattr(namespace, self.dest)
         collected: Any = () if before is self.default else before
         for item in value if isinstance(value, list) else [value]:

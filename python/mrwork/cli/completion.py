@@ -15,7 +15,7 @@ _FOLDERS = ("RUN", "DIR")
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the shell that the script is for."""
     parser.description = (
         "Print the completion of mrwork for a shell. bash: write it to "
         "~/.local/share/bash-completion/completions/mrwork. zsh: to a file _mrwork in a folder of fpath. fish: to "
@@ -27,7 +27,7 @@ def add_options(parser: CommandParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the script."""
+    """Print the script of the shell, which also completes names of models, laws and files."""
     # Only this verb needs it.
     import shtab
 
@@ -35,8 +35,8 @@ def run(options: argparse.Namespace) -> int:
 
     parser = whole_parser()
     offered = _offered_names()
-    for verb, command in subcommands(parser).items():
-        for action in command._actions:
+    for verb, subparser in subcommands(parser).items():
+        for action in subparser._actions:
             name = (action.option_strings or [action.dest])[0]
             if (verb, name) in offered:
                 action.choices = offered[verb, name]
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def subcommands(parser: CommandParser) -> dict[str, CommandParser]:
-    """The parsers of the verbs."""
+    """The parser of each verb, by its name."""
     (verbs,) = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
     return dict(verbs.choices)
 

@@ -16,7 +16,7 @@ from mrwork.errors import SettingError
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare both conventions, the parameters as NAME=VALUE, the scale, and the error of the target solver."""
     conventions = "; ".join(f"{name}: {' '.join(parameters)}" for name, parameters in NAMES.items())
     parser.description = (
         "Convert Bouc-Wen parameters to another convention that gives the same force. "

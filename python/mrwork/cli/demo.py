@@ -20,7 +20,7 @@ _OUT = Path("out") / "demo"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the seed, the threads and the run folder of the demonstration."""
     parser.description = (
         f"Identify the model {_MODEL} from the embedded test {_FILE}: simulated with published parameters and sensor "
         "noise, no measurement. It takes a few seconds and no file."

@@ -194,5 +194,4 @@ class _Noted(logging.Handler):
     """Messages that libraries log, as notes."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Print one."""
         note(f"warning: a library reports: {record.getMessage()}")

@@ -17,7 +17,7 @@ _EXPORT = "mrwork.runs.export:export"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run, the format, the command and the accuracy of the exported damper, and the file."""
     parser.description = (
         "Write a run for another program, in SI. mat: parameters, laws, measured and simulated forces for MATLAB, "
         "and every array of a study or a tuning, with units. opensees: a Bouc-Wen damper at one command as "

@@ -22,7 +22,7 @@ _FRAGILITY = "mrwork.study.fragilities:fragility"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run of a study, the limit with its level and dispersion, the rows, and the files."""
     parser.description = (
         "Find the intensity at which each arrangement of a study reaches a limit, lognormal over its records: median "
         "with its band, dispersion, and what each law changes. The study has records at several levels, as pga or sa = "
@@ -91,7 +91,7 @@ def _table(result: Fragilities) -> bytes:
     first = next(iter(result.rows.values()))
     head = ("arrangement", f"{first.measure} [m/s2]", "probability", "reached", "beyond tests")
     lines = [
-        (label, *(f"{cell:.6g}" for cell in (level, row.probability(level), *shares)))
+        (label, *(f"{number:.6g}" for number in (level, row.probability(level), *shares)))
         for label, row in result.rows.items()
         for level, *shares in zip(row.levels.tolist(), row.crossed, row.outside, strict=True)
     ]

@@ -21,7 +21,7 @@ Result = TypeVar("Result")
 
 
 def command_line() -> str:
-    """The command as it was given."""
+    """The command line as text for a shell: `mrwork` and the given words, quoted where needed."""
     return shlex.join(["mrwork", *sys.argv[1:]])
 
 
@@ -43,12 +43,12 @@ class Frame:
 
     @property
     def folder(self) -> Path:
-        """The run folder."""
+        """The run folder that the verb writes."""
         return self.work.path
 
     @property
     def is_quiet(self) -> bool:
-        """Whether no progress line is shown."""
+        """Whether --quiet or --json leaves out the progress line."""
         return is_quiet(self.options)
 
     def compute(

@@ -29,7 +29,7 @@ _CHOICE = "mrwork.uncertainty.choice.choose:choose_model"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the records, the model with its laws, bounds and ties, and the search of the fit."""
     parser.description = "Identify one damper model from one or several tests of the same damper."
     parser.epilog = examples(
         "mrwork identify rig --law k_w=quadratic --law c=linear --out out/rig",

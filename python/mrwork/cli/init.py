@@ -28,7 +28,7 @@ _SAMPLES = files("mrwork.cli") / "samples"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the sample, a rig or a study, and the place where it is written."""
     parser.description = (
         "Write a sample to begin with. rig: a folder with synthetic tests of a damper and their table, tests.csv, for "
         "fit, calibration and test. study: a study of a building of three storeys, with a comment on every key. "

@@ -23,7 +23,7 @@ _FIGURE = "mrwork.plots.of_tests:nominal_loops"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the model or published set to show, the list of published sets, and the figure of a model."""
     parser.description = "List the damper models or their published sets, or show one of them in full."
     parser.epilog = examples(
         "mrwork models --presets", "mrwork models normalised_bouc_wen --figure loops.svg"

@@ -49,7 +49,7 @@ class Range:
         return self.unit.upper() if self.unit.isalpha() else "N" if self.whole else "NUMBER"
 
     def __call__(self, text: str) -> float | str:
-        """The number that a text gives, or the word."""
+        """The number that a text gives, or its `word`; refused outside of the range."""
         if text and text == self.word:
             return text
         with suppress(ValueError):
@@ -74,7 +74,7 @@ class Listed:
         return f"several with commas between, each {self.of.in_words}"
 
     def __call__(self, text: str) -> tuple[float | str, ...]:
-        """The numbers that a text gives."""
+        """The numbers of a text with commas between; refused where there is none."""
         try:
             numbers = tuple(self.of(part.strip()) for part in text.split(",") if part.strip())
         except argparse.ArgumentTypeError as refusal:
@@ -88,7 +88,7 @@ THREADS = Range.of(node_of(Threads))
 
 
 def finite_number(text: str) -> float:
-    """The finite number that a part of a text gives."""
+    """The number that a text gives; NaN and infinity are refused."""
     try:
         value = float(text)
     except ValueError:

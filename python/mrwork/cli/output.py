@@ -31,7 +31,7 @@ PATIENCE = 2.0
 
 
 def is_quiet(options: argparse.Namespace) -> bool:
-    """Whether no progress line is shown."""
+    """Whether --quiet or --json leaves out the progress line."""
     return bool(options.json or getattr(options, "quiet", False))
 
 
@@ -48,7 +48,6 @@ class _TestsRead(ProgressReport):
 
     @property
     def in_words(self) -> str:
-        """Progress in one line."""
         return "reading the test" if self.total == 1 else f"reading {self.done + 1} of {self.total} tests"
 
 

@@ -59,8 +59,8 @@ def own_model(model: str) -> DamperSpec:
     with keep_stdout():
         module, _ = run_file(Path(file), what="a damper")
     dampers = {
-        key_name: value
-        for key_name, value in vars(module).items()
+        key: value
+        for key, value in vars(module).items()
         if isinstance(value, DamperSpec) and value.own is not None
     }
     if not name and dampers:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run, the band to narrow, and the candidate tests with their limits."""
     parser.description = "Rank sinusoidal tests by how much each would reduce the variance of a band."
     parser.epilog = examples(
         "mrwork plan out/demo",

@@ -14,7 +14,7 @@ from mrwork.uncertainty.bands.predictions import Predictions
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run, the tests with their observation, and the level of the bands."""
     parser.description = (
         "Simulate other tests with a stored fit and compare the simulated force with the measured one. "
         "Tests with the motion and command of a fitted one are named as seen; the others of every call stand on the "

@@ -27,7 +27,7 @@ from mrwork.uncertainty.identifiability.profile import Profiles, profile
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run, the profiled parameters, and the level of their intervals."""
     parser.description = (
         "Compute the profile likelihood of each parameter of a fit: intervals, which may be open, "
         "verdicts on identifiability, and directions in parameter space that do not change the force."
@@ -64,9 +64,9 @@ def _profile(options: argparse.Namespace) -> int:
         return _write_interrupted(opened.run, interrupt.result, options)
     add_to_run(path, {PROFILES: json_document(profiles.document()).encode()})
     fit = load(path, StoredRun).fit
-    more = {"directions": [asdict(test) for test in fit.informative], "findings": findings}
+    more = {"directions": [asdict(direction) for direction in fit.informative], "findings": findings}
     below = [
-        *(f"  {test.sentence}" for test in fit.informative),
+        *(f"  {direction.sentence}" for direction in fit.informative),
         *verdicts_elsewhere(fit, "profile"),
         f"Report: {path / REPORT}",
     ]

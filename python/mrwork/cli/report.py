@@ -25,7 +25,7 @@ _PAGE = "mrwork.report.pages:write_page"
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run, and which of its pages and figures are written or opened."""
     parser.description = (
         "Draw the page of a run again, with everything that its folder holds: of a fit, a study or a tuning."
     )
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.report.pages import page_of
 
         page, compared = page_of(path, **arguments_of(options, _PAGE), on_progress=on_progress)
-        tests.extend(test.test for test in compared)
+        tests.extend(prediction.test for prediction in compared)
         written.append(page.write(path, summary=options.summary))
         if options.figures:
             names.extend(write_figures(path, page, on_progress=on_progress))

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the study, the listings that replace its simulation, and what is simulated."""
     parser.description = (
         "Simulate a building with dampers and control laws under ground motions, as described in a study "
         "file."
@@ -65,8 +65,8 @@ def add_options(parser: CommandParser) -> None:
         "count as many in each [[damper]], with storey a count of each; print them and exit",
         choices=("count", "storey"),
     )
-    curve = "with --size, draw the criterion over the number of dampers, as an .svg or a .png file"
-    parser.option("listings", "--figure", curve, named_path, metavar="FILE")
+    says = "with --size, draw the criterion over the number of dampers, as an .svg or a .png file"
+    parser.option("listings", "--figure", says, named_path, metavar="FILE")
     parser.option(
         "simulation",
         "--motions",
@@ -164,7 +164,7 @@ def _find_counts(options: argparse.Namespace) -> int:
             figure, axes = column_axes()
             figure_of(counts, axes)
         write_figure(options.figure, figure)
-    below = [f"Figure: {curve}" for curve in drawn.values()]
+    below = [f"Figure: {path}" for path in drawn.values()]
     show_results(options, counts, document=counts.document() | drawn, below=below)
     return 0
 

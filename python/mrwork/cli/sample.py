@@ -36,7 +36,7 @@ _LONG = 600.0
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the run, the noise and the priors of the posterior, and the chain."""
     parser.description = (
         "Sample the posterior of the parameters of a fit, given its tests. Writes the journal of the "
         f"chain, {CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder."

@@ -157,7 +157,9 @@ def command_unit(tests: Sequence[DamperTest], given: CommandUnit | None = None) 
     unit = given or next(iter([*shared, *candidates]), None) or "V"
     for test, units in zip(tests, by_test, strict=True):
         if units and unit not in units:
-            other = next((test.label for test, has in zip(tests, by_test, strict=True) if unit in has), "")
+            other = next(
+                (test.label for test, units in zip(tests, by_test, strict=True) if unit in units), ""
+            )
             beside = f"--command-unit is {unit}" if given else f"that of {other} in {unit}"
             raise SettingError(
                 f"{test.label}: the command is {test.command_in_words}, {beside}; laws have one unit of the "

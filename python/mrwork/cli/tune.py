@@ -29,7 +29,7 @@ _QUICK = (48, 12)
 
 
 def add_options(parser: CommandParser) -> None:
-    """Declare the options."""
+    """Declare the study, the laws to tune, and the effort of the searches."""
     parser.description = (
         "Tune the settings of the laws in the [[tune]] tables of a study file on its training motions, and run the "
         "study with them on all its motions, beside i = 0, the best constant and the largest command and equal drift "

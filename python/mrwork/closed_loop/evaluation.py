@@ -195,7 +195,7 @@ def criteria() -> tuple[Criterion, ...]:
 
 
 def criterion(name: str) -> Criterion:
-    """Return the criterion called `name`."""
+    """The criterion of a name, such as `peak_drift`; an unknown name is refused with those that there are."""
     for entry in _CRITERIA:
         if entry.name == name:
             return entry

@@ -213,7 +213,7 @@ class Hardware(Summarised):
 
     @property
     def delay_steps(self) -> int:
-        """Integration steps of the delay."""
+        """The delay in integration steps of the loop, to the nearest whole one."""
         return round(self.delay / self._step)
 
     @property

@@ -327,7 +327,8 @@ class Responses(Plotted, Labelled, WithAxes, Summarised):
             for run in self._extreme(finished, number)
         ]
         worst = [f"{name}: {exceedance.in_words}" for exceedance, name, _ in worst_of(cases)]
-        return [*worst, *(law.in_words for law in worst_laws(law for _, case in cases for law in case.laws))]
+        limits = worst_laws(limit for _, case in cases for limit in case.laws)
+        return [*worst, *(limit.in_words for limit in limits)]
 
     def _least_stroke(self, run: int, device: int) -> float | None:
         return None if self.histories is None else least_stroke(self.histories[run].deformation[:, device])

@@ -682,7 +682,7 @@ def simulate_loop(
     call = _Call(
         loop=LoopOfRuns(
             building=building,
-            varied=tuple((parameter.damping, parameter.site_stiffness) for parameter in varied),
+            varied=tuple((each.damping, each.site_stiffness) for each in varied),
             devices=tuple(devices),
             # As its candidates share it: with gains of zero, which belong to no candidate.
             law=replace(law, gains=zeros, weights=None, margins=None, notes=()),
@@ -698,7 +698,7 @@ def simulate_loop(
         factors=factors,
         theta=theta,
         n_draws=n_draws,
-        springs=[parameter.storey_springs for parameter in varied],
+        springs=[each.storey_springs for each in varied],
         places=np.array(places, dtype=np.uint32),
         late=late.astype(np.uint32),
         streams=np.array(range(len(motions)) if motion_numbers is None else motion_numbers, dtype=np.uint64),
@@ -864,7 +864,9 @@ def _shears(
     # A stroke has no spring, also in a run without an end.
     shears = np.multiply(drifts, stiffness, out=np.zeros_like(drifts), where=stiffness > 0.0)
     linear = {"peak_frame_shear": shears} if is_linear else {}
-    return linear | {name: np.full_like(numbers[name], np.nan) for name, says in flags.items() if not says}
+    return linear | {
+        name: np.full_like(numbers[name], np.nan) for name, is_known in flags.items() if not is_known
+    }
 
 
 def _core_shaping(law: ControlLaw, values: ArrayLike | None) -> Floats | None:

@@ -265,7 +265,7 @@ class UserLaw(Summarised):
         return ask
 
     def _commands(self, returned: object, sample: LoopSample, shape: tuple[int, int]) -> Floats:
-        """Commands returned by the law, as an array of this shape."""
+        """Commands that the law returned, checked; (n_runs,) is taken for the one device of (n_runs, 1)."""
         try:
             commands: Floats = accept(_COMMANDS, returned)
         except Refusal as refusal:

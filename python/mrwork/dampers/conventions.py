@@ -240,7 +240,7 @@ class Converted(Summarised):
 
     @property
     def units(self) -> Mapping[str, str]:
-        """Units by name."""
+        """Unit of each parameter that has one, by its name in the convention."""
         if self.convention == "opensees":
             return {"ko": "N/m", "gamma": "m^-n", "beta": "m^-n", "c0": "N s/m, in parallel"}
         spec = damper("bouc_wen" if self.convention == "spencer" else "normalised_bouc_wen")

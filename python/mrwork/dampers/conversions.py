@@ -181,60 +181,60 @@ _NORMALISED = ("c", "k", "x0", "k_w", "rho", "sigma", "n")
 
 
 def _small_shift(side: str, width: Callable[[Scales], float]) -> Callable[[Values, Scales, float], Values]:
-    return lambda _, tests, distance: {
-        "mu": 0.1 * tests.speed / distance,
+    return lambda _, scales, distance: {
+        "mu": 0.1 * scales.speed / distance,
         "share": 0.5,
-        side: 0.1 * width(tests),
+        side: 0.1 * width(scales),
     }
 
 
-def _series_dashpot(p: Values, tests: Scales, distance: float) -> Values:
+def _series_dashpot(p: Values, scales: Scales, distance: float) -> Values:
     """A dashpot c1 in series that hardly moves; the stiffness in parallel is divided between k0 and k1."""
-    k0 = 0.1 * tests.force / tests.stroke
+    k0 = 0.1 * scales.force / scales.stroke
     k1 = p["k"] - k0
     x0 = p["k"] * p["x0"] / k1 if k1 else p["x0"]
-    return {"c0": p["c"], "k0": k0, "c1": distance * tests.force / tests.speed, "k1": k1, "x0": x0}
+    return {"c0": p["c"], "k0": k0, "c1": distance * scales.force / scales.speed, "k1": k1, "x0": x0}
 
 
-def _exponential_knee(p: Values, tests: Scales, distance: float) -> Values:
+def _exponential_knee(p: Values, scales: Scales, distance: float) -> Values:
     """The loop of Dahl; a small stiffness carries the offset of the force."""
-    k = tests.force / tests.stroke / distance
+    k = scales.force / scales.stroke / distance
     return {"c": p["k_x"], "k": k, "x0": -p["f0"] / k, "sigma": 1.0, "n": 1.0 + 1.0 / distance}
 
 
 NESTINGS: Mapping[str, Nesting] = {
-    "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"), near=lambda _, tests, distance: {
-        "k_x": tests.force / tests.speed / distance}),
-    "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=lambda p, tests, distance: {
-        "sigma_0": p["k_w"] * p["rho"], "a0": p["rho"], "sigma_1": 0.1 * tests.force / tests.speed / distance,
+    "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"), near=lambda _, scales, distance: {
+        "k_x": scales.force / scales.speed / distance}),
+    "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=lambda p, scales, distance: {
+        "sigma_0": p["k_w"] * p["rho"], "a0": p["rho"], "sigma_1": 0.1 * scales.force / scales.speed / distance,
         "sigma_2": p["k_x"]}),
     "normalised_bouc_wen": Nesting(model="viscous_dahl", shared=("k_w", "rho"), near=_exponential_knee),
-    "backlash_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED, near=lambda _, tests, distance: {
-        "g": 0.3 * tests.stroke / distance}),
+    "backlash_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED, near=lambda _, scales, distance: {
+        "g": 0.3 * scales.stroke / distance}),
     "normalised_modified_bouc_wen": Nesting(model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"),
         near=_series_dashpot),
     "shear_thinning_modified_bouc_wen": Nesting(model="normalised_modified_bouc_wen",
-        shared=("c0", "k0", "c1", "k1", "x0", "k_w", "rho", "sigma", "n"), near=lambda _, tests, distance: {
-        "c2": tests.force / tests.speed / distance, "v_s": 0.3 * tests.speed}),
+        shared=("c0", "k0", "c1", "k1", "x0", "k_w", "rho", "sigma", "n"), near=lambda _, scales, distance: {
+        "c2": scales.force / scales.speed / distance, "v_s": 0.3 * scales.speed}),
     "non_symmetric_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED,
         near=_small_shift("w_s", lambda _: 1.0)),
     "non_symmetric_bouc_wen_displacement": Nesting(model="normalised_bouc_wen", shared=_NORMALISED,
-        near=_small_shift("x_s", lambda tests: tests.stroke)),
-    "elasto_visco_plastic": Nesting(model="bingham", shared=("f0",), near=lambda p, tests, distance: {
-        "f_y": p["f_c"], "v_r": p["v_s"], "c": p["c0"], "rho": distance / tests.stroke,
-        "r": tests.speed / tests.stroke / distance, "k": 0.0}),
-    "extended_bingham": Nesting(model="bingham", shared=("f_c", "c0", "f0"), near=lambda _, tests, distance: {
-        "rho": distance / tests.stroke, "a": 1.0 / distance, "tau": tests.stroke / tests.speed / distance}),
-    "hyperbolic_tangent_gavin": Nesting(model="bingham", shared=("c0", "f0"), near=lambda p, tests, distance: {
-        "f_o": p["f_c"], "V_r": p["v_s"], "d_r": distance * tests.stroke * p["v_s"] / tests.speed, "k0": 0.0}),
-    "hyperbolic_tangent_guo": Nesting(model="bingham", shared=("f0",), near=lambda p, tests, distance: {
-        "A1": p["f_c"], "A2": p["c0"], "A3": 1.0 / p["v_s"], "omega": tests.speed / tests.stroke / distance}),
+        near=_small_shift("x_s", lambda scales: scales.stroke)),
+    "elasto_visco_plastic": Nesting(model="bingham", shared=("f0",), near=lambda p, scales, distance: {
+        "f_y": p["f_c"], "v_r": p["v_s"], "c": p["c0"], "rho": distance / scales.stroke,
+        "r": scales.speed / scales.stroke / distance, "k": 0.0}),
+    "extended_bingham": Nesting(model="bingham", shared=("f_c", "c0", "f0"), near=lambda _, scales, distance: {
+        "rho": distance / scales.stroke, "a": 1.0 / distance, "tau": scales.stroke / scales.speed / distance}),
+    "hyperbolic_tangent_gavin": Nesting(model="bingham", shared=("c0", "f0"), near=lambda p, scales, distance: {
+        "f_o": p["f_c"], "V_r": p["v_s"], "d_r": distance * scales.stroke * p["v_s"] / scales.speed, "k0": 0.0}),
+    "hyperbolic_tangent_guo": Nesting(model="bingham", shared=("f0",), near=lambda p, scales, distance: {
+        "A1": p["f_c"], "A2": p["c0"], "A3": 1.0 / p["v_s"], "omega": scales.speed / scales.stroke / distance}),
     # From Gavin's x/d_r: with a wide x_s, delta tanh(x/x_s) is proportional to x.
-    "static_hysteretic": Nesting(model="hyperbolic_tangent_gavin", shared=("f0",), near=lambda p, tests, distance: {
+    "static_hysteretic": Nesting(model="hyperbolic_tangent_gavin", shared=("f0",), near=lambda p, scales, distance: {
         "c": p["c0"], "k": p["k0"], "alpha": p["f_o"], "beta": 1.0 / p["V_r"],
-        "delta": distance * tests.stroke / p["d_r"], "x_s": distance * tests.stroke}),
-    "polynomial_fitting": Nesting(model="bingham", shared=("f0",), near=lambda p, tests, distance: {
-        "a": p["f_c"], "b": 2.0 / p["v_s"], "v0": 0.0, "c": p["c0"], "h": tests.force / distance, "v1": 0.0,
-        "w": 0.3 * tests.speed, "x_s": 0.3 * tests.stroke}),
+        "delta": distance * scales.stroke / p["d_r"], "x_s": distance * scales.stroke}),
+    "polynomial_fitting": Nesting(model="bingham", shared=("f0",), near=lambda p, scales, distance: {
+        "a": p["f_c"], "b": 2.0 / p["v_s"], "v0": 0.0, "c": p["c0"], "h": scales.force / distance, "v1": 0.0,
+        "w": 0.3 * scales.speed, "x_s": 0.3 * scales.stroke}),
 }  # fmt: skip
 """The simpler model of each model that contains one."""

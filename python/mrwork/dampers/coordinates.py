@@ -49,7 +49,7 @@ class Box:
     @classmethod
     @checked
     def of(cls, spec: DamperSpec) -> Box:
-        """Admissible ranges of a model."""
+        """The box of the admissible ranges of a model; no parameter is fixed."""
         return cls(
             names=spec.names,
             lower=tuple(parameter.lower for parameter in spec.parameters),
@@ -120,7 +120,8 @@ class Box:
         value = xp.where(log, xp.exp(xp.where(log, spread, 0.0)), spread)
         # exp(log(...)) may leave the box by rounding.
         within = xp.clip(
-            value, *(xp.asarray(ends)[np.array(self.free, dtype=int)] for ends in (self.lower, self.upper))
+            value,
+            *(xp.asarray(bounds)[np.array(self.free, dtype=int)] for bounds in (self.lower, self.upper)),
         )
         if not isinstance(value, np.ndarray):
             # The limit takes no derivatives away on a face. Imported by name, because JAX is seldom needed.

@@ -34,7 +34,7 @@ class SetsApart:
 
     @property
     def in_words(self) -> str:
-        """What it says, a sentence without its stop."""
+        """How far the sets of laws are apart, and at which velocity: a sentence without its stop."""
         return (
             f"{self.n_sets} sets of laws that predict nearly as well (within {NEARLY_AS_WELL:g} point) differ by "
             f"{self.percent:.2g} % of the force at {of_unit(1e3 * self.velocity, 'mm/s', 3)}"

@@ -53,7 +53,7 @@ class CommandLaw:
     form: CurveForm = "polynomial"
 
     def __str__(self) -> LawName:
-        """Text of the law, see `law_of`."""
+        """Text of the law, from which `law_of` makes it again."""
         if not self.nodes:
             return _EXPONENTIAL if self.degree is None else _POLYNOMIALS[self.degree]
         name = _POLYNOMIALS[len(self.nodes) - 1] if self.form == "polynomial" else self.form
@@ -61,7 +61,7 @@ class CommandLaw:
 
     @property
     def n_coefficients(self) -> int:
-        """Number of coefficients."""
+        """Number of coefficients: one for each node, or those of the polynomial or the exponential."""
         return len(self.nodes) or (3 if self.degree is None else self.degree + 1)
 
     @property
@@ -71,7 +71,7 @@ class CommandLaw:
 
     @property
     def is_exponential(self) -> bool:
-        """Whether this is p.0 + p.1 exp(p.2 u)."""
+        """Whether the parameter is p.0 + p.1 exp(p.2 u)."""
         return self.degree is None and not self.nodes
 
     @property
@@ -107,9 +107,8 @@ class CommandLaw:
             return self._values_at_nodes(parameter, commands, column)
         full = self.fitted_degree
         degree = min(full, len(commands) - 1)
-        polynomial = [float(number) for number in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
-            full - degree
-        )
+        fitted = np.polyfit(commands, column, degree)[::-1]
+        polynomial = [*map(float, fitted), *[0.0] * (full - degree)]
         if self.is_exponential:
             # a + b exp(-u) with the values of the straight line at the lowest and highest command.
             lowest, highest = commands.min(), commands.max()
@@ -166,7 +165,7 @@ class CommandLaw:
         return entries
 
     def equation(self, parameter: ParamSpec, unit: CommandUnit | None) -> str:
-        """The law in a line."""
+        """Equation of the parameter in the command u, in one line of text."""
         name = parameter.name
         if self.nodes:
             what = f"ln {name}" if self._takes_logarithms(parameter.is_positive) else name

@@ -41,7 +41,7 @@ class OwnEquations:
 
     @property
     def digest(self) -> str:
-        """Tells these equations from others."""
+        """Digest of text and function names, which tells the equations from others of the same name."""
         return digest_of(self.source, self.force, self.rate, self.relaxation)
 
     def trust(self) -> None:
@@ -67,7 +67,7 @@ class OwnEquations:
             If it is not trusted.
         """
         if not self.is_trusted:
-            namesake = [value for value in _TRUSTED.values() if value.force == self.force]
+            namesake = [equations for equations in _TRUSTED.values() if equations.force == self.force]
             changed = (
                 "; those of that name that run here are others: they were changed since" if namesake else ""
             )

@@ -109,7 +109,11 @@ class DamperSpec(Summarised):
     @property
     def equations(self) -> str:
         """The equation of the model, then a line for each law that is not constant and for the driver."""
-        lines = [law.equation(pair, self.command_unit) for pair, law in self.law_pairs if not law.is_constant]
+        lines = [
+            law.equation(parameter, self.command_unit)
+            for parameter, law in self.law_pairs
+            if not law.is_constant
+        ]
         driver = "u' = -eta (u - command)" if self.lagged else "u = command"
         lines += [f"{driver} [{self.command_unit}]"] if self.command_unit else []
         return "\n".join([self.equation, *lines])
@@ -264,7 +268,10 @@ class Preset(Summarised):
         listed = [np.atleast_1d(self.values[name]).tolist() for name in spec.names]
         theta = [coefficient for coefficients in listed for coefficient in coefficients]
         if self.unit is not None:
-            laws = {name: CommandLaw(len(row) - 1) for name, row in zip(spec.names, listed, strict=True)}
+            laws = {
+                name: CommandLaw(len(coefficients) - 1)
+                for name, coefficients in zip(spec.names, listed, strict=True)
+            }
             spec = spec.with_current_laws(laws, unit=self.unit, lagged=self.eta is not None)
             theta += () if self.eta is None else (self.eta,)
         object.__setattr__(self, "spec", spec)
@@ -302,7 +309,7 @@ class Preset(Summarised):
 
 @cache
 def damper_models() -> tuple[DamperSpec, ...]:
-    """All registered damper models."""
+    """All registered damper models, without laws of the command, in the order of the registry."""
     models = []
     for entry in _rust.damper_specs():
         plain = tuple(ParamSpec(**parameter) for parameter in entry["parameters"])
@@ -341,7 +348,7 @@ _FORCE, _STROKE = 3000.0, 0.025
 
 @cache
 def published_sets() -> tuple[Preset, ...]:
-    """Every published set."""
+    """Every published parameter set of every model, in SI units."""
     return (
         Preset(name="spencer1997", model="bingham", source=_SPENCER, rated_force=_FORCE, rated_stroke=_STROKE,
             values={"f_c": 670.0, "v_s": 1e-3, "c0": 5000.0, "f0": -95.0},
@@ -481,7 +488,7 @@ class HiddenExtremum(NamedTuple):
 
     @property
     def warning(self) -> str:
-        """What it is, and what to do."""
+        """Sentence on where the extremum is, and which test or law avoids it."""
         remedy = f"give {self.parameter}={self.instead} as its law" if self.instead else "choose another law"
         return f"{self.in_words}: test there, or {remedy}"
 
@@ -495,24 +502,29 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
         return ()
     unit, command = spec.command_unit, np.linspace(levels[:-1], levels[1:], _PER_GAP)
 
-    def passing(law: CommandLaw, parameter: ParamSpec, row: Floats) -> tuple[Floats, Floats]:
-        value = law.values(row, command.ravel(), positive=parameter.is_positive).reshape(command.shape)
+    def passing(law: CommandLaw, parameter: ParamSpec, coefficients: Floats) -> tuple[Floats, Floats]:
+        value = law.values(coefficients, command.ravel(), positive=parameter.is_positive).reshape(
+            command.shape
+        )
         ends = value[[0, -1]]
         beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
         return beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST), value
 
     extrema = []
-    coefficients = by_parameter(spec, np.asarray(theta, dtype=np.float64))
-    for (parameter, law), row in zip(spec.law_pairs, coefficients, strict=False):
-        share, value = passing(law, parameter, row)
+    by_law = by_parameter(spec, np.asarray(theta, dtype=np.float64))
+    for (parameter, law), coefficients in zip(spec.law_pairs, by_law, strict=False):
+        share, value = passing(law, parameter, coefficients)
         if share.max() <= _OVERSHOOT:
             continue
         most = int(np.argmax(share))
-        others = [(other, *passing(other, parameter, row)) for other in law.other_forms(parameter)]
+        others = [
+            (other_law, *passing(other_law, parameter, coefficients))
+            for other_law in law.other_forms(parameter)
+        ]
         instead = next(
             (
-                other
-                for other, passed, values in others
+                other_law
+                for other_law, passed, values in others
                 if passed.max() <= _OVERSHOOT
                 and values.max() <= parameter.upper
                 and values.min() >= max(parameter.lower, parameter.is_positive * _VANISHED * values.max())

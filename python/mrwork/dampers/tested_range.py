@@ -202,7 +202,7 @@ class OperatingRange(Summarised):
         return ", ".join(f"{name} {span}" for name, span in self.rows())
 
     def rows(self) -> list[tuple[str, str]]:
-        """Each known quantity with its range in displayed units."""
+        """Each known quantity with its range in displayed units, for a table."""
         rows = []
         for quantity in _ORDER:
             value = getattr(self, quantity)
@@ -240,7 +240,7 @@ class Outside(Summarised):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the quantities."""
+        """Names of the quantities that are outside, one for each exceedance."""
         return tuple(exceedance.quantity for exceedance in self.exceedances)
 
     @property
@@ -248,7 +248,7 @@ class Outside(Summarised):
         """A sentence for each quantity and law."""
         return (
             *(exceedance.in_words for exceedance in self.exceedances),
-            *(law.in_words for law in self.laws),
+            *(limit.in_words for limit in self.laws),
         )
 
     def _summary(self) -> Summary:
@@ -304,26 +304,26 @@ def beyond_rating(
         ("command", demand.command_unit or "A", demand.command[1] if demand.command else 0.0, command),
     )
     return tuple(
-        Exceedance(quantity=name, demanded=peak, lowest=0.0, highest=most, unit=unit, rated=True)
-        for name, unit, peak, most in rated
+        Exceedance(quantity=quantity, demanded=peak, lowest=0.0, highest=most, unit=unit, rated=True)
+        for quantity, unit, peak, most in rated
         if most is not None and peak > most
     )
 
 
 def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
     """The smallest range that covers all; they have one unit of the command."""
-    units = [interval.command_unit for interval in ranges if interval.command_unit is not None]
+    units = [each.command_unit for each in ranges if each.command_unit is not None]
     return OperatingRange(
-        stroke=max(interval.stroke for interval in ranges),
-        velocity=max(interval.velocity for interval in ranges),
-        frequency=_hull(interval.frequency for interval in ranges),
-        command=_hull(interval.command for interval in ranges),
+        stroke=max(each.stroke for each in ranges),
+        velocity=max(each.velocity for each in ranges),
+        frequency=_hull(each.frequency for each in ranges),
+        command=_hull(each.command for each in ranges),
         command_unit=units[0] if units else None,
-        levels=tuple(sorted({level for interval in ranges for level in interval.levels})),
-        force=max(interval.force for interval in ranges),
-        power=max(interval.power for interval in ranges),
+        levels=tuple(sorted({level for each in ranges for level in each.levels})),
+        force=max(each.force for each in ranges),
+        power=max(each.power for each in ranges),
         least_stroke=min(
-            (interval.least_stroke for interval in ranges if interval.least_stroke is not None), default=None
+            (each.least_stroke for each in ranges if each.least_stroke is not None), default=None
         ),
     )
 
@@ -331,8 +331,10 @@ def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
 def worst_of(cases: Sequence[tuple[str, Outside]]) -> list[tuple[Exceedance, str, int]]:
     """For each quantity, above, below or in a gap of its range, or above its rating: worst, label and number."""
     groups: dict[tuple[str, bool, bool, bool], list[tuple[str, Exceedance]]] = {}
-    for label, case in ((label, case) for label, outside in cases for case in outside.exceedances):
-        groups.setdefault((case.quantity, case.below, case.between, case.rated), []).append((label, case))
+    for label, outside in cases:
+        for exceedance in outside.exceedances:
+            key = exceedance.quantity, exceedance.below, exceedance.between, exceedance.rated
+            groups.setdefault(key, []).append((label, exceedance))
     worst = []
     for members in groups.values():
         label, exceedance = max(members, key=lambda member: member[1].severity)

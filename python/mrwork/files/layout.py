@@ -83,12 +83,12 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
     nearest = list(islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN))
     if not nearest:
         return _named_by_comment(lines, filled, rows)
-    names, units, others = _header(nearest, lines, rows)
+    names_line, unit_lines, other_lines = _header(nearest, lines, rows)
     return Layout(
         delimiter=rows.delimiter,
-        names=_texts(lines[names], rows),
-        units=tuple(text.strip(_BRACKETS) for line in units for text in _texts(lines[line], rows)),
-        data=_below(lines, filled, rows, names, (*units, *others)),
+        names=_texts(lines[names_line], rows),
+        units=tuple(text.strip(_BRACKETS) for index in unit_lines for text in _texts(lines[index], rows)),
+        data=_below(lines, filled, rows, names_line, (*unit_lines, *other_lines)),
     )
 
 
@@ -231,7 +231,10 @@ def _are_units(fields: Sequence[str]) -> bool:
     texts = [field.strip() for field in fields if field.strip()]
     bare = [text.strip(_BRACKETS) for text in texts]
     matches = [quantity_of(text) is not None for text in bare]
-    units = sum(one or bool(_OTHER_UNITS.fullmatch(text)) for one, text in zip(matches, bare, strict=True))
+    units = sum(
+        is_quantity or bool(_OTHER_UNITS.fullmatch(text))
+        for is_quantity, text in zip(matches, bare, strict=True)
+    )
     bracketed = sum(text[0] in _BRACKETS for text in texts)
     return any(matches) and (2 * units > len(texts) or 2 * bracketed > len(texts))
 
@@ -242,8 +245,8 @@ def _below(
     """Lines of data below the names, without `more` of the header and without header blocks that are repeated."""
     last = max(header, *more, 0)
     others = {lines[index].strip() for index in more}
-    names = lines[header].strip()
-    texts = {names, *others}
+    heading = lines[header].strip()
+    texts = {heading, *others}
     below = filled[bisect_right(filled, header) :]
     skipped: set[int] = set()
     for number, index in enumerate(below):
@@ -252,7 +255,7 @@ def _below(
             skipped.add(index)
         elif line not in texts:
             continue
-        elif line != names:
+        elif line != heading:
             skipped.update({index} if index <= last else ())
         else:
             skipped.add(index)
@@ -261,7 +264,7 @@ def _below(
             for row in map(below.__getitem__, range(number - 1, -1, -1)):
                 fields = without_empty_end(split(without_remark(lines[row]), rows.delimiter))
                 # What is above the block before has been looked at with that.
-                if _width_of_row(fields, only_numbers=False) == rows.width or lines[row].strip() == names:
+                if _width_of_row(fields, only_numbers=False) == rows.width or lines[row].strip() == heading:
                     break
                 skipped.add(row)
     return array("q", (index for index in below if index not in skipped)) if skipped else below
@@ -274,9 +277,7 @@ def without_remark(line: str) -> str:
 
 def _named_by_comment(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Layout:
     """Layout of a file whose last comment is the header, as `numpy.savetxt` writes it, or that has no names."""
-    comment = next(
-        (above.strip().lstrip("# ") for above in reversed(lines[: rows.first]) if above.strip()), ""
-    )
+    comment = next((line.strip().lstrip("# ") for line in reversed(lines[: rows.first]) if line.strip()), "")
     named = tuple(map(str.strip, split(comment, rows.delimiter)))
     if len(named) != rows.width or any(map(is_number, named)):
         named = numbered_names(rows.width)

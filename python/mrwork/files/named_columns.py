@@ -256,7 +256,7 @@ def suggested_options(
     missing: Sequence[Missing], free: Sequence[str], units: Mapping[str, str], read: ReadColumn
 ) -> str:
     """Options for all that is missing, with the likeliest of the `free` columns, or `NO_COLUMN`."""
-    left = [name for name in free if name not in {name.column for name in missing}]
+    left = [name for name in free if name not in {entry.column for entry in missing}]
     numbers = {name: samples for name in free if (samples := read(name)) is not None}
     options: list[str] = []
     is_sure = True
@@ -377,7 +377,7 @@ class VectorTable(ColumnTable):
             return {name: self.vectors[name].astype(np.float64, copy=False) for name in wanted}
 
     def locate(self, row: int) -> str:
-        """Row number from 1."""
+        """Place of a row, which is counted from 0, such as "row 1" for the first."""
         return f"row {row + 1}"
 
 

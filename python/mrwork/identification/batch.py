@@ -45,7 +45,7 @@ class FitTask:
         threads: int,
         on_progress: Callable[[Progress], None] | None = None,
     ) -> Fit:
-        """The fit of the task."""
+        """Fit the model of the task to its tests; what the journal has is recalled."""
         return identify_with(
             self.spec,
             self.tests,
@@ -89,7 +89,7 @@ class FitBatch:
             )
             self.on_fit(number, fit)
             return fit
-        future = next(future for made, future in self._made if made == number)
+        future = next(future for index, future in self._made if index == number)
         return self._whole(number, future.result()[0])
 
     def _made_elsewhere(self) -> Iterator[Future[tuple[Fit, bytes]]]:

@@ -283,8 +283,8 @@ class CandidateObjective(Summarised):
     def _summary(self) -> Summary:
         spec = self.objective.spec
         rows = [
-            (name, *(format_rounded(end) for end in ends), unit)
-            for name, ends, unit in zip(self.names, self.bounds, self.units, strict=True)
+            (name, *(format_rounded(bound) for bound in bounds), unit)
+            for name, bounds, unit in zip(self.names, self.bounds, self.units, strict=True)
         ]
         return Summary(
             title=f"Objective of {spec.name} on {list_names([test.label for test in self.objective.tests])}",
@@ -383,8 +383,8 @@ def objective(
     whole = replace(whole, compared=tuple(compared))
     requested = Box.of(spec).with_bounds(settings.bounds)
     searched = search_box(spec, requested, unmasked)
-    others = zip(searched.names, zip(searched.lower, searched.upper, strict=True), strict=True)
-    box = requested.with_bounds({name: ends for name, ends in others if name not in settings.bounds})
+    ranges = zip(searched.names, zip(searched.lower, searched.upper, strict=True), strict=True)
+    box = requested.with_bounds({name: bounds for name, bounds in ranges if name not in settings.bounds})
     if (tied := ties_of(spec, settings)) is not None:
         middle = box.theta_from_unit(np.full(len(box.free), 0.5))
         box = box.with_bounds({spec.names[index]: (float(middle[index]),) * 2 for index in tied.indices})

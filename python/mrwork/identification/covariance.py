@@ -49,7 +49,11 @@ class Slopes:
     @property
     def interior(self) -> list[int]:
         """Parameters of the form that are free and not on a bound."""
-        return [i for i in self.form.box.free if remark_of(self.form.box, i, float(self.theta[i])) == ""]
+        return [
+            index
+            for index in self.form.box.free
+            if remark_of(self.form.box, index, float(self.theta[index])) == ""
+        ]
 
     @property
     def n_effective(self) -> float:
@@ -97,7 +101,7 @@ class Covariance:
 
     @classmethod
     def of(cls, slopes: Slopes) -> Covariance:
-        """The covariance at a minimum."""
+        """The covariance at a minimum, by its `slopes`; zero for parameters that are held or on a bound."""
         residuals, interior, n_params = slopes.residuals, slopes.interior, len(slopes.theta)
         n_effective = slopes.n_effective
         cov = np.zeros((n_params, n_params))

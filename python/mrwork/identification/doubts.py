@@ -140,10 +140,10 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
     """Warning where laws through values, fitted from `theta`, (n_params,), fit far better than through logarithms."""
     spec = objective.spec
     through = {
-        parameter.name: form
+        parameter.name: other_law
         for parameter, law in spec.law_pairs
-        for form in law.other_forms(parameter)
-        if law.form == "values" and form.form == "polynomial"
+        for other_law in law.other_forms(parameter)
+        if law.form == "values" and other_law.form == "polynomial"
     }
     if not through:
         return ()

@@ -106,12 +106,12 @@ class FittedParameter:
 
     @property
     def is_free(self) -> bool:
-        """Whether the search could vary it."""
+        """Whether the search could vary the parameter, which was not held fixed."""
         return self.remark != "fixed"
 
     @property
     def at_bound(self) -> bool:
-        """Whether it is at one of its bounds."""
+        """Whether the search ended with the parameter at its lower or upper bound."""
         return self.remark in ("at lower bound", "at upper bound")
 
     def with_interval(self, interval: Interval | None) -> FittedParameter:
@@ -240,7 +240,7 @@ class SearchTrace(Summarised):
 
     @property
     def ended(self) -> str:
-        """Why the search ended, in words."""
+        """The stop reason as a clause for people."""
         return ended_in_words(self.stop_reason)
 
 
@@ -298,7 +298,7 @@ class FitSpread:
 
     @property
     def in_words(self) -> str:
-        """One line."""
+        """Number of tests, median and worst fit with the name of the worst test, in one line."""
         return (
             f"{self.n_tests} tests: fit median {self.median_percent:.2f} %, worst {self.worst_percent:.2f} % "
             f"({self.worst_test})"
@@ -377,7 +377,10 @@ class Fit(Plotted, WithAxes, Summarised):
     @property
     def fingerprint(self) -> str:
         """Digest of the inputs of later verbs: model, parameters, laws, nuisance parameters and tests."""
-        values = [(one.name, float(one.value), float(one.lower), float(one.upper)) for one in self.estimates]
+        values = [
+            (estimate.name, float(estimate.value), float(estimate.lower), float(estimate.upper))
+            for estimate in self.estimates
+        ]
         inputs = sorted(self.provenance.inputs.items())
         equations = () if self.own is None or self.own.own is None else (self.own.own.digest,)
         return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs, *equations)
@@ -406,12 +409,12 @@ class Fit(Plotted, WithAxes, Summarised):
     @property
     def observation_in_words(self) -> str:
         """A sentence on what the records add to the force of the damper by the fit; empty where they add nothing."""
-        tests: dict[str, list[str]] = {}
+        names_by_words: dict[str, list[str]] = {}
         for quality_of_test in self.quality:
-            tests.setdefault(quality_of_test.recorded_in_words, []).append(quality_of_test.test)
+            names_by_words.setdefault(quality_of_test.recorded_in_words, []).append(quality_of_test.test)
         parts = [
-            words if len(tests) == 1 else f"{words} in {list_names(names, 3)}"
-            for words, names in tests.items()
+            words if len(names_by_words) == 1 else f"{words} in {list_names(names, 3)}"
+            for words, names in names_by_words.items()
             if words
         ]
         alone = "equation and parameters are of the damper alone."
@@ -506,7 +509,11 @@ class Fit(Plotted, WithAxes, Summarised):
         settled = {
             estimate.name for estimate in self.estimates if estimate.verdict in ("identifiable", "negligible")
         }
-        return tuple(way for way in self.directions if not way.seen or way.changes[0].name not in settled)
+        return tuple(
+            direction
+            for direction in self.directions
+            if not direction.seen or direction.changes[0].name not in settled
+        )
 
     @property
     def _columns(self) -> tuple[TableColumn, ...]:
@@ -632,7 +639,7 @@ class Fit(Plotted, WithAxes, Summarised):
             ),
             cautions=self.warnings,
             tables=tables,
-            notes=[test.sentence for test in self.informative],
+            notes=[direction.sentence for direction in self.informative],
         )
 
 

@@ -36,17 +36,17 @@ def write_run(
 
 
 def fit_content(fit: Fit) -> bytes:
-    """The file of a fit in its run folder."""
+    """The fit as the bytes of `fit.json`, without tests and forces."""
     return json_document(fit.as_dict()).encode()
 
 
 def read_fit(path: str | Path) -> Fit:
-    """The `Fit` of the run folder at `path`."""
+    """The `Fit` of the run folder at `path`, which `mrwork identify` has written."""
     return fit_of(RunFolder.open(path, FIT_RUN))
 
 
 def fit_of(run: RunFolder) -> Fit:
-    """The fit of a run folder."""
+    """The fit of a run folder; refused where `fit.json` is missing."""
     fit = run.read(Fit, FIT)
     if fit is None:
         raise RecordError(f"{run.path / FIT} is missing; run `mrwork identify` again")

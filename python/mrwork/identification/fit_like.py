@@ -74,18 +74,20 @@ def fit_like(
     plain = damper(model) if isinstance(model, str) else model
     if loadings is not None and not loadings:
         raise SettingError("`loadings` has none; give one or more, or leave it out")
-    cases = (
+    loaded = (
         [*loadings]
         if loadings is not None
         else [_loading(tested, [share], command) for share in _SINES for command in _commands(spec, tested)]
     )
-    tests = tuple(_test(fit, case, number) for number, case in enumerate(cases, start=1))
+    tests = tuple(_test(fit, loading, number) for number, loading in enumerate(loaded, start=1))
     like = _with_laws(plain, spec, tests)
     # Constant commands do not show the lag of the driver.
     held = {"eta": (fit.parameters["eta"].value,) * 2} if "eta" in spec.names and "eta" in like.names else {}
     near = identify(like, tests, rng=rng, threads=threads, bounds=held)
     theta = np.array(near.theta)
-    apart = [_percent(near.spec, theta, case, test.force) for case, test in zip(cases, tests, strict=True)]
+    apart = [
+        _percent(near.spec, theta, loading, test.force) for loading, test in zip(loaded, tests, strict=True)
+    ]
     worst = tests[int(np.argmax(apart))].name
     sentence = (
         f"it is fitted to the force of {fit.model}, not to tests, and differs from it by {np.mean(apart):.2g} % of the "
@@ -112,8 +114,8 @@ def _commands(spec: DamperSpec, tested: OperatingRange) -> list[float | None]:
 def _loading(tested: OperatingRange, shares: Sequence[tuple[float, float]], command: float | None) -> Loading:
     """A sum of sinusoids, each of these shares of the tested stroke and velocity."""
     sines = [
-        (stroke * tested.stroke, speed * tested.velocity / (stroke * tested.stroke))
-        for stroke, speed in shares
+        (of_stroke * tested.stroke, of_velocity * tested.velocity / (of_stroke * tested.stroke))
+        for of_stroke, of_velocity in shares
     ]
     fastest, slowest = max(omega for _, omega in sines), min(omega for _, omega in sines)
     dt = 2.0 * np.pi / (_PER_CYCLE * fastest)

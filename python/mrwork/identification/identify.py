@@ -191,8 +191,8 @@ class _Identification:
                 self.call.journal.close()
             stopped = isinstance(interrupt, Interrupted) and interrupt.stopped
             fit = None
-            if self.call.so_far is not None and (point := self.call.so_far()) is not None:
-                theta, trace = point
+            if self.call.so_far is not None and (so_far := self.call.so_far()) is not None:
+                theta, trace = so_far
                 reason = trace.stop_reason
                 fit = fit_at(
                     self.problem,

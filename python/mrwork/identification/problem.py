@@ -280,7 +280,9 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     values = dict(zip(earlier.names, fit.theta, strict=True))
     laws, earlier_laws = model.laws_by_name, earlier.laws_by_name
     start: dict[str, float] = {}
-    for name in (member.name for member in plain.parameters if units.get(member.name) == member.unit):
+    for name in (
+        parameter.name for parameter in plain.parameters if units.get(parameter.name) == parameter.unit
+    ):
         parameters = [parameter for parameter in model.parameters if parameter.plain_name == name]
         old = [values[parameter.name] for parameter in earlier.parameters if parameter.plain_name == name]
         start |= _transfer_law(parameters, laws[name], np.array(old), earlier_laws[name])

@@ -52,12 +52,12 @@ def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> 
         for _ in range(min(available, n_tests) - 1)
     ]
     try:
-        for other in others:
-            other.start()
+        for thread in others:
+            thread.start()
         share()
         if not any(isinstance(error, KeyboardInterrupt) for error in failures.values()):
-            for other in others:
-                wait_for(other)
+            for thread in others:
+                wait_for(thread)
     except KeyboardInterrupt as interrupt:
         failures[-1] = interrupt
     if failures:
@@ -80,11 +80,11 @@ class Tally:
     steps: int = 0
 
     def as_record(self) -> Mapping[str, object]:
-        """The counts, for a journal."""
+        """The counts as a journal stores them."""
         return asdict(self)
 
     def restore(self, record: Mapping[str, Any]) -> None:
-        """Set the counts to recorded ones."""
+        """Go on from the counts that a journal has stored."""
         self.simulations, self.steps = int(record["simulations"]), int(record["steps"])
 
 
@@ -119,7 +119,7 @@ class Progress(ProgressReport):
 
     @property
     def in_words(self) -> str:
-        """Progress in one line."""
+        """Stage, generation, fits and rates in one line; what is unknown is left out."""
         generation = f" {self.generation}" if self.generation else ""
         parts = [f"{self.stage}{generation}", self.best_in_words]
         if math.isfinite(self.median_percent):
@@ -205,7 +205,7 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
     stage_began: Progress | None = None
 
     def on_search(self, found: Found) -> None:
-        """Report a search."""
+        """Keep the best point of a search for an interrupt, and report the search."""
         trace = found.trace
         self.so_far = lambda: (found.best(), replace(trace, stop_reason="interrupted"))
         progress = self._progress("search", trace.best[-1], self.tally.simulations, found.fitted)

@@ -135,7 +135,7 @@ def _shifts(spec: DamperSpec) -> tuple[str, ...]:
         for parameter in spec.plain
         if parameter.scale == "offset" and parameter.unit in ("N", "m")
     }
-    return tuple(member.name for member in spec.parameters if member.plain_name in shifts)
+    return tuple(parameter.name for parameter in spec.parameters if parameter.plain_name in shifts)
 
 
 def without_nuisance(force: AnyArray, measured: AnyArray, names: Sequence[NuisanceName]) -> Any:
@@ -446,7 +446,9 @@ class ObservedTest:
             return observation.observe(signal, self.test.dt)
         late = [{f"{self.late}_seconds": seconds + later} for seconds in theta[:, -1].tolist()]
         rows = zip(signal, late, strict=True)
-        return np.stack([replace(observation, **seconds).observe(row, self.test.dt) for row, seconds in rows])
+        return np.stack(
+            [replace(observation, **lateness).observe(row, self.test.dt) for row, lateness in rows]
+        )
 
     def _emphasise(self, residuals: Floats) -> tuple[Floats, Floats]:
         """Residuals with weights and loss, and their derivatives by those without, both (n_batch, n_counted)."""

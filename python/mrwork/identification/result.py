@@ -172,8 +172,8 @@ def _half_step_change(
             for test in objective.tests
         ]
         return max(
-            100.0 * float(np.sqrt(np.mean((half - force) ** 2)) / np.std(test.force))
-            for half, force, test in zip(finer, forces, objective.tests, strict=True)
+            100.0 * float(np.sqrt(np.mean((finer_force - force) ** 2)) / np.std(test.force))
+            for finer_force, force, test in zip(finer, forces, objective.tests, strict=True)
         )
     return None
 
@@ -191,17 +191,17 @@ def _law_warnings(spec: DamperSpec, theta: Floats, tested: OperatingRange) -> tu
     near = law_limits(spec, theta, (min(0.0, lowest), _NEAR * highest))
     span = f"{lowest:g} to {highest:g} {tested.command_unit}"
     limits = (
-        f"{within[neighbour.parameter].in_words}; that is within the tested commands, {span}: choose another law"
-        if neighbour.parameter in within
-        else f"{neighbour.in_words}; the tests are at {span}: do not use the fit there, or test there, or choose "
+        f"{within[limit.parameter].in_words}; that is within the tested commands, {span}: choose another law"
+        if limit.parameter in within
+        else f"{limit.in_words}; the tests are at {span}: do not use the fit there, or test there, or choose "
         "another law"
-        for neighbour in near
+        for limit in near
     )
     return (*limits, *(extremum.warning for extremum in hidden_extrema(spec, theta, tested.levels)))
 
 
 def rms(values: Sequence[float] | Floats) -> float:
-    """Root mean square."""
+    """Root mean square of values of any shape."""
     return float(np.sqrt(np.mean(np.square(values))))
 
 
@@ -235,7 +235,7 @@ class BuildingCost:
 
     @property
     def is_possible(self) -> bool:
-        """Whether the loop has as many steps."""
+        """Whether the loop can take the steps that the model needs."""
         return isfinite(self.steps)
 
     @property
@@ -252,7 +252,7 @@ class BuildingCost:
 
 
 def cost_warning(fit: Fit, cost: BuildingCost) -> str:
-    """A sentence on a fit with a high cost."""
+    """The sentence that a fit takes many steps in a building, with the parameters on a bound as causes."""
     at_bound = [estimate.name for estimate in fit.estimates if estimate.at_bound]
     causes = f", with {list_names(at_bound)} on a bound" if at_bound else ""
     return (

@@ -117,13 +117,13 @@ class Residuals:
         return jnp.concatenate(parts), jnp.any(jnp.stack(failures))
 
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
-        """The weighted residuals."""
+        """The weighted residuals of all tests, one after another, shape (n_residuals,); 1 where a simulation failed."""
         return self.weighted(theta, tests)[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Misfit:
-    """The misfit as a function of parameters and tests."""
+    """The misfit of all tests, a function of parameters and tests that JAX differentiates."""
 
     residuals: Residuals
 
@@ -153,7 +153,7 @@ def _transform_slope(loss: Loss, primals: tuple[Array], tangents: tuple[Array]) 
 
 @on_processor()
 def arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
-    """The tests of an objective as arrays."""
+    """Record, measured force, weights and compared samples of each test, as arrays of JAX."""
     return tuple(
         ComparedArrays(
             record=RecordArrays.of(test.history),
@@ -239,8 +239,8 @@ def residuals(
     Of a point, shape (n_free,), it has the residuals of `mr.objective`, shape (n_residuals,), whose sum of squares is
     the squared misfit. In tests whose simulation fails they are 1, with derivatives of zero.
     """
-    candidates = objective_of(model, tests, coordinates)
-    return function_of(candidates, form_of(candidates, substeps, threads), "Residuals")
+    objective = objective_of(model, tests, coordinates)
+    return function_of(objective, form_of(objective, substeps, threads), "Residuals")
 
 
 @checked
@@ -360,7 +360,7 @@ def _filtered(
 
 
 def _recursion(factor: Any, driven: Any, before: Any) -> Any:
-    """y of y[t] = factor y[t - 1] + driven[t], which was `before`."""
+    """y of y[t] = factor y[t - 1] + driven[t] along the last axis; `before` is y before the first sample."""
     factors = jnp.full_like(jnp.asarray(driven) + before, factor, dtype=jnp.result_type(driven, factor))
 
     def after(one: tuple[Array, Array], other: tuple[Array, Array]) -> tuple[Array, Array]:

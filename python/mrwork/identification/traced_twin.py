@@ -39,14 +39,14 @@ class DamperTwin(Summarised):
     spec: DamperSpec
 
     def rate(self, theta: Array, state: Array, displacement: Any, velocity: Any, command: Any = 0.0) -> Array:
-        """Rate of the states, shape (n_states,)."""
+        """Rate of the states, shape (n_states,), at a motion [m, m/s] and a command [A or V] that the coil receives."""
         p = parameters_at(self.spec, jnp.asarray(theta), jnp.asarray(command, dtype=jnp.float64))
         return twin_of(self.spec).rate(p, state, displacement, velocity)
 
     def force(
         self, theta: Array, state: Array, displacement: Any, velocity: Any, command: Any = 0.0
     ) -> Array:
-        """Force [N]."""
+        """Force [N] at a motion [m, m/s] and a command [A or V] that the coil receives."""
         p = parameters_at(self.spec, jnp.asarray(theta), jnp.asarray(command, dtype=jnp.float64))
         return twin_of(self.spec).force(p, state, displacement, velocity)
 

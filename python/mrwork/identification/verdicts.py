@@ -261,7 +261,7 @@ def judged(
     open_names = held.union(*(names for names in involved if not held & names))
     is_open = np.array([scale.name in open_names for scale in scales], dtype=np.bool_)
     determined = np.isfinite(np.diag(covariance)) & ~is_open
-    rows = [
+    judged_parameters = [
         parameter
         if parameter.name in held
         else _judged(index, parameter, scales, covariance, jacobian, determined, held)
@@ -272,7 +272,7 @@ def judged(
         jacobian[:, determined],
         [scale for scale, is_determined in zip(scales, determined, strict=True) if is_determined],
     )
-    return tuple(rows), unseen + weak
+    return tuple(judged_parameters), unseen + weak
 
 
 def _null_space(jacobian: Floats) -> Floats:
@@ -399,12 +399,12 @@ def fitted_parameters(
     box = Box.of(spec).with_bounds(problem.settings.bounds)
     values, remarks = np.asarray(form.to_model(theta)), remarks_of(form, theta)
     errors = np.full(values.shape, np.nan) if covariance is None else covariance.standard_errors
-    rows: list[FittedParameter] = []
+    estimates: list[FittedParameter] = []
     for index, (parameter, remark) in enumerate(zip(spec.parameters, remarks, strict=True)):
         tie = ties.get(parameter.name, "")
         verdict: Verdict = "tied" if tie else "fixed" if remark == "fixed" else ""
         has_error = not remark and np.isfinite(errors[index])
-        rows.append(
+        estimates.append(
             FittedParameter(
                 name=parameter.name,
                 value=float(values[index]),
@@ -419,26 +419,26 @@ def fitted_parameters(
             )
         )
     if covariance is None:
-        return tuple(rows), ()
+        return tuple(estimates), ()
     # What is tied follows from the others, and has no verdict of its own.
     free = [index for index in box.free if spec.names[index] not in ties]
     for index in free:
-        if rows[index].at_bound:
+        if estimates[index].at_bound:
             reason = f"{remarks[index]}: the data bound it from one side only"
-            rows[index] = replace(rows[index], verdict="weakly identifiable", reason=reason)
+            estimates[index] = replace(estimates[index], verdict="weakly identifiable", reason=reason)
     taken = [index for index in free if remarks[index] == "" or spec.names[index] in form.fixed]
     every = scales_of(spec, box, problem.objective.tests, values)
     scales = [every[index] for index in taken]
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     size = np.array([scale.size if scale.of_range or scale.value >= 0.0 else -scale.size for scale in scales])
-    judged_rows, directions = judged(
-        [rows[index] for index in taken],
+    judged_estimates, directions = judged(
+        [estimates[index] for index in taken],
         covariance.slopes.by_model()[:, taken] * size,
         covariance.matrix[np.ix_(taken, taken)] / np.outer(size, size),
         scales=scales,
         # Fixed by the form for the sake of a redundant scale, not by the user.
-        held=frozenset(row.name for row in rows if not row.is_free) & {*form.fixed},
+        held=frozenset(estimate.name for estimate in estimates if not estimate.is_free) & {*form.fixed},
     )
-    for index, row in zip(taken, judged_rows, strict=True):
-        rows[index] = row
-    return tuple(rows), directions
+    for index, estimate in zip(taken, judged_estimates, strict=True):
+        estimates[index] = estimate
+    return tuple(estimates), directions

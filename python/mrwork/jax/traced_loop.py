@@ -152,11 +152,7 @@ class Loop(Summarised):
     def _summary(self) -> Summary:
         inputs = self.inputs._asdict() | {f"gains {name}": gain for name, gain in self.inputs.gains.items()}
         inputs |= {f"theta {number}": row for number, row in enumerate(self.inputs.theta)}
-        shapes = {
-            name: np.shape(input_name)
-            for name, input_name in inputs.items()
-            if name not in ("gains", "theta")
-        }
+        shapes = {name: np.shape(array) for name, array in inputs.items() if name not in ("gains", "theta")}
         rows = [(name, str(shape)) for name, shape in shapes.items() if inputs[name] is not None]
         return Summary(
             title=f"Closed loop for JAX, {self.law or 'prescribed commands'}",

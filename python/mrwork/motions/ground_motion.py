@@ -61,7 +61,7 @@ class GroundMotion(Plotted, Summarised):
 
     @property
     def peak(self) -> float:
-        """Peak ground acceleration [m/s^2]."""
+        """Largest magnitude of the ground acceleration [m/s^2]."""
         return float(np.abs(self.acceleration).max())
 
     @property
@@ -229,7 +229,7 @@ def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
 
 @checked
 def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
-    """Scale a motion to the peak ground acceleration `peak` [m/s^2]."""
+    """Scale a motion to the peak ground acceleration `peak` [m/s^2]; a motion that is zero throughout is refused."""
     return scaled_level(motion, motion.peak, peak, "a peak")
 
 
@@ -394,9 +394,9 @@ def brought_to_rest(motion: GroundMotion) -> GroundMotion:
     at = np.linspace(-1.0, 1.0, motion.n_time)
     bell = np.cos(0.5 * np.pi * at) ** 2
     shapes = (bell, bell * at)
-    ends = [replace(motion, acceleration=shape) for shape in shapes]
+    shaped = [replace(motion, acceleration=shape) for shape in shapes]
     system = np.array(
-        [[float(one.velocity[-1]) for one in ends], [float(one.displacement[-1]) for one in ends]]
+        [[float(one.velocity[-1]) for one in shaped], [float(one.displacement[-1]) for one in shaped]]
     )
     weights = np.linalg.solve(system, [motion.velocity[-1], motion.displacement[-1]])
     drift = weights[0] * shapes[0] + weights[1] * shapes[1]

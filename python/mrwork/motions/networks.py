@@ -292,8 +292,8 @@ def _read_cosmos(lines: Lines, stated: Stated) -> GroundMotion:
     if comments := _COMMENTS.match(lines.at(line)):
         line += 1 + int(comments[1])
     numbers, _ = _block_cosmos(lines, line)
-    unit = _UNIT.search(lines.at(line))
-    factor = factor_to_si(unit[1] if unit else "", "acceleration", context=lines.where(line))
+    match = _UNIT.search(lines.at(line))
+    factor = factor_to_si(match[1] if match else "", "acceleration", context=lines.where(line))
     steps = np.append(1e-3 * real[_PROCESSED_STEP], real[_RECORDER_STEP])
     return make_motion(
         lines.path,

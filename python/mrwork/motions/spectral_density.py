@@ -194,7 +194,7 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     if not success or numbers[0] * numbers[1] < w[0] or np.abs(best).max() > _NEAR_END * _END:
         warnings.warn(
             f"ground motion {motion.name}: the likelihood of the {kind} spectrum has no maximum that the record "
-            f"determines; the search ended at {', '.join(f'{x:.3g}' for x in numbers)} (rad/s, damping ratio). "
+            f"determines; the search ended at {', '.join(f'{each:.3g}' for each in numbers)} (rad/s, damping ratio). "
             "Take another kind, or state frequency and damping",
             MrworkWarning,
             stacklevel=2,
@@ -221,8 +221,8 @@ def _likeliest(
         density = make(logarithms).density(w)
         return float(np.mean(np.log(density)) + np.log(np.mean(densities / density)))
 
-    ends = (minimize(misfit, start, method="Nelder-Mead", bounds=bounds) for start in starts)
-    best = min(ends, key=lambda end: float(end.fun))
+    results = (minimize(misfit, start, method="Nelder-Mead", bounds=bounds) for start in starts)
+    best = min(results, key=lambda result: float(result.fun))
     return bool(best.success), np.asarray(best.x)
 
 

@@ -341,7 +341,7 @@ class Stratum:
 
     @property
     def ground(self) -> str:
-        """The ground in words."""
+        """The ground in words: "rock", or as "soft soil"."""
         return "rock" if self.soil == "rock" else f"{self.soil} soil"
 
 

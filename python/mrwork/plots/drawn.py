@@ -85,7 +85,7 @@ def _rows_of(axes: Axes, panel: str) -> Iterator[_Row]:
     of_panel = (title or panel, abscissa, axes.get_ylabel() or title)
     names = [_names(axis) for axis in (axes.xaxis, axes.yaxis)]
     drawn = (container for container in axes.containers if isinstance(container, BarContainer))
-    bars: dict[Artist, BarContainer] = {bar: curve for curve in drawn for bar in curve.patches}
+    bars: dict[Artist, BarContainer] = {bar: container for container in drawn for bar in container.patches}
     fills = [collection for collection in axes.collections if not isinstance(collection, QuadMesh)]
     words = [text for text in axes.texts if text.get_transform() == axes.transData]
     for number, part in enumerate((*axes.lines, *axes.patches, *fills, *words), start=1):

@@ -77,19 +77,25 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
     # Where the tested commands are not known, from 0 to 1.
     commands = np.linspace(*(fit.tested.command or (0.0, 1.0)), _COMMANDS)
     curves = [*law_values(spec, np.array(fit.theta), commands)]
-    asked = all_chosen(parameters, (law.name for law, _ in curves), "parameter that follows the command")
+    asked = all_chosen(
+        parameters, (parameter.name for parameter, _ in curves), "parameter that follows the command"
+    )
     panels = panels_for(ax, len(asked), "laws")
     for axes, number in zip(panels, asked, strict=True):
-        law, along = curves[number]
+        parameter, along = curves[number]
         axes.plot(commands, along, color=style.MODEL, linewidth=1.4)
         alone = (
             (single.command, estimate) for single in fit.single_commands for estimate in single.estimates
         )
         points = np.array(
             [
-                (command, point.value, np.nan if point.standard_error is None else point.standard_error)
-                for command, point in alone
-                if point.name == law.name and not point.remark
+                (
+                    command,
+                    estimate.value,
+                    np.nan if estimate.standard_error is None else estimate.standard_error,
+                )
+                for command, estimate in alone
+                if estimate.name == parameter.name and not estimate.remark
             ]
         ).T
         if points.size:
@@ -97,7 +103,8 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
                 *points, fmt="o", color=style.INK, markersize=3.2, elinewidth=0.9, label="one command"
             )
         include_zero(axes, np.concatenate([along, *points[1:2]]))
-        finished(axes, f"Command ({spec.command_unit})", with_unit(style.symbol_text(law.name), law.unit))
+        ordinate = with_unit(style.symbol_text(parameter.name), parameter.unit)
+        finished(axes, f"Command ({spec.command_unit})", ordinate)
     return panels
 
 
@@ -143,7 +150,7 @@ def profiles(
             raise _absent(result, "profile likelihoods", "profile", "draw `mr.profile(fit, tests)`")
         result = result.profiles
     several = (result,) if isinstance(result, Profile) else result.profiles
-    asked = all_chosen(parameters, (item.name for item in several), "profiled parameter")
+    asked = all_chosen(parameters, (profile.name for profile in several), "profiled parameter")
     threshold = likelihood_threshold(_LEVEL) if isinstance(result, Profile) else result.threshold
     panels = panels_for(ax, len(asked), "profiles")
     for axes, profile in zip(panels, (several[number] for number in asked), strict=True):
@@ -215,7 +222,6 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
 
 
 def _tick(value: float) -> str:
-    """A number as a tick label."""
     text = f"{value:.4g}"
     if "e" not in text:
         return numbers.shortest(value)
@@ -294,9 +300,9 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
         if result.draws is None:
             raise _absent(result, "posterior", "sample", "draw `mr.sample(fit, tests)`")
         result = result.draws
-    asked = all_chosen(parameters, (curve.name for curve in result.varied), "parameter that varied")
+    asked = all_chosen(parameters, (summary.name for summary in result.varied), "parameter that varied")
     drawn = [result.varied[number] for number in asked]
-    names = [curve.name for curve in drawn]
+    names = [summary.name for summary in drawn]
     count = len(names)
     size = _CORNER if count > 1 else PANEL
     panels = panels_for(ax, count**2, "posterior", columns=count, size=size).reshape(count, count)
@@ -305,7 +311,7 @@ def posterior(result: Draws | StoredRun, ax: GivenAxes = None, *, parameters: Se
     values = [result.chain(name).reshape(-1) for name in names]
     # Single outliers would compress the rest.
     spans = [tuple(np.quantile(value, [0.002, 0.998]).tolist()) for value in values]
-    labels = [with_unit(style.symbol_text(curve.name), curve.unit) for curve in drawn]
+    labels = [with_unit(style.symbol_text(summary.name), summary.unit) for summary in drawn]
     for row, column in np.argwhere(np.tri(len(names))).tolist():
         axes, at = panels[row, column], (fitted.get(names[column]), fitted.get(names[row]))
         if row == column:

@@ -51,7 +51,7 @@ def data_label(test: DamperTest) -> str:
 
 
 def axis_name(over: Abscissa) -> str:
-    """Name of an axis with its unit."""
+    """Label of an axis: its quantity and the unit that it is drawn in, as "Time (s)"."""
     return f"{over.capitalize()} ({AXES[over].symbol})"
 
 

@@ -309,8 +309,8 @@ def _clipped_peaks(samples: Floats, resolution: float) -> int:
     # Both flanks must be steep; with one steep flank only, it may be a start from rest. They must be so beside the run,
     # and for a quarter of its length: of a rounded curve the nearest step alone is steep.
     slopes = [
-        (samples[at] - samples[np.clip(at + side * length, 0, samples.size - 1)]) / length
-        for at, side in ((begin, -1), (end - 1, 1))
+        (samples[at] - samples[np.clip(at + sign * length, 0, samples.size - 1)]) / length
+        for at, sign in ((begin, -1), (end - 1, 1))
         for length in (2, np.maximum((end - begin) // 4, 2))
     ]
     overshoot = np.minimum.reduce(slopes) * (end - begin) / 4.0

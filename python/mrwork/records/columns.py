@@ -139,7 +139,7 @@ class StatedCommand:
     quantity: Literal["current", "voltage"] | None = None
 
     def in_file(self, names: Sequence[str], units: Mapping[str, str], source: str) -> StatedCommand:
-        """A command that is a column with the unit that its name or the file gives it."""
+        """The command as a file has it: its column by exact name, its unit as stated, or by the name or the file."""
         if self.quantity is not None or self.value is not None:
             return self
         name = find_column(self.column, names, source)
@@ -163,7 +163,7 @@ class StatedCommand:
         number = _NUMBER_AND_UNIT.fullmatch(stated)
         column, colon, unit = (part.strip() for part in stated.rpartition(":"))
         unit = number[2] if number else unit
-        quantity = next((word for word in COMMANDS if quantity_of(unit) == word), None)
+        quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
         other = command_unit_of(unit)
         if quantity is None and number is None and not colon:
             if not stated or _STARTS_AS_NUMBER.match(stated):
@@ -174,7 +174,7 @@ class StatedCommand:
         if quantity is None and (other is None or not (number or column)):
             raise UnitError(
                 f"the command is '{stated}': '{unit}' is no unit of a command; give one of "
-                f"{', '.join(unit for word in COMMANDS for unit in FACTORS[word])}, {', '.join(OTHER_COMMAND_UNITS)}"
+                f"{', '.join(unit for each in COMMANDS for unit in FACTORS[each])}, {', '.join(OTHER_COMMAND_UNITS)}"
             )
         if number is None:
             if quantity is None:
@@ -270,7 +270,7 @@ class _Names:
         name = find_column(column, self.names, self.source)
         if not unit:
             stated = (self.units.get(name, ""), unit_at_end(name))
-            unit = next((column for column in stated if quantity_of(column) is not None), "")
+            unit = next((stated_unit for stated_unit in stated if quantity_of(stated_unit) is not None), "")
         if not unit:
             raise UnitError(
                 f"{self.source}: column '{name}' does not say its unit; give it, as in "
@@ -284,9 +284,9 @@ class _Names:
             (name, unit) for name in self.free for unit in [self._unit(quantity, name)] if unit is not None
         ]
         fitting = [(name, unit) for name, unit in claims if quantity_of(unit) == quantity]
-        fitting = [column for column in fitting if not is_second_choice(quantity, column[0])] or fitting
+        fitting = [claim for claim in fitting if not is_second_choice(quantity, claim[0])] or fitting
         # A column that is called just Force is the force, whatever Force of cell 2 is.
-        fitting = [column for column in fitting if is_plain(quantity, column[0])] or fitting
+        fitting = [claim for claim in fitting if is_plain(quantity, claim[0])] or fitting
         if not fitting and quantity == "time":
             fitting = [(name, "s") for name in self.free if name in self.stamps]
         if len(fitting) > 1:

@@ -201,9 +201,9 @@ def nominal_from_name(stem: str) -> Nominal:
             ((value, mark),) = named
             command = Command(value / 1000.0 if mark[0] == "m" else value, "V" if mark[-1] == "V" else "A")
         if match is None or named:
-            motion = Nominal() if match is None else nominal_from_name(match[0])
+            nominal = Nominal() if match is None else nominal_from_name(match[0])
             several = tuple(f"{value:g} {mark}" for value, mark in sorted(named)) if command is None else ()
-            return replace(motion, command=command, is_regular=False, several=several)
+            return replace(nominal, command=command, is_regular=False, several=several)
     unit: CommandUnit = "V" if (match["unit"] or "").upper() == "V" else "A"
     return Nominal(
         # Division instead of multiplication: 5 / 1000 is the double nearest to 0.005.

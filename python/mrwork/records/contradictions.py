@@ -137,8 +137,8 @@ def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     for first, last in test.uncompared:
         jumps = jumps[(jumps + 1 < first) | (jumps >= last)]
     every = max(displacement.size // _PLACES_OF_PATH, 1)
-    path = float(np.abs(np.diff(displacement[::every])).sum())
-    if jumps.size == 0 or np.abs(steps[jumps]).sum() > _OF_THE_PATH * path:
+    travel = float(np.abs(np.diff(displacement[::every])).sum())
+    if jumps.size == 0 or np.abs(steps[jumps]).sum() > _OF_THE_PATH * travel:
         return
     largest = int(jumps[np.argmax(np.abs(steps[jumps]))])
     size = float(abs(steps[largest]))

@@ -270,7 +270,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
 
     @property
     def n_time(self) -> int:
-        """Number of samples."""
+        """Number of samples, compared with a model or not."""
         return int(self.force.size)
 
     @property
@@ -450,7 +450,7 @@ def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]
 
 
 def fields_of_commands(commands: Iterable[Command]) -> dict[str, Any]:
-    """Fields of a `DamperTest` that hold these commands."""
+    """Keyword arguments of a `DamperTest` that has these commands: `current`, `voltage`, or `command` and its unit."""
     fields: dict[str, Any] = {}
     for command in commands:
         fields[command.quantity] = command.values
@@ -468,12 +468,12 @@ def same_commands(one: DamperTest, other: DamperTest) -> bool:
 
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     """Motion of a test, with its command in the unit of the model, constant or held from sample to sample."""
-    motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     if spec.command_unit is None:
-        return motion
+        return loading
     command = test.command_in(spec.command_unit)
     if command is not None:
-        return replace(motion, command=command, command_unit=spec.command_unit)
+        return replace(loading, command=command, command_unit=spec.command_unit)
     raise RecordError(
         f"{test.label}: the model takes its command in {spec.command_unit}, the test has "
         f"{test.command_in_words or 'none'}; give it, as in --column command=0.5{spec.command_unit} or in a table of "

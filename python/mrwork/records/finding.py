@@ -84,7 +84,7 @@ class Finding:
 
     @property
     def severity(self) -> Severity:
-        """Whether it is a note, a warning or a repair."""
+        """Whether the finding is a note, a warning or a repair."""
         return self.kind.severity
 
     def document(self) -> dict[str, Any]:

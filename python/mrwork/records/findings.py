@@ -98,24 +98,24 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
     # Commands that differ by less than a percent of the largest count as equal.
     step = max(0.01 * float(np.abs(commands).max()), 1e-9)
     groups: dict[int, list[int]] = defaultdict(list)
-    for row, command in enumerate(commands):
-        groups[round(float(command) / step)].append(row)
-    alike = [np.array(rows) for rows in groups.values() if len(rows) >= _FEWEST_ALIKE]
+    for index, command in enumerate(commands):
+        groups[round(float(command) / step)].append(index)
+    alike = [np.array(group) for group in groups.values() if len(group) >= _FEWEST_ALIKE]
     if not alike:
         return []
     force_there, velocity = _loops(tests)
     force = force_there - _slope(force_there, velocity, alike) * velocity
-    levels = np.array([np.median(force[rows]) for rows in alike])
-    beside = np.concatenate([force[rows] - level for rows, level in zip(alike, levels, strict=True)])
+    levels = np.array([np.median(force[group]) for group in alike])
+    beside = np.concatenate([force[group] - level for group, level in zip(alike, levels, strict=True)])
     spread = _MAD_TO_DEVIATION * float(np.median(np.abs(beside)))
     limit = max(_STANDS_OUT, _SIGNIFICANT * spread)
-    at = np.array([np.median(commands[rows]) for rows in alike])
+    at = np.array([np.median(commands[group]) for group in alike])
     findings = []
-    for row, difference in zip(np.concatenate(alike), beside, strict=True):
-        others = _of_others(row, alike, force_there, velocity)
-        if min(abs(difference), abs(force_there[row] - others)) <= limit:
+    for index, difference in zip(np.concatenate(alike), beside, strict=True):
+        others = _of_others(index, alike, force_there, velocity)
+        if min(abs(difference), abs(force_there[index] - others)) <= limit:
             continue
-        test = tests[row]
+        test = tests[index]
         ratio = float(np.expm1(difference))
         findings.append(
             _MISLABELLED.found(
@@ -123,10 +123,10 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
                 label=test.label,
                 share=100.0 * abs(ratio),
                 more="more" if ratio > 0 else "less",
-                command=commands[row],
+                command=commands[index],
                 unit=unit,
                 spread=100.0 * spread,
-                belongs=_belongs(float(force[row]), levels, at, unit),
+                belongs=_belongs(float(force[index]), levels, at, unit),
                 quantity=quantity,
             )
         )
@@ -143,11 +143,11 @@ def _of_others(row: int, alike: Sequence[NDArray[np.intp]], force: Floats, veloc
 def _loops(tests: Sequence[DamperTest]) -> tuple[Floats, Floats]:
     """Logarithms of dissipative force and peak velocity of tests, shape (n_tests,)."""
     force, velocity = np.empty(len(tests)), np.empty(len(tests))
-    for row, test in enumerate(tests):
+    for index, test in enumerate(tests):
         travelling = smooth_motion(test.displacement, test.dt).velocity
         power = (test.force - mean_over_travel(test.force, travelling)) @ travelling
-        force[row] = max(power / np.abs(travelling).sum(), np.finfo(np.float64).tiny)
-        velocity[row] = np.percentile(np.abs(travelling), 99.0)
+        force[index] = max(power / np.abs(travelling).sum(), np.finfo(np.float64).tiny)
+        velocity[index] = np.percentile(np.abs(travelling), 99.0)
     return np.log(force), np.log(velocity)
 
 
@@ -155,8 +155,8 @@ def _slope(force: Floats, velocity: Floats, alike: Sequence[NDArray[np.intp]]) -
     """Median slope of log force over log velocity between pairs of tests at the same command (Theil-Sen estimator)."""
     slopes = [
         (force[first] - force[second]) / (velocity[first] - velocity[second])
-        for rows in alike
-        for first, second in combinations(rows, 2)
+        for group in alike
+        for first, second in combinations(group, 2)
         if abs(velocity[first] - velocity[second]) > _APART
     ]
     return float(np.median(slopes)) if slopes else 0.0
@@ -233,8 +233,13 @@ def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
             places[finding.kind, finding.words].append((test, finding))
     # A check may find the same in two channels of a test.
     named = {key: {id(test): test.name for test, _ in pairs} for key, pairs in places.items()}
-    recurring = {key: [finding for _, finding in places[key]] for key, name in named.items() if len(name) > 1}
-    shared = [_join_findings(each, tuple(named[key].values()), len(tests)) for key, each in recurring.items()]
+    recurring = {
+        key: [finding for _, finding in places[key]] for key, names in named.items() if len(names) > 1
+    }
+    shared = [
+        _join_findings(findings, tuple(named[key].values()), len(tests))
+        for key, findings in recurring.items()
+    ]
     return GatheredFindings(
         shared=tuple(sorted(shared, key=lambda finding: finding.severity != "warning")),
         own=tuple(
@@ -276,7 +281,9 @@ def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding
     # The message names the tests that it concerns.
     of_set = (finding for finding in findings_of_set(tests) if verb in finding.kind.verbs)
     together = [_join_findings([finding], (), len(tests)) for finding in of_set]
-    return tuple(sorted((*together, *gathered.shared, *alone), key=lambda entry: entry.severity != "warning"))
+    return tuple(
+        sorted((*together, *gathered.shared, *alone), key=lambda finding: finding.severity != "warning")
+    )
 
 
 def findings_of_set(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:

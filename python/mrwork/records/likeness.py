@@ -114,8 +114,8 @@ class RecordedMotion:
         if len(self.commands) != len(other.commands):
             return False
         matches = [
-            abs(one - another) <= _COMMAND * max(abs(one), abs(another)) + _LEAST_COMMAND
-            for unit, one in self.levels.items()
+            abs(level - another) <= _COMMAND * max(abs(level), abs(another)) + _LEAST_COMMAND
+            for unit, level in self.levels.items()
             if (another := other.levels.get(unit)) is not None
         ]
         return all(matches) if matches else None
@@ -171,7 +171,7 @@ class Likeness:
 
     @property
     def in_words(self) -> str:
-        """Description in words."""
+        """Sentence on the two tests of equal motion and command, without its stop."""
         return self._alike("motion and command")
 
     @property
@@ -186,7 +186,7 @@ class Likeness:
 
     @property
     def force_in_words(self) -> str:
-        """Description with the difference of the force."""
+        """Sentence on two tests of equal motion whose forces differ by a factor and a shift, without its stop."""
         ratio, shift = self.force_ratio or 1.0, self.force_shift or 0.0
         shared = "motion and command" if self.known_command else "motion"
         return f"{self._alike(shared)}, but its force is that of the other times {ratio:.2f} {shift:+.3g} N"
@@ -244,14 +244,14 @@ def likest(
 def alike_groups(motions: Sequence[RecordedMotion]) -> list[list[int]]:
     """Indices of tests in groups of those that are alike, directly or through others; each group in order."""
     group = list(range(len(motions)))
-    for index, one in enumerate(motions):
-        for other in range(index):
-            if group[other] != group[index] and (
-                likeness(one, motions[other]) or likeness(motions[other], one)
+    for index, motion in enumerate(motions):
+        for earlier in range(index):
+            if group[earlier] != group[index] and (
+                likeness(motion, motions[earlier]) or likeness(motions[earlier], motion)
             ):
-                label, joined = sorted((group[other], group[index]))
-                group = [label if member == joined else member for member in group]
-    return [[index for index, member in enumerate(group) if member == first] for first in sorted(set(group))]
+                kept, joined = sorted((group[earlier], group[index]))
+                group = [kept if label == joined else label for label in group]
+    return [[index for index, label in enumerate(group) if label == first] for first in sorted(set(group))]
 
 
 def _means(samples: Floats, n_each: float) -> Floats:

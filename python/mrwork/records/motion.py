@@ -109,17 +109,17 @@ class Differentiator:
 
     @property
     def in_words(self) -> str:
-        """Description in words."""
+        """Kind of the filter and length of its window, in samples and milliseconds."""
         return (
             f"a cubic Savitzky-Golay filter over {self.window} samples ({1e3 * self.window * self.dt:.3g} ms)"
         )
 
     def smooth(self, signal: Floats) -> Floats:
-        """Smoothed signal."""
+        """The smoothed signal, of the same shape."""
         return savitzky_golay(signal, self.window, _ORDER)
 
     def derivative(self, signal: Floats, order: int = 1) -> Floats:
-        """Time derivative of the smoothed signal."""
+        """Time derivative of the smoothed signal, of the same shape, in its unit per s^`order`."""
         return savitzky_golay(signal, self.window, _ORDER, derivative=order, step=self.dt)
 
     def noise(self, removed: Floats) -> float:

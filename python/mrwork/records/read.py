@@ -202,9 +202,9 @@ def test_from_arrays(
             signals.velocity, displaced, motion, uncompared, late=late
         )
     rings = np.zeros(displaced.size, dtype=np.bool_)
-    for varying in signals.commands:
-        rings |= varying.ringing_samples(displaced.size)
-    on_grid = {varying.unit: varying.without_ringing() for varying in signals.commands}
+    for sent_command in signals.commands:
+        rings |= sent_command.ringing_samples(displaced.size)
+    on_grid = {sent_command.unit: sent_command.without_ringing() for sent_command in signals.commands}
     fields = fields_of_commands(
         [on_grid.get(given_command.unit, given_command) for given_command in commands]
     )
@@ -543,9 +543,11 @@ def _guess(file: Path) -> ListedTest:
         return ListedTest(file=str(file), doubt=_plain(error, file))
     names = [name for name in table.names if scalar is None or name != scalar.column]
     chosen, doubts = guess_columns(names, units=table.units, stamps=table.stamps, source=str(file))
-    motion = (quantity for quantity in (*REQUIRED, "velocity") if quantity in chosen or quantity in REQUIRED)
+    quantities = (
+        quantity for quantity in (*REQUIRED, "velocity") if quantity in chosen or quantity in REQUIRED
+    )
     columns: dict[str, str] = {
-        quantity: chosen[quantity].specification if quantity in chosen else UNKNOWN for quantity in motion
+        quantity: chosen[quantity].specification if quantity in chosen else UNKNOWN for quantity in quantities
     }
     used = {choice.column for choice in chosen.values()}
     about = [doubts.pop(quantity) for quantity in COMMANDS if quantity in doubts]

@@ -156,7 +156,7 @@ class Reading:
         return tuple(tests)
 
     def test_of(self, file: str) -> DamperTest:
-        """Read one of the files as a test."""
+        """Read one of the files with its columns, cut, repaired and settled as was asked; or make a synthetic test."""
         if is_synthetic(file):
             test = synthetic_test(file.removeprefix(_SYNTHETIC))
         else:

@@ -251,7 +251,7 @@ def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
     if "file" not in entries:
         raise RecordError("names no file")
     name = entries.get("use", UNUSED).casefold()
-    use = next((argument for argument in get_args(Use) if argument == name), None)
+    use = next((known_use for known_use in get_args(Use) if known_use == name), None)
     uses = (*get_args(Use), UNUSED)
     check_known(name, uses, f"the use is '{name}'", otherwise="give one of", kind=SettingError)
     columns = {key: entries[key] for key in (*_SPECIFIED, MARKERS) if key in entries}
@@ -300,7 +300,9 @@ def _rows_of_folder(folder: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]
 def _select_use(rows: Sequence[ListedTest], table: Path, use: Use | EveryUse) -> tuple[ListedTest, ...]:
     used = tuple(row for row in rows if row.use is not None and use in (EVERY_USE, row.use))
     if not used:
-        counts = [f"{sum(row.use == argument for row in rows)} for {argument}" for argument in get_args(Use)]
+        counts = [
+            f"{sum(row.use == known_use for row in rows)} for {known_use}" for known_use in get_args(Use)
+        ]
         wanted = "a use" if use == EVERY_USE else f"the use {use!r}"
         raise RecordError(
             f"{table}: no row has {wanted} ({', '.join(counts)} of {len(rows)}); set the use of some rows, or name the "

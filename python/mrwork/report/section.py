@@ -42,7 +42,7 @@ OnDrawn = Callable[[PageProgress], None]
 
 
 def ignore_progress(_: PageProgress) -> None:
-    """Ignore progress."""
+    """Take the progress of a page and show nothing."""
 
 
 # At this scale the letters of a figure are as large as the small ones of the page.

@@ -29,7 +29,7 @@ class Reference:
 
     @property
     def bibtex(self) -> str:
-        """The entry as text."""
+        """The reference as an entry of a BibTeX file."""
         lines = [f"  {name} = {{{value}}}," for name, value in self.fields.items()]
         return "\n".join([f"@{self.kind}{{{self.key},", *lines, "}"])
 
@@ -57,9 +57,9 @@ def _parts(folder: Path) -> Iterator[tuple[str, Reference]]:
     from mrwork.dampers.spec import damper_models, published_sets
 
     run = RunFolder.open(folder)
-    manifest, study = run.manifest, run.content(STUDY) if is_file(folder / STUDY) else None
+    manifest, content = run.manifest, run.content(STUDY) if is_file(folder / STUDY) else None
     settings = manifest.get("settings")
-    stated = [manifest.get("model"), None if study is None else tomllib.loads(study.decode())]
+    stated = [manifest.get("model"), None if content is None else tomllib.loads(content.decode())]
     stated += [settings.get("search"), settings.get("engine")] if isinstance(settings, Mapping) else []
     names = {*_texts(stated), *(name for name in (*ADDITIONS, RANKING) if is_file(folder / name))}
     for noun, entries in (
@@ -88,7 +88,6 @@ def _parts(folder: Path) -> Iterator[tuple[str, Reference]]:
 
 
 def _texts(document: object) -> Iterator[str]:
-    """Every key and every text of a document."""
     if isinstance(document, str):
         yield document
     elif isinstance(document, Mapping):

@@ -47,7 +47,7 @@ def force_table(fit: Fit, stated: StatedCommand | None) -> str:
     commands: Sequence[float | None]
     if stated is None and spec.follows_command and tested.command is not None:
         commands = levels = np.linspace(*tested.command, _COMMANDS).tolist()
-        theta = np.stack([plain_parameters(spec, fit.theta, level) for level in levels])
+        theta = np.stack([plain_parameters(spec, fit.theta, command) for command in levels])
     else:
         values, command = parameters_at(fit, stated)
         commands, theta = [command], values[None]

@@ -236,7 +236,9 @@ def _tests(path: Path) -> Any:
 def _group(arrays: NamedArrays) -> dict[str, Any]:
     """A struct with the labels along each axis, and with every array."""
     labels = {name: _array(name, label, ()) for name, label in arrays.labels.items()}
-    data = {name: _array(name, item, item.axes) for name, item in {**arrays.along, **arrays.arrays}.items()}
+    data = {
+        name: _array(name, array, array.axes) for name, array in {**arrays.along, **arrays.arrays}.items()
+    }
     return {"title": arrays.title, "labels": _rename_keys(labels), **_rename_keys(data)}
 
 

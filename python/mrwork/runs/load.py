@@ -64,18 +64,18 @@ class StoredRun(Plotted, Summarised):
 
     @property
     def calibration(self) -> Calibration | None:
-        """The calibration of the bands."""
+        """Calibration of the prediction bands; `None` before `mrwork calibrate`."""
         return None if self.bands is None else self.bands.calibration
 
     def _summary(self) -> Summary:
         present = [entry.name for entry in fields(self) if getattr(self, entry.name) is not None]
-        fit = self.fit._summary()
+        of_fit = self.fit._summary()
         return Summary(
-            title=f"Run {self.place.name}: {fit.title}",
-            facts=(("folder", str(self.place)), ("holds", ", ".join(present[1:])), *fit.facts),
-            cautions=fit.cautions,
-            tables=fit.tables,
-            notes=fit.notes,
+            title=f"Run {self.place.name}: {of_fit.title}",
+            facts=(("folder", str(self.place)), ("holds", ", ".join(present[1:])), *of_fit.facts),
+            cautions=of_fit.cautions,
+            tables=of_fit.tables,
+            notes=of_fit.notes,
         )
 
 
@@ -203,7 +203,7 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
         fit = fit.with_intervals(draws.intervals)
     # Profiles of a model with redundant parameters are in other parameters.
     elif profiles is not None and profiles.model == fit.model and profiles.status == "finished":
-        profiled = {profiled.name for profiled in profiles.profiles}
+        profiled = {profile.name for profile in profiles.profiles}
         if profiled.issuperset(estimate.name for estimate in fit.estimates if estimate.is_free):
             fit = fit.with_intervals(profiles.intervals)
     return StoredRun(

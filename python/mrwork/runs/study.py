@@ -263,8 +263,6 @@ def _damper_table(table: Table) -> Table:
 
 
 def _damper_of(fit: Fit) -> FittedDamper:
-    """A fit as a study takes it."""
-
     def files() -> dict[str, bytes]:
         from mrwork.identification.fit_file import fit_content, manifest_of
 

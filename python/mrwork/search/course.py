@@ -217,11 +217,11 @@ class Optimiser(Protocol):
 
     @property
     def population(self) -> int:
-        """Candidates of a generation."""
+        """Number of candidates of a generation."""
 
     @property
     def stop(self) -> StopRules:
-        """When a search ends."""
+        """The rules by which a search ends."""
 
     @property
     def elite(self) -> EliteRule:

@@ -36,7 +36,7 @@ _FAILURE = 1e100
 
 
 def library(name: str) -> ModuleType:
-    """Import a module of an optional library."""
+    """Import a module of an optional library; refused with the command that installs the library."""
     try:
         return importlib.import_module(name)
     except (ImportError, ValueError) as error:

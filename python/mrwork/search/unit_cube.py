@@ -26,15 +26,15 @@ class Streams:
     generation: int = 0
 
     def uniform(self, *shape: int) -> Floats:
-        """Numbers in [0, 1)."""
+        """Uniform random numbers in [0, 1) of this shape."""
         return self._generator(_UNIFORM).random(shape)
 
     def normal(self, *shape: int) -> Floats:
-        """Standard normal numbers."""
+        """Standard normal random numbers of this shape."""
         return self._generator(_NORMAL).standard_normal(shape)
 
     def library_seed(self) -> int:
-        """Seed in [0, 2^31) for a library that takes one."""
+        """Seed in [0, 2^31) for an optimiser of another library, which has its own generator."""
         return int(self._generator(_LIBRARY_SEED).integers(2**31))
 
     def _generator(self, purpose: int) -> np.random.Generator:
@@ -67,9 +67,9 @@ def others(uniform: Floats) -> NDArray[np.int64]:
     """
     size, n_others = uniform.shape
     taken = np.arange(size)[:, None]
-    for k in range(n_others):
+    for index in range(n_others):
         # Index among the remaining members, converted to an index among all by skipping those taken, lowest first.
-        member = (uniform[:, k] * (size - 1 - k)).astype(np.int64)
+        member = (uniform[:, index] * (size - 1 - index)).astype(np.int64)
         for lower in np.sort(taken, axis=1).T:
             member += member >= lower
         taken = np.concatenate([taken, member[:, None]], axis=1)

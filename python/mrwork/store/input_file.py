@@ -31,7 +31,7 @@ class Allowance:
         self._whole = self._left = min(1 << 30, max(least, 10 * size))
 
     def take(self, count: int, what: str) -> None:
-        """Count the bytes of `what`."""
+        """Subtract `count` bytes that `what` claims; refuse it where less is left."""
         self._left -= count
         if self._left < 0:
             raise RecordError(
@@ -89,7 +89,7 @@ def text_of(path: Path, kind: FileKind) -> str:
 
 
 def text_in(content: bytes, path: Path, kind: FileKind) -> str:
-    """Text of the content of a file, as `text_of`."""
+    """Text of the content of a file, UTF-8 with or without a mark; other content is refused with the kind's remedy."""
     # A file with a hole, which has no size on the disk, has zeros there.
     if (zero := content.find(b"\0")) >= 0:
         raise RecordError(f"{path}: byte {zero} is 0x00, so this is no text; {kind.remedy}")
@@ -102,7 +102,7 @@ def text_in(content: bytes, path: Path, kind: FileKind) -> str:
 
 
 def is_there(path: Path, kind: FileKind) -> bool:
-    """Whether there is a file at `path`, which must be one of this kind."""
+    """Whether there is a file at `path`; a folder, a device or a file too large for its kind is refused."""
     return exists(path) and check_file(path, kind) >= 0
 
 

@@ -45,7 +45,7 @@ def toml_lines(text: str) -> dict[KeyPath, int]:
 
 
 def _note(value: Any, path: KeyPath, first: int, last: int, lines: dict[KeyPath, int]) -> None:
-    """Note the lines of what is in a value that stands from the first line to the last."""
+    """Enter the line of each key in `value`, whose text reaches from line `first` to line `last`, into `lines`."""
     a_line_each = isinstance(value, list) and len(value) == last - first - 1
     items = dict(enumerate(value)) if isinstance(value, list) else value
     for number, (name, inner) in enumerate(items.items() if isinstance(items, dict) else (), start=1):

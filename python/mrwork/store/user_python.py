@@ -94,7 +94,7 @@ _HEAD = "from __future__ import annotations\n"
 
 
 class _NoTextError(Exception):
-    """No text states a function."""
+    pass
 
 
 def function_text(*functions: Callable[..., Any], what: str, remedy: str) -> str:

@@ -90,10 +90,10 @@ def arrangements(
     numbers = (("baseline", len(table.baseline)), ("controller", len(table.controller)))
     further = read_each(arranged, [(kind, number) for kind, count in numbers for number in range(count)])
     # The row at i = 0 exists already; only its label may differ.
-    labels = [row.row.label for row in further if row.row.kind == "passive_off" and row.row.label]
-    further = [row for row in further if row.row.kind != "passive_off"]
+    labels = [each.row.label for each in further if each.row.kind == "passive_off" and each.row.label]
+    further = [each for each in further if each.row.kind != "passive_off"]
     first = [replace(at_zero, row=replace(off, label=[off.label, *labels][-1]))] if devices else []
-    listed = [row.row for row in (*first, *further)]
+    listed = [arrangement.row for arrangement in (*first, *further)]
     driven = [device for device in devices if device.is_commanded]
     # Best constant commands that a study has without listing them.
     for name in ("best_passive", "best_passive_by_group")[: len(products_of(driven))]:
@@ -173,9 +173,9 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
     key, name = ("law", controller.law) if user is None else ("user", f"{user.function} in Python")
     of_registry = control_law(name) if user is None and constant is None else None
     # An active law replaces the dampers by actuators.
-    commands = of_registry is None or not of_registry.commands_force
-    commands &= constant is None or constant.share != 0.0
-    if commands and not any(device.is_commanded for device in problem.devices):
+    needs_command = of_registry is None or not of_registry.commands_force
+    needs_command &= constant is None or constant.share != 0.0
+    if needs_command and not any(device.is_commanded for device in problem.devices):
         raise InvalidSettingError(
             key,
             f"{name} commands the dampers, and they are passive or hold a command; leave this law out, or give a "
@@ -186,7 +186,7 @@ def _refuse_command(controller: ControllerTable, problem: DesignProblem, hardwar
             refuse_units(of_registry, problem.devices)
     refuse_rate(problem.devices, controller.command_slope, "command_slope")
     lacking = beyond_twin(problem.building, problem.devices, hardware, name)
-    if commands and constant is None and lacking:
+    if needs_command and constant is None and lacking:
         raise InvalidSettingError(key, lacking)
 
 
@@ -218,7 +218,7 @@ def settings_of_law(table: ControllerTable, place: Place, folder: Path) -> Mappi
     where = place if table.settings is None else place.within("settings")
     if table.gain is not None:
         if "gain" not in _names_of(kind):
-            taking = ", ".join(name for name, law in SETTINGS.items() if "gain" in _names_of(law))
+            taking = ", ".join(name for name, other in SETTINGS.items() if "gain" in _names_of(other))
             sentence = f"{table.law} has no gain of a desired force; leave it out, or choose one of {taking}"
             raise InvalidSettingError("gain", sentence)
         settings["gain"] = table.gain if isinstance(table.gain, str) else [list(row) for row in table.gain]
@@ -256,11 +256,11 @@ def _values_of(
     """Settings in SI, with the matrices of the files that they name; a single row or column is a diagonal."""
     resolved = dict(settings)
     for entry in keys_of(kind):
-        name = resolved.get(entry.name)
+        value = resolved.get(entry.name)
         unit = entry.says.unit or "1"
-        if entry.says.matrix and isinstance(name, str) and isinstance(number_in(name, unit), str):
+        if entry.says.matrix and isinstance(value, str) and isinstance(number_in(value, unit), str):
             with place.within(entry.name).prefix_errors(SettingError):
-                matrix = read_matrix(folder / name)
+                matrix = read_matrix(folder / value)
             diagonal = 1 in matrix.shape and entry.name != "gain"
             resolved[entry.name] = (matrix.ravel() if diagonal else matrix).tolist()
     wishes = resolved.get("designed")

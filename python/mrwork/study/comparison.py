@@ -207,7 +207,7 @@ def constant_in_words(results: StudyResults, row: int) -> str:
     A command is constant, to a hundredth, where its mean square and squared mean agree.
     """
     dampers, quantities = results.dampers, results.quantities.numbers
-    largest = np.array([device.largest_command for device in dampers])
+    largest = np.array([damper.largest_command for damper in dampers])
     if not (largest.size and results.finished_under(row, range(len(results.motions)))):
         return ""
     means, rms = (quantities[name][row, :, 0, : largest.size] for name in ("mean_current", "rms_current"))
@@ -390,13 +390,13 @@ def change_table(comparison: Comparison, reference: int, shown: Collection[int])
     changes = [comparison.tables[row, reference] for row in rows]
     columns = [[of_row[entry.name].mean for of_row in changes] for entry in quantities]
     average = f", mean over {judged_in_words(results)}" if several else ""
-    laws = [
-        comparison.tables[row, reference]
-        for row, entry in enumerate(results.rows)
-        if entry.kind in LAWS.kinds
+    of_laws = [
+        comparison.tables[number, reference]
+        for number, row in enumerate(results.rows)
+        if row.kind in LAWS.kinds
     ]
-    worse = (sum(changes[entry.name].worse for changes in laws) for entry in quantities)
-    foot = (f"Worse control laws, of {len(laws)}", *(format_fixed(count, 0) for count in worse))
+    worse = (sum(of_row[entry.name].worse for of_row in of_laws) for entry in quantities)
+    foot = (f"Worse control laws, of {len(of_laws)}", *(format_fixed(count, 0) for count in worse))
     return Table(
         label=f"Change in % against {results.rows[reference].label}{average}",
         columns=("", *(entry.short for entry in quantities), *(["Largest increase"] if several else [])),
@@ -408,7 +408,7 @@ def change_table(comparison: Comparison, reference: int, shown: Collection[int])
             )
             for line, row in enumerate(rows)
         ),
-        foot=(*foot, *([""] if several else [])) if len(laws) > 1 else (),
+        foot=(*foot, *([""] if several else [])) if len(of_laws) > 1 else (),
         strong=best_cells(results, rows, columns, signed_percent),
         alarming=frozenset(
             (line, cell)

@@ -138,7 +138,7 @@ _MODEL_STEPS = 400.0
 
 
 def steps_of(study: Study, *, check_step: bool, threads: int = 0) -> Iterator[Step]:
-    """The steps of a study in their order."""
+    """Steps of a study with their costs: each row, then realisations, then runs with half the step."""
     rows, n_realisations = range(len(study.arrangements)), len(study.realisations or ())
 
     def step(row: int, what: What, n_each: int = 1, motions: Sequence[GroundMotion] = study.grounds) -> Step:

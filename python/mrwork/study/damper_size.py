@@ -63,17 +63,17 @@ def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]
 
 def _outside_in_words(results: StudyResults) -> Iterator[str]:
     """A sentence for each quantity outside the tested ranges, its worst run, and for each law out of its range."""
-    every, laws = [], []
-    for (row, motion), devices in results.demanded.items():
+    every, limits = [], []
+    for (row, motion), demands in results.demanded.items():
         under = f"under {results.motions[motion].name} with {results.rows[row].label}"
-        for worst, name, _ in worst_of([(device.device, device.outside) for device in devices]):
+        for worst, name, _ in worst_of([(demand.device, demand.outside) for demand in demands]):
             every.append((f"{name} {under}", Outside(exceedances=(worst,))))
-        laws += [limit for device in devices for limit in device.outside.laws]
+        limits += [limit for demand in demands for limit in demand.outside.laws]
     n_runs = sum(map(bool, results.demanded.values()))
     for worst, label, count in worst_of(every):
         beyond = "beyond the rating" if worst.rated else "outside the tested range"
         yield f"{worst.in_words}: {label}; {beyond} in {count} of {n_runs} runs with dampers."
-    yield from (f"{law.in_words}." for law in worst_laws(laws))
+    yield from (f"{limit.in_words}." for limit in worst_laws(limits))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,13 +206,13 @@ def _reaches(results: StudyResults) -> list[_Reach]:
             # Storeys stand on each other, so that forces of others do not add to that on the base.
             on_base = by_storey.get(0, np.max([*by_storey.values()], axis=0))
             most = int(np.argmax(on_base))
-            held = {key_name: float(force[most]) for key_name, force in by_storey.items()}
+            held = {storey: float(force[most]) for storey, force in by_storey.items()}
             reaches.append(_Reach(motion=motion, forces=held, force=float(on_base[most]), shear=shear))
     return reaches
 
 
 def _counts(results: StudyResults, factor: float) -> str:
-    counts = {device.count for device in results.dampers}
+    counts = {damper.count for damper in results.dampers}
     if len(counts) == 1:
         where = "the" if len(results.dampers) == 1 else "each"
         return f"count = {math.ceil(round_to(counts.pop() * factor, 2))} in {where} [[damper]]"

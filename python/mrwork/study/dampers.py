@@ -194,13 +194,13 @@ class OtherSet:
 def other_sets(tables: Sequence[DamperTable], folder: Path, identified: Identified) -> tuple[OtherSet, ...]:
     """The sets that every run of the tables has, and that the tables do not refuse."""
     names = (table.run for table in tables if isinstance(table.run, str) and table.like is None)
-    runs = {folder / run: identified(folder / run) for run in names}
+    fits = {folder / run: identified(folder / run) for run in names}
     sets = []
-    for wanted in next((run.others for run in runs.values() if run.others), ()):
+    for wanted in next((fit.others for fit in fits.values() if fit.others), ()):
         fitted = {
-            path: wanted if wanted in run.others else other
-            for path, run in runs.items()
-            for other in run.others
+            path: wanted if wanted in fit.others else other
+            for path, fit in fits.items()
+            for other in fit.others
             if other.spec == wanted.spec
         }
         with suppress(SettingError, KeyError):
@@ -234,8 +234,8 @@ def equip_building(
         before = 0 if table.name else sum(other.startswith(name) for other in names)
         names.append(f"{name}, number {before + 1}" if before else name)
     return building, tuple(
-        replace(one, name=name, row=row, **named(table, "count", "differential"))
-        for one, name, row, table in zip(chosen, names, rows, tables, strict=True)
+        replace(device, name=name, row=row, **named(table, "count", "differential"))
+        for device, name, row, table in zip(chosen, names, rows, tables, strict=True)
     )
 
 

@@ -27,28 +27,28 @@ def ensemble_of(results: Sequence[StudyResults]) -> Ensemble:
     )
 
 
-def _verdicts(studies: Sequence[Comparison]) -> Iterator[Verdict]:
+def _verdicts(comparisons: Sequence[Comparison]) -> Iterator[Verdict]:
     """The first row of each rank, and whether the leading row is worse than each set's own references."""
-    first = studies[0]
+    first = comparisons[0]
     labels = [row.label for row in first.results.rows]
     for index, (rank, rows) in enumerate(first.ranks):
         if len(rows) > 1:
-            leaders = [study.ranks[index][1][0] for study in studies]
+            leaders = [comparison.ranks[index][1][0] for comparison in comparisons]
             yield Verdict(
                 subject=f"lowest score of {rank.title}",
                 answers=tuple(labels[row] for row in leaders),
-                values=tuple(study.results.score(row) for study, row in zip(studies, leaders, strict=True)),
+                values=tuple(each.results.score(row) for each, row in zip(comparisons, leaders, strict=True)),
             )
     titles, row = ("the building without dampers", "the best passive damper"), first.leading
     for title, references in zip(
-        titles, zip(*(study.references for study in studies), strict=True), strict=False
+        titles, zip(*(comparison.references for comparison in comparisons), strict=True), strict=False
     ):
         if row is None or row in references:
             continue
-        pairs = [*zip(studies, references, strict=True)]
-        changes = {"score": [pair.results.score(row) - pair.results.score(other) for pair, other in pairs]}
+        pairs = [*zip(comparisons, references, strict=True)]
+        changes = {"score": [each.results.score(row) - each.results.score(other) for each, other in pairs]}
         for entry in compared_quantities():
-            changes[entry.title] = [pair.tables[row, other][entry.name].mean for pair, other in pairs]
+            changes[entry.title] = [each.tables[row, other][entry.name].mean for each, other in pairs]
         for name, values in changes.items():
             subject = f"{name} of {labels[row]} against {title}"
             yield Verdict(subject=subject, answers=tuple(map(_answer, values)), values=tuple(values))
@@ -97,7 +97,7 @@ def dampers_apart(study: Study, results: StudyResults, *, threads: int = 0) -> s
             for name in ("deformation", "rate", "command")
         )
         forces, device = [], study.devices[number]
-        sets = [device, *(law_set.dampers[number] for law_set in study.other_sets)]
+        sets = [device, *(other.dampers[number] for other in study.other_sets)]
         # Without the sets from the first on that cannot be simulated there.
         with suppress(SimulationError):
             for spec, theta in ((one.spec, one.draws[0]) for one in sets):

@@ -65,7 +65,7 @@ def _describe_changes(comparison: Comparison) -> Iterator[dict[str, Any]]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _RunDemand:
-    """The demand of a run on each device."""
+    """The demand of a run on each device, by the labels of row and motion, as the file has it."""
 
     controller: str
     motion: str
@@ -319,15 +319,15 @@ def _profiles_csv(results: StudyResults) -> str:
     lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
     for row, motion in np.argwhere(results.quantities.finished[:, :, 0]).tolist():
         labels = [results.rows[row].label, results.motions[motion].name]
-        for label in shown:
-            name, unit = label.name.removeprefix("peak_"), label.unit.replace("^", "")
-            peaks = numbers[label.name][row, motion, 0]
+        for quantity in shown:
+            name, unit = quantity.name.removeprefix("peak_"), quantity.unit.replace("^", "")
+            peaks = numbers[quantity.name][row, motion, 0]
             rms = numbers.get(f"rms_{name}")
             squares = np.full_like(peaks, np.nan) if rms is None else rms[row, motion, 0]
             lines += [
                 [*labels, name.replace("_", " "), where, _cell(peak), _cell(square), unit]
                 for where, peak, square in zip(
-                    along[label.axis], peaks.tolist(), squares.tolist(), strict=True
+                    along[quantity.axis], peaks.tolist(), squares.tolist(), strict=True
                 )
                 if not math.isnan(peak)
             ]

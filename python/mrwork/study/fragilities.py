@@ -112,7 +112,7 @@ class Fragility(Summarised):
 
     @property
     def reaching(self) -> str:
-        """Text such as "7 of 20"."""
+        """How many records reach the limit at any level, such as "7 of 20"."""
         return f"{sum(crossing.below < math.inf for crossing in self.crossings)} of {len(self.crossings)}"
 
     @property
@@ -251,12 +251,12 @@ class Fragilities(Plotted, WithAxes, Summarised):
 
     @property
     def title(self) -> str:
-        """The criterion within a sentence."""
+        """Title of the criterion as it stands within a sentence, such as "peak drift ratio"."""
         return small_first(criterion_named(self.criterion).title)
 
     @property
     def limit_value(self) -> str:
-        """The limit with its unit."""
+        """Text of the limit with its unit, such as "1 %"."""
         return criterion_named(self.criterion).in_words(self.limit, self.unit)
 
     @property

@@ -38,7 +38,7 @@ class RunHistory(Labelled):
 def _kept_signals() -> list[Quantity]:
     """Signals of a history that a study stores."""
     named = (signal for signal in history_signals() if signal.name not in _LEFT_OUT)
-    return [name for name in named if name.axis not in ("state", "element")]
+    return [signal for signal in named if signal.axis not in ("state", "element")]
 
 
 def history_of(history: History, arrangement: Arrangement) -> RunHistory:

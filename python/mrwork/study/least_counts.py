@@ -171,8 +171,8 @@ class _Trials:
         doubled = sorted({*(2**power for power in range(most.bit_length())), most})
         enough = next(filter(everywhere, doubled), None)
         if enough is None:
-            alike = [value for value in self.tried.values() if value.uniform is not None]
-            return min(alike, key=lambda value: value.values[row]).counts
+            alike = [trial for trial in self.tried.values() if trial.uniform is not None]
+            return min(alike, key=lambda trial: trial.values[row]).counts
         counts = (bisect_left(range(enough), True, key=everywhere),) * n_places
         for place in order:
             below, above = counts[:place], counts[place + 1 :]

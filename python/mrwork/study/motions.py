@@ -105,7 +105,7 @@ def motions_of_study(read: Sequence[BareMotion], aims: Aims) -> tuple[MotionOfSt
 
 
 def refuse_same(names: Sequence[str], table: str, what: str, key: str) -> None:
-    """Refuse two that have one name."""
+    """Refuse a name that stands twice; the message calls the things `what`, and asks for another `key`."""
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
         raise InvalidSettingError(table, f"two {what} are called {twice!r}; give one of them another {key}")
@@ -174,18 +174,20 @@ def _grounds(table: MotionTable, folder: Path, seed: int) -> Iterator[tuple[Grou
 
 def _refuse_both_uses(bare: Sequence[BareMotion]) -> None:
     """Refuse a training motion that is a test motion, or a copy of one under another name."""
-    tests, training = ([motion for motion in bare if motion.table.use == use] for use in ("test", "training"))
-    for test, other in product(tests, training):
-        names = f"training motion {other.ground.name!r} and test motion {test.ground.name!r}"
+    of_test, of_training = (
+        [motion for motion in bare if motion.table.use == use] for use in ("test", "training")
+    )
+    for judged, trained in product(of_test, of_training):
+        names = f"training motion {trained.ground.name!r} and test motion {judged.ground.name!r}"
         remedy = "controllers must be judged on motions that they were not tuned on; leave one out"
-        channels = [(motion.file, motion.table.column, motion.table.channel) for motion in (test, other)]
-        with keyed("motion", test.number):
-            if test.file is not None and channels[0] == channels[1]:
-                raise SettingError(f"{names} are of one file, {test.file.name}; {remedy}")
-            if is_copy(test.ground, other.ground):
+        channels = [(motion.file, motion.table.column, motion.table.channel) for motion in (judged, trained)]
+        with keyed("motion", judged.number):
+            if judged.file is not None and channels[0] == channels[1]:
+                raise SettingError(f"{names} are of one file, {judged.file.name}; {remedy}")
+            if is_copy(judged.ground, trained.ground):
                 raise SettingError(
                     f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
-                    f"{likeness(test.ground, other.ground):.3f}; {remedy}"
+                    f"{likeness(judged.ground, trained.ground):.3f}; {remedy}"
                 )
 
 

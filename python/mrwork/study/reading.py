@@ -152,7 +152,7 @@ def counted_study(study: Study, counts: Sequence[int]) -> Study:
     A [[damper]] of 0 is left out.
     """
     driven, rest = study.table.damper[: len(counts)], study.table.damper[len(counts) :]
-    dampers = [replace(device, count=count) for device, count in zip(driven, counts, strict=True) if count]
+    dampers = [replace(damper, count=count) for damper, count in zip(driven, counts, strict=True) if count]
     return replace(
         with_dampers(study, [*dampers, *rest]),
         motions=study.motions,
@@ -235,7 +235,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         velocity=expected("velocity"),
     )
     compared = arrangements(table, bare, problem, inputs.folder, hardware, inputs.settings)
-    labels = [test.row.label for test in compared]
+    labels = [arrangement.row.label for arrangement in compared]
     refuse_same(labels, "controller", "arrangements", "label")
     with keyed("report", "controllers"):
         for label in table.report.controllers:
@@ -249,7 +249,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         arrangements=compared,
         motions=motions,
         chosen_on=chosen_on,
-        design_levels=levels if any(test.row.kind in _DESIGNED for test in compared) else (),
+        design_levels=levels if any(each.row.kind in _DESIGNED for each in compared) else (),
         limit=limit,
         hardware=hardware,
         devices=devices,
@@ -262,7 +262,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         other_sets=other_sets(table.damper, inputs.folder, inputs.identified),
         suite=checked_suite,
     )
-    if all(test.named is None for test in compared):
+    if all(arrangement.named is None for arrangement in compared):
         study.check_readings()
     return study
 
@@ -284,12 +284,13 @@ def _design_motions(
     They are the training motions, or all where there are none; with a `design_level` the motions of it.
     """
     chosen = tuple(motion for motion in motions if motion.use == "training") or tuple(motions)
-    levels = tuple(law.level_in_words for law in sorted(chosen, key=lambda motion: motion.level))
-    levels, several = tuple(dict.fromkeys(levels)), max(Counter(law.record for law in chosen).values()) > 1
+    levels = tuple(motion.level_in_words for motion in sorted(chosen, key=lambda motion: motion.level))
+    levels = tuple(dict.fromkeys(levels))
+    several = max(Counter(motion.record for motion in chosen).values()) > 1
     wanted = table.design_level
     if wanted is None:
         return chosen, levels if several else ()
-    of_level = tuple(law for law in chosen if math.isclose(law.level, wanted, rel_tol=1e-6))
+    of_level = tuple(motion for motion in chosen if math.isclose(motion.level, wanted, rel_tol=1e-6))
     if not of_level:
         what = f"{chosen[0].use} motion" if chosen[0].use == "training" else "motion"
         raise InvalidSettingError(
@@ -323,11 +324,11 @@ def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy]) -> int
         with keyed("report", "motion"):
             check_known(wanted, names, f"no motion is called {wanted!r}")
             return names.index(wanted)
-    test = np.array([motion.use == "test" for motion in motions])
+    is_test = np.array([motion.use == "test" for motion in motions])
     if level is not None:
-        of_level = test & [math.isclose(motion.level, level, rel_tol=1e-6) for motion in motions]
-        test = of_level if of_level.any() else test
-    return int(np.argmax([motion.ground.peak for motion in motions] * test))
+        of_level = is_test & [math.isclose(motion.level, level, rel_tol=1e-6) for motion in motions]
+        is_test = of_level if of_level.any() else is_test
+    return int(np.argmax([motion.ground.peak for motion in motions] * is_test))
 
 
 def _facts(

@@ -38,7 +38,7 @@ class Realisations(Summarised):
         return len(self.stiffness)
 
     def alone(self, place: int) -> Realisations:
-        """The one realisation at a place."""
+        """The realisation of an index as realisations of length 1; parameters that are known stay."""
         here, factors = slice(place, place + 1), named(self, "stiffness", "damping", "delay", "seed")
         return Realisations(
             **{name: array[here] for name, array in factors.items()},
@@ -78,8 +78,8 @@ def realisations_of(
             theta.append(device.draws[:1])
             continue
         fit = fitted_of(damper, folder, identified)
-        rows = fit.draws()
-        if rows is None:
+        draws = fit.draws()
+        if draws is None:
             run, remedy = "a fit", "give the folder of its run with the draws that mrwork sample adds"
             if isinstance(damper.run, str):
                 run, remedy = damper.run, f"run mrwork sample {damper.run} first"
@@ -88,8 +88,8 @@ def realisations_of(
                 f"{run} has no posterior draws, and [uncertainty] asks for them; {remedy}, or set damper = false there",
             )
         # Equally spread over the chains, in a random order, which is the same for all devices of one run.
-        chosen = rows[np.linspace(0, len(rows) - 1, n).round().astype(np.int64)[order]]
-        drawn = (replace(damper, run=replace(fit, theta=tuple(row.tolist()))) for row in chosen)
+        chosen = draws[np.linspace(0, len(draws) - 1, n).round().astype(np.int64)[order]]
+        drawn = (replace(damper, run=replace(fit, theta=tuple(draw.tolist()))) for draw in chosen)
         theta.append(np.concatenate([chosen_damper(table, folder, identified)[0].draws for table in drawn]))
         parts.append(1.0)
     if not any(parts):

@@ -348,7 +348,7 @@ class StudyResults(Plotted, Summarised):
 
     @property
     def device_names(self) -> tuple[str, ...]:
-        """Names of the dampers."""
+        """Names of the dampers, one for each place, as labels of the axis of devices."""
         return tuple(damper.name for damper in self.dampers)
 
     @property
@@ -489,8 +489,8 @@ class StudyResults(Plotted, Summarised):
 
     @property
     def _test_motions(self) -> tuple[int, ...]:
-        test = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
-        return test or tuple(range(len(self.motions)))
+        numbers = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
+        return numbers or tuple(range(len(self.motions)))
 
     @arguments.checked
     def finished_rows(self, motion: int) -> list[int]:
@@ -568,14 +568,14 @@ class StudyResults(Plotted, Summarised):
         warnings += self.damper_warnings
         outcomes = self.quantities.outcome[:, :, 0]
         for number, row in enumerate(self.rows):
-            runs = np.flatnonzero(outcomes[number] != NOT_RUN).tolist()
+            simulated = np.flatnonzero(outcomes[number] != NOT_RUN).tolist()
             ends: dict[int, list[str]] = {}
-            for motion in runs:
+            for motion in simulated:
                 ends.setdefault(int(outcomes[number, motion]), []).append(self.motions[motion].name)
             for code, (first, *more) in ends.items():
                 outcome = Outcome(code)
                 if outcome is not Outcome.FINISHED:
-                    under = f"{1 + len(more)} of {len(runs)} motions, as {first}," if more else first
+                    under = f"{1 + len(more)} of {len(simulated)} motions, as {first}," if more else first
                     without = "" if outcome is Outcome.FAILED_SAFE else _NO_CRITERIA
                     warnings.append(f"{row.label} under {under} {self._end(row, outcome)}.{without}")
         off = ~self.quantities.balanced[:, :, 0]

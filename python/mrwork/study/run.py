@@ -94,9 +94,9 @@ def run_study(
     rows, choices, shares = [*study.arrangements], list[str](), dict[str, BestConstant]()
 
     def results() -> StudyResults:
-        done = nominal.beside(halved).with_labels("row", [row.row.label for row in rows])
+        done = nominal.beside(halved).with_labels("row", [arrangement.row.label for arrangement in rows])
         labelled = done.criteria(Scales.of_rows([*map(scales_of, rows)], 2), study.command_unit)
-        of_rows = [row.row for row in rows]
+        of_rows = [arrangement.row for arrangement in rows]
         return judged_by_demand(
             StudyResults.of(study, of_rows, done, labelled.beside(realised), choices), study
         )

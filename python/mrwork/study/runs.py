@@ -67,9 +67,11 @@ _FURTHER = (
 
 
 def study_quantities(command_unit: str) -> tuple[Quantity, ...]:
-    """Quantities of the runs of a study."""
+    """Quantities that a study keeps of each run; those of the command are in `command_unit`."""
     quantities = (*(quantity for quantity in run_quantities() if quantity.name not in _LEFT_OUT), *_FURTHER)
-    return tuple(replace(entry, unit=in_command_unit(entry.unit, command_unit)) for entry in quantities)
+    return tuple(
+        replace(quantity, unit=in_command_unit(quantity.unit, command_unit)) for quantity in quantities
+    )
 
 
 def study_criteria(command_unit: str) -> tuple[Quantity, ...]:
@@ -101,7 +103,7 @@ class Runs(Labelled, WithAxes, Summarised):
 
     @staticmethod
     def empty(axes: Axes, declared: Sequence[Quantity]) -> Runs:
-        """Runs that are to be filled in."""
+        """Runs of which none was simulated: numbers of NaN, and the outcome `NOT_RUN`."""
         first = tuple(map(len, axes.values()))[:_N_FIRST]
         return Runs(
             axes=axes,
@@ -136,7 +138,7 @@ class Runs(Labelled, WithAxes, Summarised):
 
     @property
     def n_done(self) -> int:
-        """Number of runs that are done."""
+        """Number of runs that were simulated, to whatever end."""
         return int(self.done.sum())
 
     def put(self, part: Runs, row: int, motions: slice | list[int] = _ALL) -> None:
@@ -148,7 +150,7 @@ class Runs(Labelled, WithAxes, Summarised):
     def part(
         self, rows: slice | list[int] = _ALL, motions: slice | list[int] = _ALL, realisations: slice = _ALL
     ) -> Runs:
-        """The runs of some rows, motions and realisations."""
+        """The runs of some rows, motions and realisations with their labels; of all where none are given."""
         here = dict(zip(self.axes, (rows, motions, realisations), strict=False))
         return replace(
             self,
@@ -180,7 +182,7 @@ class Runs(Labelled, WithAxes, Summarised):
         return together.with_labels(axis, [*self.axes[axis], *others.axes[axis]])
 
     def of_row(self, row: int) -> Runs:
-        """The runs of one row."""
+        """The runs of one row; the axis of rows stays, of length 1."""
         return self.part(slice(row, row + 1))
 
     def up_to_collapse(self, criterion: str) -> Floats:
@@ -192,7 +194,7 @@ class Runs(Labelled, WithAxes, Summarised):
         return {name: array[row, motion, realisation] for name, array in self.numbers.items()}
 
     def criteria(self, scales: Scales, command_unit: str) -> Runs:
-        """Every criterion of each run; each row has its `scales`."""
+        """Every criterion of each run, over the `scales` of its row; NaN where a run has none."""
         numbers = {**values(self, scales), "energy_error": self.numbers["energy_error"]}
         unknown = [criterion.name for criterion in criteria() if criterion.unknown_in(command_unit)]
         numbers |= {name: np.full_like(numbers[name], np.nan) for name in unknown}
@@ -365,7 +367,7 @@ def numbered(count: int) -> tuple[str, ...]:
 def candidate_axes(
     n_candidates: int, motions: Sequence[GroundMotion], n_realisations: int
 ) -> dict[str, tuple[str, ...]]:
-    """Axes of the runs of candidates under motions with realisations."""
+    """Axes of the runs of a tuning: candidates and realisations by number from 1, motions by name."""
     return {
         "candidate": numbered(n_candidates),
         "motion": tuple(motion.name for motion in motions),

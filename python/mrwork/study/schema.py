@@ -461,7 +461,7 @@ _TARGETS: dict[str | None, Callable[..., TargetSpectrum]] = {
 
 
 def target_spectrum(table: Arguments) -> TargetSpectrum:
-    """The spectrum of a table [target], by its code or by a table."""
+    """The spectrum of a table [target]: of its `code`, or without one of its own points; other keys are refused."""
     code = table.given.get("code")
     reason = f"is no key of a target {f'of the code {code}' if code else 'without code, which is a table'}"
     remedy = "leave it out" if code else "leave it out, or give the code"

@@ -141,11 +141,11 @@ def _stability_in_words(results: StudyResults, facts: BuildingFacts) -> Iterator
     scales, worst = facts.scales if facts.loads else replace(facts.scales, loads=above), (0.0, "")
     if len(scales.loads) != len(facts.heights):
         return
-    for row, entry in enumerate(results.rows):
-        drifts, shears = DRIFT.of_runs(results, row), SHEAR.of_runs(results, row)
+    for number, row in enumerate(results.rows):
+        drifts, shears = DRIFT.of_runs(results, number), SHEAR.of_runs(results, number)
         if drifts is not None and shears is not None:
             under = scales.divide(drifts / DRIFT.factor, "stability", shears / SHEAR.factor)
-            worst = max(worst, (float(under.max()), entry.label))
+            worst = max(worst, (float(under.max()), row.label))
     coefficient, label = worst
     if facts.loads and coefficient > _MOST:
         yield (

@@ -273,7 +273,7 @@ class Study(Summarised):
 
     @property
     def title(self) -> str:
-        """Heading of the page."""
+        """Heading of the page: the title that the study states, else the name of its building."""
         return self.table.title or self.building.name
 
     @property
@@ -317,7 +317,7 @@ class Study(Summarised):
 
     @property
     def at_zero(self) -> Arrangement:
-        """The dampers at i = 0."""
+        """The arrangement of the dampers at i = 0, which only a study with dampers has."""
         return next(arrangement for arrangement in self.arrangements if arrangement.row.kind == "passive_off")
 
     @property
@@ -335,13 +335,13 @@ class Study(Summarised):
         has_user_law = any(isinstance(arrangement.law, UserLaw) for arrangement in self.arrangements)
         laws = [law for _, law in self.laws]
         tuned = [control_law(name) for tune in self.tunes for name in tune.laws]
-        models = any(spec.needs_model for spec in tuned)
+        needs_model = any(spec.needs_model for spec in tuned)
         reads = [*(law.reads_acceleration for law in laws), *(spec.reads_acceleration for spec in tuned)]
-        forecasts = models or any(law.forecasts_ground for law in laws)
+        forecasts = needs_model or any(law.forecasts_ground for law in laws)
         with keyed("hardware"):
             refuse_unread(
                 self.hardware,
-                accelerations=has_user_law or models or any(reads),
+                accelerations=has_user_law or needs_model or any(reads),
                 drifts=has_user_law,
                 forecasts=forecasts,
             )
@@ -526,7 +526,10 @@ def _digest_of_loop(building: Building, devices: Sequence[Device]) -> str:
     return digest_of(
         *(_digest(getattr(building, name)) for name in names),
         *((_digest(element.row), element.numbers) for element in building.elements),
-        *((one.spec, _digest(one.draws), _digest(one.row), one.count, one.differential) for one in devices),
+        *(
+            (device.spec, _digest(device.draws), _digest(device.row), device.count, device.differential)
+            for device in devices
+        ),
         *((device.largest_command, device.command) for device in devices),
     )
 

@@ -105,13 +105,13 @@ class TunedStudy(StudyResults):
         sentences = [*StudyResults.warnings(self), *(() if self.held_out else (TRAINING_ONLY,))]
         sentences += self.tuned.warnings
         for law in self.tuned.laws:
-            test = self.judgement(law, "test")
-            if test is not None and test.violation > 0.0 and not law.violation:
+            judged = self.judgement(law, "test")
+            if judged is not None and judged.violation > 0.0 and not law.violation:
                 sentences.append(
                     f"{law.label} keeps its limits on the training motions and exceeds them by "
-                    f"{significant(100.0 * test.violation, 2)} % of the limits in all on the test motions."
+                    f"{significant(100.0 * judged.violation, 2)} % of the limits in all on the test motions."
                 )
-            rows = {result.label: self.row_of_law(result) for result in (law, *self.tuned.references)}
+            rows = {each.label: self.row_of_law(each) for each in (law, *self.tuned.references)}
             scores = {label: self.score(row) for label, row in rows.items() if row is not None}
             own = scores.get(law.label, math.nan)
             lower = {label: score for label, score in scores.items() if score < own}
@@ -216,7 +216,10 @@ def _judge_front(
         of_parts = {
             name: results.judgement(replace(found, objective=part), "test") for name, part in parts.items()
         }
-        return replace(point, test={name: of.objective for name, of in of_parts.items() if of is not None})
+        return replace(
+            point,
+            test={name: judgement.objective for name, judgement in of_parts.items() if judgement is not None},
+        )
 
     return replace(front, points=tuple(map(judged, front.points, points)))
 
@@ -230,15 +233,13 @@ def with_tuned_rows(study: Study, tuned: TuningResults) -> Study:
         study = placed_study(study, tuned.places[0].storeys)
     kinds, labels = {row.kind for row in study.rows}, {row.label for row in study.rows}
     rows: list[Arrangement] = []
-    for reference in (*tuned.references, *tuned.laws):
-        if reference.label in labels or (
-            reference.kind in ("passive_off", "best_passive") and reference.kind in kinds
-        ):
+    for law in (*tuned.references, *tuned.laws):
+        if law.label in labels or (law.kind in ("passive_off", "best_passive") and law.kind in kinds):
             continue
         # Settings that make no law have no row, which the tuning warns of.
         with suppress(SettingError):
-            row = Row(label=reference.label, kind=reference.kind, description=reference.origin)
-            rows.append(_arrange(study, reference.law, reference.settings, row))
+            row = Row(label=law.label, kind=law.kind, description=law.origin)
+            rows.append(_arrange(study, law.law, law.settings, row))
     return replace(study, is_whole=False, arrangements=(*study.arrangements, *rows))
 
 

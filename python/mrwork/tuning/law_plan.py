@@ -133,7 +133,7 @@ class LawPlan:
 
     @property
     def law(self) -> str:
-        """Name of the law."""
+        """Name of the law in the registry, such as `clipped_optimal`."""
         return self.space.law
 
     @property

@@ -165,12 +165,14 @@ def first_candidates(
     shapes = [(space.held, _EQUAL if weights == kind.weighed_by_default else "weights of the study")]
     if space.any_weights:
         further = of_regulators if kind.is_regulator else ()
-        shapes += [({**others, **shape}, name) for shape, name in (({}, "energy of the building"), *further)]
+        shapes += [
+            ({**others, **shape}, origin) for shape, origin in (({}, "energy of the building"), *further)
+        ]
     scanned = next((setting for setting in space.free if setting.name == _WEIGHT), None)
     candidates = list[LawCandidate]()
     for shape, origin in shapes:
-        for R in _sizes(scanned, shape, space, magnitudes):
-            candidate = LawCandidate({**shape, **middle, **R, **at_most}, origin)
+        for size in _sizes(scanned, shape, space, magnitudes):
+            candidate = LawCandidate({**shape, **middle, **size, **at_most}, origin)
             candidates += [candidate] if candidate not in candidates else []
     return tuple(candidates)
 
@@ -184,8 +186,8 @@ def _sizes(
     """
     kind = SETTINGS[space.law]
     if is_semi_active(shape):
-        R = {} if _WEIGHT in shape else {_WEIGHT: 1.0}
-        return [R] if BUDGET_SCALE in shape else [{**R, BUDGET_SCALE: scale} for scale in _SCALES]
+        size = {} if _WEIGHT in shape else {_WEIGHT: 1.0}
+        return [size] if BUDGET_SCALE in shape else [{**size, BUDGET_SCALE: scale} for scale in _SCALES]
     if scanned is None:
         return [{}]
     if _WEIGHT in shape:
@@ -312,7 +314,7 @@ def tune_law(plan: LawPlan, *, rng: int, advance: Callable[[TunedLaw, int], None
     began = time.perf_counter()
     table, space, firsts = plan.table, plan.space, plan.firsts
     if not space.continuous:
-        firsts = tuple(replace(entry, origin="all levels") for entry in space.every())
+        firsts = tuple(replace(candidate, origin="all levels") for candidate in space.every())
     count = len(firsts)
     tuned, scores = best_of(plan, firsts, "first candidates")
     misfit, refused = float(scores.penalised_scores[scores.best]), int(np.isinf(scores.objective).sum())

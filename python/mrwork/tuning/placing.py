@@ -126,5 +126,10 @@ def compare_places(
         on_compared(len(ranked), len(compared), min(placement.train for placement in ranked))
     # The study's own placement comes last where it may not be chosen.
     return sorted(
-        ranked, key=lambda entry: (entry.storeys not in placements, math.isnan(entry.train), entry.train)
+        ranked,
+        key=lambda placement: (
+            placement.storeys not in placements,
+            math.isnan(placement.train),
+            placement.train,
+        ),
     )

@@ -79,7 +79,7 @@ class TunedLaw(Summarised):
 
     @property
     def candidate(self) -> LawCandidate:
-        """The settings as a candidate."""
+        """The chosen settings as a candidate, which tells those of the law from those of the command."""
         return LawCandidate(self.settings)
 
     @property
@@ -194,8 +194,8 @@ class Front(Plotted, WithAxes, Summarised):
 
 def _setting_arrays(settings: Sequence[Mapping[str, Any]], axis: str) -> dict[str, NamedArray]:
     """Arrays of the settings that are always numbers; NaN where one is not given."""
-    names = dict.fromkeys(name for row in settings for name in row)
-    columns = {name: [row.get(name) for row in settings] for name in names}
+    names = dict.fromkeys(name for given in settings for name in given)
+    columns = {name: [given.get(name) for given in settings] for name in names}
     return {
         name: NamedArray.of(values, axis, long_name="setting")
         for name, values in columns.items()
@@ -275,7 +275,7 @@ class TuningResults(Plotted, WithAxes, Summarised):
             facts=(
                 ("training motions", list_names(self.training)),
                 ("searches", self.effort_in_words),
-                *(("best placement", location.in_words) for location in self.places[:1]),
+                *(("best placement", placement.in_words) for placement in self.places[:1]),
             ),
             tables=(*places, Table(columns=columns, rows=rows)),
             notes=[f"{law.label}: {law.certificate}" for law in self.laws if law.certificate],

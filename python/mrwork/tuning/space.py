@@ -131,7 +131,7 @@ class TuningObjective(Summarised):
 
 
 def objective_of(table: TuneTable, command_unit: str, scales: Scales) -> TuningObjective:
-    """The objective of a table, of which `scales` are known."""
+    """The objective of a table [[tune]], its limits in SI; a limit that needs scales the building lacks is refused."""
     criteria = table.criteria or SCORE
     weights = dict(criteria) if isinstance(criteria, Mapping) else dict.fromkeys(criteria, 1.0)
     limits: dict[str, float] = {}
@@ -191,7 +191,7 @@ class LawCandidate:
 
     @property
     def largest_command(self) -> float:
-        """Largest command [A or V]."""
+        """Command to which the law is limited [A or V]."""
         return float(self.settings[LARGEST])
 
     @property

@@ -310,8 +310,6 @@ def simulate(
 
 
 class _Loop:
-    """The equations of a run."""
-
     def __init__(self, run: LoopRun, steps: Array | int, *, histories: bool, bounded: bool) -> None:
         self.run, self.steps, self.histories, self.bounded = run, steps, histories, bounded
         self.rows = jnp.stack([device.row for device in run.devices])
@@ -380,8 +378,8 @@ class _Loop:
         )
         if self.bounded:
             relaxations = (
-                device.relaxation(device.parameters(current[i]), motion.states[i], x[i], v[i])
-                for i, device in enumerate(run.devices)
+                device.relaxation(device.parameters(current[index]), motion.states[index], x[index], v[index])
+                for index, device in enumerate(run.devices)
             )
             reductions = reductions._replace(bound=jnp.max(jnp.stack([reductions.bound, *relaxations])))
         # The ground of this sample alone has a derivative that is cheap.
@@ -430,8 +428,8 @@ class _Loop:
         plant = self.run.plant
         x, x_rate = times(self.rows, at.q), times(self.rows, at.v)
         responses = [
-            device.respond(device.parameters(currents[i]), at.states[i], x[i], x_rate[i])
-            for i, device in enumerate(self.run.devices)
+            device.respond(device.parameters(currents[index]), at.states[index], x[index], x_rate[index])
+            for index, device in enumerate(self.run.devices)
         ]
         force = jnp.stack([damper_force for damper_force, _ in responses])
         acceleration = (
@@ -453,8 +451,8 @@ class _Loop:
     def forces(self, devices: Devices, states: Sequence[Array], currents: Array, x: Array, v: Array) -> Array:
         """Forces of devices at elongations and rates, shape (n_devices,)."""
         forces = (
-            device.respond(device.parameters(currents[i]), states[i], x[i], v[i])[0]
-            for i, device in enumerate(devices)
+            device.respond(device.parameters(currents[index]), states[index], x[index], v[index])[0]
+            for index, device in enumerate(devices)
         )
         return jnp.stack(list(forces))
 
@@ -568,5 +566,5 @@ def times(matrix: Array, vector: Array) -> Array:
 
 
 def with_theta(devices: Devices, theta: Sequence[Array] | Array) -> Devices:
-    """The devices with parameters, (n_params,) of each."""
-    return tuple(replace(device, theta=theta[i]) for i, device in enumerate(devices))
+    """The devices with other parameters, of which `theta` has (n_params,) for each."""
+    return tuple(replace(device, theta=theta[index]) for index, device in enumerate(devices))

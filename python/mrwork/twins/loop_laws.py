@@ -39,7 +39,7 @@ class Measurement:
 
 
 class Law(Protocol):
-    """A control law."""
+    """A control law as the loop calls it, once each sample."""
 
     def command(self, measured: Measurement) -> Array:
         """Command of each device, shape (n_devices,); the loop holds it between 0 and the largest."""
@@ -49,7 +49,6 @@ class _Prescribed(NamedTuple):
     """Commands of a table."""
 
     def command(self, measured: Measurement) -> Array:
-        """The commands of the sample."""
         assert measured.prescribed is not None
         return measured.prescribed
 
@@ -60,7 +59,6 @@ class _Constant(NamedTuple):
     constant: Array
 
     def command(self, measured: Measurement) -> Array:
-        """The constant command."""
         return self.constant
 
 
@@ -71,7 +69,6 @@ class _ClippedOptimal(NamedTuple):
     full_force: Array | None = None
 
     def command(self, measured: Measurement) -> Array:
-        """The largest command or its share, or zero."""
         wanted = -self.gain @ measured.state
         share = 1.0 if self.full_force is None else jnp.minimum(jnp.abs(wanted) / self.full_force, 1.0)
         return jnp.where((wanted - measured.force) * measured.force > 0.0, share * measured.largest, 0.0)

@@ -179,7 +179,7 @@ def _relaxation(spec: DamperSpec, theta: Floats, history: _rust.LoadingHistory) 
 
 
 def power_of_two(count: int, least: int) -> int:
-    """The power of two that is at least a count and at least the `least`."""
+    """The least power of two that is neither below `count` nor below `least`."""
     return 1 << (max(count, least) - 1).bit_length()
 
 

@@ -115,7 +115,7 @@ def own_damper(
         raise SettingError(f"{name} has no states, and a relaxation; leave it out")
     functions = {"force": force, "rate": rate, "relaxation": relaxation}
     stated = {role: function for role, function in functions.items() if function is not None}
-    names = [getattr(column, "__name__", "") for column in stated.values()]
+    names = [getattr(function, "__name__", "") for function in stated.values()]
     if len(set(names)) < len(names):
         raise SettingError(
             f"the functions of {name} are called {list_names(names)}; give each a name of its own"
@@ -145,8 +145,8 @@ def own_damper(
                 f"{parameter.name} of {spec.name} is in {parameter.unit}, and numbers are in SI, not converted; give "
                 "them in N, m, s and products of these"
             )
-    for role, column in stated.items():
-        _refuse_arguments(role, column, name)
+    for role, function in stated.items():
+        _refuse_arguments(role, function, name)
     given_check = _Check(spec, twin_with(spec, force, rate, relaxation))
     computed(lambda: given_check.run(stated))
     text = function_text(
@@ -157,7 +157,7 @@ def own_damper(
     )
     if _SHORT_ARRAY.search(text):
         raise SettingError(f"{name} uses constants of less precision than float64; convert them")
-    equations = OwnEquations(source=text, **{role: column.__name__ for role, column in stated.items()})
+    equations = OwnEquations(source=text, **{role: function.__name__ for role, function in stated.items()})
     equations.trust()
     spec = replace(spec, own=equations)
     check = _Check(spec, twin_of(spec))
@@ -282,7 +282,7 @@ class _Check:
 
     def _index(self, where: str, role: str) -> None:
         """Refuse a state that does not exist, in whose place JAX takes the last one."""
-        theta, state, x, v = (np.asarray(other) for other in self._rest)
+        theta, state, x, v = (np.asarray(array) for array in self._rest)
         try:
             self._of(role)(theta, state, x, v)
         except IndexError as error:
@@ -304,7 +304,9 @@ class _Check:
             )
         by_parameter = np.asarray(slopes[0]).reshape(-1, len(self._spec.names))
         bad = [
-            n for n, ok in zip(self._spec.names, np.isfinite(by_parameter).all(axis=0), strict=True) if not ok
+            name
+            for name, is_finite in zip(self._spec.names, np.isfinite(by_parameter).all(axis=0), strict=True)
+            if not is_finite
         ]
         bad += [] if np.isfinite(np.asarray(slopes[1])).all() else ["the states"]
         if bad:
@@ -321,11 +323,11 @@ class _Check:
             unit = rng.uniform(0.3, 0.7, len(spec.names))
             theta = np.asarray(Box.of(spec).theta_from_unit(unit)) if len(spec.names) else np.empty(0)
             x, v, state = (
-                span * rng.uniform(-1.0, 1.0, n)
-                for span, n in zip(_SPANS, (1, 1, spec.n_states), strict=True)
+                span * rng.uniform(-1.0, 1.0, size)
+                for span, size in zip(_SPANS, (1, 1, spec.n_states), strict=True)
             )
-            for near in (theta, spec.nominal):
-                yield near, state, float(x[0]), float(v[0])
+            for parameters in (theta, spec.nominal):
+                yield parameters, state, float(x[0]), float(v[0])
 
     def _find_unused(self) -> None:
         spec = self._spec
@@ -337,7 +339,7 @@ class _Check:
             used |= (np.concatenate([force, *rates]) != 0.0).any(axis=0)
             self.shifts &= (force[0] == 1.0) & ~np.concatenate([np.zeros_like(force), *rates]).any(axis=0)
         if not used.all():
-            unused = [name for name, one in zip(spec.names, used, strict=True) if not one]
+            unused = [name for name, is_used in zip(spec.names, used, strict=True) if not is_used]
             raise SettingError(
                 f"nothing in {spec.name} uses {list_names(unused)}; leave it out, or correct the equations"
             )
@@ -353,10 +355,10 @@ class _Check:
             )
 
     def _is_odd(self) -> bool:
-        roles = [self._of(role) for role in ("force", "rate")]
+        equations = [self._of(role) for role in ("force", "rate")]
         there_and_back = jax.jit(
             lambda theta, state, x, v: [
-                (role(theta, state, x, v), role(theta, -state, -x, -v)) for role in roles
+                (equation(theta, state, x, v), equation(theta, -state, -x, -v)) for equation in equations
             ]
         )
         return all(

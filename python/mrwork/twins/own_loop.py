@@ -80,9 +80,9 @@ class OwnLoop:
 
     @property
     def n_samples(self) -> list[int]:
-        """Control samples of each motion."""
-        seconds = [dt * (len(acceleration) - 1) for dt, acceleration in self.motions]
-        return [max(math.floor(second / self.sample_time * (1.0 + 1e-12)), 1) for second in seconds]
+        """Number of control samples of each motion, one at least."""
+        durations = [dt * (len(acceleration) - 1) for dt, acceleration in self.motions]
+        return [max(math.floor(duration / self.sample_time * (1.0 + 1e-12)), 1) for duration in durations]
 
 
 class OwnRuns(NamedTuple):
@@ -127,25 +127,27 @@ def respond(
     }
     while pending:
         finer: dict[int, int] = {}
-        for motion, count, members in _groups(
+        for motion_index, count, members in _groups(
             pending, runs, loop.widths[1] * max(samples) if histories else 0
         ):
-            numbers, group = _run_group(loop, plants, given, members, motion, count, histories=histories)
+            numbers, result = _run_group(
+                loop, plants, given, members, motion_index, count, histories=histories
+            )
             displacements = numbers[:, : len(loop.matrices["floors"])]
             bounded = np.isfinite(numbers).all(axis=1)
             bounded &= np.all(displacements < _LARGEST_DISPLACEMENT, axis=1)
             for index, (run, finite) in enumerate(zip(members, bounded.tolist(), strict=True)):
                 tries[run] += not finite
-                wanted = _steps_after(loop, count, float(group.bound[index]), 0 if finite else tries[run])
+                wanted = _steps_after(loop, count, float(result.bound[index]), 0 if finite else tries[run])
                 if wanted > count:
                     finer[run] = wanted
                 elif wanted:
-                    failed = Outcome.FAILED_SAFE if group.invalid[index] else Outcome.FINISHED
+                    failed = Outcome.FAILED_SAFE if result.invalid[index] else Outcome.FINISHED
                     outcome[run], steps[run] = failed if finite else Outcome.DIVERGED, count
                     if finite:
                         summary[run] = numbers[index]
                     if rows is not None:
-                        rows[run][:] = group.rows[index]
+                        rows[run][:] = result.rows[index]
         pending = finer
     return summary, outcome, steps, rows
 
@@ -184,9 +186,9 @@ def _groups(
     for run, count in pending.items():
         groups.setdefault((int(runs[run, 1]), count), []).append(run)
     at_once = max(_FEWEST_RUNS, int(_MOST_NUMBERS / max(numbers, 1)))
-    for (motion, count), members in groups.items():
+    for (motion_index, count), members in groups.items():
         for start in range(0, len(members), at_once):
-            yield motion, count, members[start : start + at_once]
+            yield motion_index, count, members[start : start + at_once]
 
 
 def _fastest(plant: LoopPlant) -> float:
@@ -239,11 +241,11 @@ class _Own(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def _ground(motion: bytes, dt: float, step: float, n_steps: int) -> tuple[Floats, Floats]:
+def _ground(acceleration: bytes, dt: float, step: float, n_steps: int) -> tuple[Floats, Floats]:
     """The ground of the steps, padded, and the record at their starts and at the end."""
-    values = stage_values(np.frombuffer(motion), dt, step, n_steps).ravel()
+    values = stage_values(np.frombuffer(acceleration), dt, step, n_steps).ravel()
     padding = power_of_two(len(values), _FEWEST_VALUES) - len(values)
-    return np.pad(values, (0, padding)), half_steps(np.frombuffer(motion), dt, step, n_steps)[::2]
+    return np.pad(values, (0, padding)), half_steps(np.frombuffer(acceleration), dt, step, n_steps)[::2]
 
 
 def _run_group(
@@ -251,29 +253,29 @@ def _run_group(
     plants: Sequence[LoopPlant],
     batch: OwnRuns,
     members: Sequence[int],
-    motion: int,
+    motion_index: int,
     steps: int,
     *,
     histories: bool,
 ) -> tuple[Floats, LoopResult]:
     """Summaries of runs of one motion with the results, whose rows end with the end of the last sample."""
-    runs, n_samples = batch.runs[members], loop.n_samples[motion]
+    runs, n_samples = batch.runs[members], loop.n_samples[motion_index]
     padding = power_of_two(len(runs), _FEWEST_RUNS) - len(runs)
     places = np.append(runs, np.repeat(runs[-1:], padding, axis=0), axis=0)
-    candidate, draw, building = places[:, 0], places[:, 2], places[:, 3]
+    candidates, draws, buildings = places[:, 0], places[:, 2], places[:, 3]
     delay = (loop.delay + places[:, 4].astype(np.int64)) * (steps // loop.steps)
-    shaping = np.tile([0.0, np.inf], (len(places), 1)) if batch.shaping is None else batch.shaping[candidate]
+    shaping = np.tile([0.0, np.inf], (len(places), 1)) if batch.shaping is None else batch.shaping[candidates]
     arrays = _Own(
         plant=plants[0]
         if len(plants) == 1
-        else jax.tree.map(lambda *leaves: jnp.stack(leaves)[building], *plants),
-        gains={name: jnp.asarray(gain[candidate]) for name, gain in batch.gains.items()},
-        theta=tuple(jnp.asarray(theta[draw]) for theta in batch.theta),
+        else jax.tree.map(lambda *leaves: jnp.stack(leaves)[buildings], *plants),
+        gains={name: jnp.asarray(gain[candidates]) for name, gain in batch.gains.items()},
+        theta=tuple(jnp.asarray(theta[draws]) for theta in batch.theta),
         dead_zone=jnp.asarray(shaping[:, 0]),
         furthest=jnp.asarray(np.minimum(shaping[:, 1], loop.command_rate) * loop.sample_time),
         delay=jnp.asarray(delay),
     )
-    dt, acceleration = loop.motions[motion]
+    dt, acceleration = loop.motions[motion_index]
     ground, record = _ground(acceleration.tobytes(), dt, loop.sample_time / steps, n_samples * steps)
     call = partial(
         _simulate,

@@ -27,7 +27,7 @@ class RecordArrays(NamedTuple):
     @classmethod
     @on_processor()
     def of(cls, history: _rust.LoadingHistory) -> RecordArrays:
-        """The arrays of a history."""
+        """The arrays of a history of the core; a constant command is kept as one value."""
         splines, facts = history.parts
         command = history.command
         if command is None:
@@ -38,7 +38,7 @@ class RecordArrays(NamedTuple):
 
     @property
     def n_time(self) -> int:
-        """Number of samples."""
+        """Number of samples, one more than there are splines."""
         return int(self.splines.shape[-2]) + 1
 
     def padded(self, n_time: int) -> RecordArrays:

@@ -70,7 +70,8 @@ class TracedFunction(Summarised):
             units=units,
             coordinates=coordinates,
             start=tuple(box.points_inside(start, coordinates).tolist()),
-            held=held or ", ".join(f"{box.names[k]} {format_rounded(box.lower[k])}" for k in fixed),
+            held=held
+            or ", ".join(f"{box.names[index]} {format_rounded(box.lower[index])}" for index in fixed),
             data=data,
         )
 

@@ -51,7 +51,7 @@ class Candidate:
 
     @property
     def peak_velocity(self) -> float:
-        """Peak velocity [m/s]."""
+        """Peak velocity of the sinusoid [m/s], 2 pi f a."""
         return 2.0 * pi * self.frequency * self.amplitude
 
     @checked
@@ -118,12 +118,12 @@ def candidate_grid(
     limits = limits or Limits()
     tests = as_tests(tests)
     _refuse_far_commands(commands, spec, tests)
-    tested = [excitation_of(test) for test in tests]
+    excitations = [excitation_of(test) for test in tests]
     if limits.peak_velocity is None and not (amplitudes and frequencies):
-        fastest = _FASTER * max(test.peak_velocity for test in tested)
+        fastest = _FASTER * max(excitation.peak_velocity for excitation in excitations)
         limits = Limits(stroke=limits.stroke, peak_velocity=fastest)
-    amplitudes = amplitudes or _about([test.amplitude for test in tested])
-    frequencies = frequencies or _about([test.frequency for test in tested])
+    amplitudes = amplitudes or _about([excitation.amplitude for excitation in excitations])
+    frequencies = frequencies or _about([excitation.frequency for excitation in excitations])
     levels: Sequence[float | None] = [None]
     if spec.command_unit is not None:
         unit = spec.command_unit

@@ -236,7 +236,7 @@ def plan(
         unit=unit,
         deviation=float(np.sqrt(variance_now)),
         gains=tuple(
-            sorted(gains, key=lambda row: (not _is_within(fit.tested.gap, row.candidate), -row.gain))
+            sorted(gains, key=lambda gain: (not _is_within(fit.tested.gap, gain.candidate), -gain.gain))
         ),
         gap=fit.tested.gap,
         command_unit=posterior.spec.command_unit,

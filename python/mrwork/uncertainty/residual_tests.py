@@ -128,10 +128,14 @@ def _excesses(test: DamperTest, centred: Floats, share: float) -> tuple[Excess, 
             [(turns - width // 2, width) for width in WINDOWS],
         )
     ]
-    count = sum(not math.isnan(cell.p) for of_test in compared for cell in of_test)
+    count = sum(not math.isnan(excess.p) for excesses in compared for excess in excesses)
     after, at = (
-        min((cell for cell in of_test if not math.isnan(cell.p)), key=lambda cell: cell.p, default=Excess())
-        for of_test in compared
+        min(
+            (excess for excess in excesses if not math.isnan(excess.p)),
+            key=lambda excess: excess.p,
+            default=Excess(),
+        )
+        for excesses in compared
     )
     return replace(after, p=min(count * after.p, 1.0)), replace(at, p=min(count * at.p, 1.0))
 

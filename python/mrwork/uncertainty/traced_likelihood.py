@@ -109,8 +109,8 @@ def log_likelihood(
     (6,)
     """
     density = noise_model(noise)
-    candidate = objective_of(model, tests, coordinates)
-    compute = LogLikelihood.of(candidate.objective, density, form_of(candidate, substeps, threads))
-    box = with_noise(candidate.box, density)
-    middle = box.theta_from_unit(np.full(len(box.free), 0.5))[len(candidate.box.names) :]
-    return function_of(candidate, compute, "Log-likelihood", box=box, start=middle)
+    objective = objective_of(model, tests, coordinates)
+    compute = LogLikelihood.of(objective.objective, density, form_of(objective, substeps, threads))
+    box = with_noise(objective.box, density)
+    middle = box.theta_from_unit(np.full(len(box.free), 0.5))[len(objective.box.names) :]
+    return function_of(objective, compute, "Log-likelihood", box=box, start=middle)

@@ -30,7 +30,7 @@ class KeptChunks:
 
     @classmethod
     def beside(cls, journal: Journal, fingerprint: str) -> KeptChunks:
-        """The chunks of a call that is made now."""
+        """The chunks of the next call of the journal, in the folder beside it."""
         return cls(folder=chunks_beside(journal.path), n_steps=journal.n_asked, fingerprint=fingerprint)
 
     def recall(self, count: int) -> dict[int, list[NDArray[Any]]]:

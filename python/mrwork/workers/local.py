@@ -19,7 +19,6 @@ class _Pool(ProcessPoolExecutor):
     """A pool whose processes, which start where work is submitted, begin with Ctrl-C blocked: they inherit the mask."""
 
     def submit(self, function: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """As of any executor."""
         if not hasattr(signal, "pthread_sigmask"):
             return super().submit(function, *args, **kwargs)
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -204,7 +204,7 @@ class ControlLaw(Summarised):
 
     @property
     def spec(self) -> ControlLawSpec:
-        """The declaration of the law."""
+        """What the registry declares of the law: its equation and source, gains and tables."""
         return control_law(self.name)
 
     @property
@@ -261,7 +261,7 @@ class ControlLaw(Summarised):
         return np.ascontiguousarray(np.hstack(wide)) if wide else np.zeros((1, 0))
 
     def table_rows(self) -> list[Floats]:
-        """The tables in order."""
+        """The tables, each flattened, in the order of `spec.tables`."""
         return [
             np.ascontiguousarray(np.ravel(np.asarray(self.tables[name], dtype=np.float64)))
             for name in self.spec.tables

@@ -108,7 +108,7 @@ def damper_forces(problem: DesignProblem, spectrum: SpectralDensity) -> DamperFo
     return DamperForces(
         largest=np.array([np.abs(on).max() for on, _ in forces]),
         idle=np.array([np.sqrt(np.mean(np.square(off))) for _, off in forces]),
-        over=list_names(tuple(dict.fromkeys(says for _, _, says in strokes))),
+        over=list_names(tuple(dict.fromkeys(origin for _, _, origin in strokes))),
     )
 
 
@@ -186,9 +186,9 @@ def asked_forces(problem: DesignProblem, gains: Sequence[Floats]) -> list[AskedF
     wanted = attempt_each(lambda gain: rms_forces(system, gain), gains)
     return [
         None
-        if isinstance(quantity, SettingError)
+        if isinstance(rms, SettingError)
         else AskedForce(
-            devices=problem.plant.device_names, wanted=quantity, idle=forces.idle, budgets=forces.budgets
+            devices=problem.plant.device_names, wanted=rms, idle=forces.idle, budgets=forces.budgets
         )
-        for quantity in wanted
+        for rms in wanted
     ]

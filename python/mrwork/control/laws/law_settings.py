@@ -36,7 +36,7 @@ class NoSettings(LawSettings):
     """A law without settings."""
 
     def design(self, problem: DesignProblem) -> Design:
-        """No gains."""
+        """A design without gains: the law takes nothing from the building."""
         return Design()
 
 
@@ -53,7 +53,7 @@ class PassiveSettings(LawSettings):
     )
 
     def design(self, problem: DesignProblem) -> Design:
-        """The command of each device."""
+        """The constant command of each device, at most its largest command [A or V]."""
         return Design(gains={"command": commands_of(problem.devices, self.command)})
 
 
@@ -69,7 +69,7 @@ class FrictionSettings(LawSettings):
     )
 
     def design(self, problem: DesignProblem) -> Design:
-        """The slope of each device."""
+        """The slope of each device [N/m]: desired friction per peak elongation."""
         return Design(gains={"slope": problem.each(self.slope)})
 
 
@@ -234,8 +234,8 @@ def design_candidates(
     designs: list[Design] = []
     designed: list[int] = []
     refusals: dict[int, str] = {}
-    for setting in settings:
-        _check_settings(spec, setting)
+    for each in settings:
+        _check_settings(spec, each)
     for index, design in enumerate(SETTINGS[name].designs(problem, settings)):
         if isinstance(design, SettingError):
             refusals[index] = str(design)

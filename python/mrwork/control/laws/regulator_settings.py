@@ -86,7 +86,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         return Design(gains={"gain": gain})
 
     def regulator(self, problem: DesignProblem) -> Regulator:
-        """The regulator with these weights."""
+        """LQR of the building with the output weights and the control weight of the settings."""
         return regulator_of_weights(
             problem.plant, self.weigh_outputs(problem), self.control_weight_of(problem)
         )
@@ -114,8 +114,8 @@ class RegulatorSettings(CostWeights, LawSettings):
         regulators = iter(regulators_of_costs(problem.plant, costs))
         outcomes: list[Design | SettingError] = []
         for settings in many:
-            law = next(regulators if settings.gain is None else designs)
-            outcomes.append(settings.of_gain(problem, law.gain) if isinstance(law, Regulator) else law)
+            found = next(regulators if settings.gain is None else designs)
+            outcomes.append(settings.of_gain(problem, found.gain) if isinstance(found, Regulator) else found)
         return outcomes
 
     def margins(
@@ -171,7 +171,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         ]
         asked = asked_forces(problem, [gain for _, gain in sound])
         shares = {
-            factor: name.share for (factor, _), name in zip(sound, asked, strict=True) if name is not None
+            factor: force.share for (factor, _), force in zip(sound, asked, strict=True) if force is not None
         }
         enough = min(1.0, 0.5 * max(shares.values(), default=1.0))
         return next((factor for factor, share in shares.items() if share >= enough), float(factors[-1]))
@@ -242,7 +242,7 @@ class NetworkSettings(RegulatorSettings):
     )
 
     def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
-        """The gain, and the network."""
+        """The gain, and the network as the tables layer, output and reach; sizes that do not fit are refused."""
         n_columns = len(self.reach) + 2
         if len(self.reach) not in (3, 6):
             raise InvalidSettingError(
@@ -315,7 +315,7 @@ class SignalNetworkSettings(RegulatorSettings):
         return None
 
     def certificate(self, problem: DesignProblem) -> str:
-        """The range of the command."""
+        """A sentence: the command stays in its range, and nothing is proved of the response."""
         return (
             "the command is between 0 and the largest one for any numbers of the law and any signals, so the damper "
             "remains the passive device that it is at each command; nothing is proved of the response"

@@ -145,7 +145,7 @@ class RolloutSettings(LawSettings):
     )
 
     def design(self, problem: DesignProblem) -> Design:
-        """The numbers of the prediction."""
+        """Gains and tables of the prediction: commands to try, weights over the reference peaks, and timing."""
         base, drift, acceleration = self._references(problem)
         building = self._believed(problem)
         samples = round(self.decision / problem.sample_time)

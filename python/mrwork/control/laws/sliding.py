@@ -236,7 +236,7 @@ class _SurfaceSettings(LawSettings):
     )
 
     def design(self, problem: DesignProblem) -> Design:
-        """Surface and gains."""
+        """The design of the law on the optimal surface of the building."""
         return self.of_surface(problem, optimal_surface(problem.plant))
 
     @classmethod
@@ -253,7 +253,7 @@ class _SurfaceSettings(LawSettings):
         """The design of the law on a surface."""
 
     def gains(self, surface: SlidingSurface) -> SlidingGains:
-        """The gains of the laws on this surface."""
+        """Gains of the sliding modes on a surface, by the numbers of the settings."""
         return sliding_gains(
             surface, **{entry.name: getattr(self, entry.name) for entry in keys_of(type(self))}
         )
@@ -264,7 +264,7 @@ class SlidingSettings(_SurfaceSettings):
     """A sliding mode with a boundary layer."""
 
     def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
-        """Surface and gains."""
+        """The surface with its boundary layer, and the switching force."""
         gains = self.gains(surface)
         return Design(gains={**_gains_pushing_down(surface, gains), "switching": gains.switching})
 
@@ -274,7 +274,7 @@ class AdaptiveSlidingSettings(_SurfaceSettings):
     """A sliding mode whose gain adapts."""
 
     def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
-        """Surface and gains."""
+        """The surface with its boundary layer, and rate, floor and ceiling of the gain that adapts."""
         gains = self.gains(surface)
         adapted = {"adaptation": gains.adaptation, "floor": gains.floor, "ceiling": gains.ceiling}
         return Design(gains={**_gains_pushing_down(surface, gains), **adapted})
@@ -285,7 +285,7 @@ class SuperTwistingSettings(_SurfaceSettings):
     """A second-order sliding mode."""
 
     def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
-        """Surface and gains."""
+        """The surface, and the gains of the root and of the integral of sigma."""
         gains = self.gains(surface)
         return Design(
             gains={

@@ -258,7 +258,8 @@ def regulators_of_costs(
 ) -> list[Regulator | SettingError]:
     """Regulators of sums of weights with their R, in one call; an error stands in the place of its regulator."""
     return solve_together(
-        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]), costs
+        lambda sound: regulators_of_weights(plant, [weight for weight, _ in sound], [R for _, R in sound]),
+        costs,
     )
 
 

@@ -52,7 +52,7 @@ class DeviceMargins(Summarised):
 
     @property
     def in_words(self) -> str:
-        """The margins with their frequencies."""
+        """Gain as a factor and in dB, phase in degrees, with their frequencies, and delay, in words."""
         parts = []
         if math.isfinite(self.gain_up):
             decibels = 20.0 * math.log10(self.gain_up)

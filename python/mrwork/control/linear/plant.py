@@ -111,7 +111,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
 
 
 def symmetric(matrix: Floats) -> Floats:
-    """The symmetric part of a matrix."""
+    """Symmetric part (A + A') / 2 of a matrix, without what rounding has made unequal."""
     return np.asarray(0.5 * (matrix + matrix.T), dtype=np.float64)
 
 

@@ -36,7 +36,7 @@ class RiccatiStatus(IntEnum):
 
     @property
     def remedy(self) -> str:
-        """Advice to the user."""
+        """What has failed and what to change, as the end of an error message; "nothing" of a solution."""
         return {
             RiccatiStatus.SOLVED: "nothing",
             RiccatiStatus.NO_STABILISING_SOLUTION: "no stabilising solution was found; weigh, or measure, every mode "

@@ -118,7 +118,8 @@ class LimitedOutputs:
 
     def of_plant(self, plant: Plant) -> Outputs:
         """The limited outputs of a plant of the same floors, storeys and devices."""
-        return stack_outputs(*(outputs(plant) for _, _, outputs in _QUANTITIES.values())).select(self.names)
+        outputs = (outputs_of(plant) for _, _, outputs_of in _QUANTITIES.values())
+        return stack_outputs(*outputs).select(self.names)
 
 
 def _drifts_without_strokes(plant: Plant) -> Outputs:

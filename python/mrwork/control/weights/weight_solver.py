@@ -182,7 +182,7 @@ class _Task:
         self.of_conditions[self.rows.budgets.stop :] = 1.0
 
     def rows_of(self, system: DesignSystem) -> SquaredRows:
-        """The rows of a system."""
+        """Rows of the limits and budgets of a system, and of its semi-active condition where there is one."""
         limits = self.level * self.outputs.limits
         if self.semi_active is None:
             return rows_of(system, limits, self.budgets)

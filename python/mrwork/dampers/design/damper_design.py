@@ -267,7 +267,7 @@ class DamperDesign(Summarised):
 
     @property
     def piston_radius(self) -> float:
-        """[m]."""
+        """Radius of the piston, at its poles [m]."""
         return self.bore / 2.0 - self.gap
 
     @property
@@ -282,12 +282,12 @@ class DamperDesign(Summarised):
 
     @property
     def piston_length(self) -> float:
-        """[m]."""
+        """Length of all stages, each a coil between two poles [m]."""
         return self.stages * (2.0 * self.pole_length + self.coil_length)
 
     @property
     def outer_diameter(self) -> float:
-        """Diameter of the cylinder [m]."""
+        """Outer diameter of the cylinder, its wall included [m]."""
         return self.bore + 2.0 * self.wall
 
     @property
@@ -353,7 +353,7 @@ class DamperDesign(Summarised):
 
     @property
     def copper_share(self) -> float:
-        """Share of copper in the winding."""
+        """Share of copper in the cross-section of a winding."""
         return self.turns * self.wire_area / (self.coil_length * (self.coil_depth - self.coil_clearance))
 
     @property

@@ -169,7 +169,7 @@ STEELS = (
 
 @checked
 def steel(name: str) -> Steel:
-    """Return the steel with this name."""
+    """Return the steel of `STEELS` with this name."""
     steels = {entry.name: entry for entry in STEELS}
     check_known(name, steels, f"no steel is called {name!r}", otherwise="make a `Steel`, or choose one of")
     return steels[name]

@@ -97,7 +97,7 @@ class DamperWishes(Summarised):
 
     @property
     def volume(self) -> float:
-        """Volume of the envelope [m^3]."""
+        """Volume of the largest cylinder that the wishes allow [m^3]."""
         return float(np.pi / 4.0 * self.outer_diameter**2 * self.length)
 
     @checked

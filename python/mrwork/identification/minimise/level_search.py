@@ -156,7 +156,7 @@ class _LevelSearch:
 
     @property
     def settings(self) -> Multistart:
-        """Settings of the joint search."""
+        """Settings of the search at all commands together: those of the requested multistart, else the default ones."""
         return self.search if isinstance(self.search, Multistart) else Multistart()
 
     def points(self) -> StartingPoints | None:
@@ -177,11 +177,11 @@ class _LevelSearch:
         suspected = False
         if alone or is_limited:
             # More starts: each command that has such tests takes the parameters of their own fits.
-            levels = []
+            fits = []
             for fit in self.fits:
                 better = [own.theta for own in alone.values() if own.command == fit.command]
-                levels.append(replace(fit, minima=np.array([*better, *fit.minima])))
-            more = self._starts(levels, rng + 1)
+                fits.append(replace(fit, minima=np.array([*better, *fit.minima])))
+            more = self._starts(fits, rng + 1)
             if is_limited:
                 # No local minimisation returns from a law that is limited to its range.
                 more = np.array(

@@ -284,7 +284,7 @@ class _Rounds:
         self.median = [float(np.median(misfit)) if misfit.size else math.inf]
 
     def keep(self, minima: LocalMinima) -> None:
-        """Take the minima of the present round."""
+        """Replace the minima of the present round; those of the rounds that ended stay."""
         self.theta = np.concatenate([self.theta[: self.n_ended], minima.theta])
         self.misfit = np.concatenate([self.misfit[: self.n_ended], minima.misfit])
 
@@ -324,5 +324,5 @@ EXCERPTS = "excerpts"
 
 
 def on_bound(unit: Floats) -> NDArray[np.bool_]:
-    """Whether unit coordinates are on a bound."""
+    """Whether each unit coordinate is within `ON_BOUND` of 0 or 1, same shape."""
     return np.asarray((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND))

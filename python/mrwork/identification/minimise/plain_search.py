@@ -136,7 +136,7 @@ def nested_fit(
 
 
 def doubts_about(minima: MultistartResult, nested: NestedFit | None, settings: Multistart) -> tuple[str, ...]:
-    """Warnings about the minimum of a search."""
+    """Warnings that the minimum is false or was not found again; empty where the search found it often enough."""
     least = float(minima.misfit[0])
     if nested is not None and least > (1.0 + settings.closeness) * nested.misfit:
         better, percent = apart(with_decimals, 100.0 * (1.0 - nested.misfit), 100.0 * (1.0 - least), 2)

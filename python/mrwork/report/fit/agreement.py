@@ -120,7 +120,7 @@ def _agreement_table(fit: Fit, predictions: Sequence[Prediction]) -> Table:
         _norm("x"): column([norm.displacement for norm in norms]),
         _norm("v"): column([norm.velocity for norm in norms]),
         "Samples": [numbers.format_fixed(entry.n_time, 0) for entry in every],
-        "Sub-steps": [*(numbers.format_fixed(test_quality.substeps, 0) for test_quality in fit.quality), ""],
+        "Sub-steps": [*(numbers.format_fixed(quality.substeps, 0) for quality in fit.quality), ""],
     }
     *rows, together = zip(*columns.values(), strict=True)
     return Table(
@@ -141,9 +141,9 @@ def _norm(letter: str) -> Markup:
 
 def excitation(test: DamperTest) -> list[str]:
     """Command, amplitude and frequency of a test, as far as these are known."""
-    motion = ((test.amplitude, 1e3, "mm"), (test.frequency, 1.0, "Hz"))
+    sizes = ((test.amplitude, 1e3, "mm"), (test.frequency, 1.0, "Hz"))
     values = [
-        f"{numbers.shortest(value * factor)} {unit}" for value, factor, unit in motion if value is not None
+        f"{numbers.shortest(value * factor)} {unit}" for value, factor, unit in sizes if value is not None
     ]
     return [test.command_in_words, *values] if test.commands else values
 

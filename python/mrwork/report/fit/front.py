@@ -176,7 +176,7 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
 def _loops(evidence: _Evidence, unit: str, *, height: float) -> Iterator[Panel]:
     """Small loops of the worst and the median test; of a single test over both motions."""
     count = evidence.spread.n_tests
-    order = np.argsort([curve.fit_percent for curve in evidence.drawn], kind="stable").tolist()
+    order = np.argsort([prediction.fit_percent for prediction in evidence.drawn], kind="stable").tolist()
     chosen: list[tuple[int, str, Motion]] = [
         (order[0], "Worst", "velocity" if count > 1 else "displacement"),
         (order[median_place(len(order))], "Median", "velocity"),

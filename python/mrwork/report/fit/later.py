@@ -142,7 +142,7 @@ def bands_section(bands: StoredBands, unit: str) -> Section:
 
 def coverage_summary(bands: StoredBands) -> str:
     """What the 90 % bands hold of tests left out, a sentence; of few tests the extremes, not a mean."""
-    shares = [row[_LEVEL].samples.coverage for row in bands.by_test.values()]
+    shares = [by_level[_LEVEL].samples.coverage for by_level in bands.by_test.values()]
     if not shares:
         return "calibrated on one test, so their coverage is not known."
     span = f"{percent(min(shares), 0)} to {percent(max(shares), 0)} % of the samples of {len(shares)} tests left out"
@@ -155,7 +155,9 @@ def _verdict(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
     """What the coverage of the tests by the bands of every level says about them, beside the summary."""
     if not tests:
         return "A single test cannot be left out of its own calibration. Give `mrwork calibrate` more tests."
-    means = {level: float(np.mean([row[level].samples.coverage for row in tests])) for level in LEVELS}
+    means = {
+        level: float(np.mean([by_level[level].samples.coverage for by_level in tests])) for level in LEVELS
+    }
     narrow = [f"{100 * level:g} %" for level, (least, _) in _NOMINAL.items() if means[level] < least]
     wide = [f"{100 * level:g} %" for level, (_, most) in _NOMINAL.items() if means[level] > most]
     too_narrow = "too narrow: the errors of these tests differ more than a few tests can show"
@@ -170,7 +172,7 @@ def _verdict(tests: Sequence[Mapping[float, LeftOutCoverage]]) -> str:
 
 def _left_out_panels(bands: StoredBands, unit: str) -> tuple[Panel, ...]:
     """Loops of the tests that their bands cover least, with these bands."""
-    shares = {test: row[_LEVEL].samples.coverage for test, row in bands.by_test.items()}
+    shares = {label: by_level[_LEVEL].samples.coverage for label, by_level in bands.by_test.items()}
     predictions = [
         prediction
         for prediction in bands.predictions
@@ -268,7 +270,7 @@ _COLUMNS, _HEIGHT = 4, 2.2
 def profiles_section(profiles: Profiles) -> Section:
     """Intervals and a figure for each profiled parameter."""
     open_ended = [
-        profiled.name for profiled in profiles.profiles if profiled.lower is None or profiled.upper is None
+        profile.name for profile in profiles.profiles if profile.lower is None or profile.upper is None
     ]
     count = len(profiles.profiles)
     ends_in_words = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
@@ -319,17 +321,15 @@ def posterior_section(draws: Draws, run: StoredRun) -> Section:
     posterior(run, np.ravel(figure.subplots(count, count, squeeze=False, gridspec_kw=within | gaps)))
     corner = panel("corner", "", figure, what)
     traces, ranks = [], []
-    for parameter in draws.varied:
-        anchor, chain = parameter.name.replace(".", "-").replace("_", "-"), draws.chain(parameter.name)
-        made = f"Draws of {parameter.name} in the order in which they were made"
-        traces.append(panel(f"trace-{anchor}", "", _trace_figure(parameter.name, chain), made))
-        ranked = f"Ranks of the draws of {parameter.name} in four groups of walkers"
-        note = (
-            f"ESS {format_fixed(parameter.ess_bulk, 0)}, of the tails {format_fixed(parameter.ess_tail, 0)}"
-        )
-        note += f", R-hat {format_fixed(parameter.rhat, 3)}" if math.isfinite(parameter.rhat) else ""
+    for summary in draws.varied:
+        anchor, chain = summary.name.replace(".", "-").replace("_", "-"), draws.chain(summary.name)
+        made = f"Draws of {summary.name} in the order in which they were made"
+        traces.append(panel(f"trace-{anchor}", "", _trace_figure(summary.name, chain), made))
+        ranked = f"Ranks of the draws of {summary.name} in four groups of walkers"
+        note = f"ESS {format_fixed(summary.ess_bulk, 0)}, of the tails {format_fixed(summary.ess_tail, 0)}"
+        note += f", R-hat {format_fixed(summary.rhat, 3)}" if math.isfinite(summary.rhat) else ""
         ranks.append(
-            panel(f"rank-{anchor}", "", _rank_figure(parameter.name, chain, parameter.ess_bulk), ranked, note)
+            panel(f"rank-{anchor}", "", _rank_figure(summary.name, chain, summary.ess_bulk), ranked, note)
         )
     return Section(
         title="Posterior",
@@ -455,7 +455,7 @@ def plan_section(plan: Plan) -> Section:
 
 def plan_figure(plan: Plan) -> Figure:
     """Variance reduction [%] at each amplitude and frequency; the best is framed, other places are blank."""
-    commands = sorted({gain.candidate.command for gain in plan.gains}, key=lambda value: value or 0.0)
+    commands = sorted({gain.candidate.command for gain in plan.gains}, key=lambda command: command or 0.0)
     most = max(gain.gain for gain in plan.gains)
     width = max(_MAP_WIDTH, style.PANEL_WIDTH / len(commands))
     figure, maps = grid_of_axes(len(commands), _MAP_COLUMNS, (width, _MAP_HEIGHT))

@@ -52,12 +52,12 @@ def fit_page(
     def before(task: str) -> None:
         on_progress(PageProgress(done=next(done), total=total, task=task))
 
-    tests = tests_section(run.fit, predictions, every_test=every_test, before=before)
+    of_tests = tests_section(run.fit, predictions, every_test=every_test, before=before)
     before("other sections of the page")
     unit = common_unit(predictions)
     sections = [
         warning_section(run.fit.warnings),
-        tests,
+        of_tests,
         parameters_section(run),
         None if run.held_out is None else later.held_out_section(run.held_out),
         None if run.bands is None else later.bands_section(run.bands, unit),

@@ -35,8 +35,10 @@ def parameters_section(run: StoredRun) -> Section:
         groups.append(Group(prose=(digest,), markup=source))
     # Only "the residuals do not depend on it" does not start with a parameter's name.
     sentences = [
-        test.sentence if test.seen or len(test.changes) > 1 else f"T{test.sentence.removeprefix('t')}"
-        for test in fit.informative
+        direction.sentence
+        if direction.seen or len(direction.changes) > 1
+        else f"T{direction.sentence.removeprefix('t')}"
+        for direction in fit.informative
     ]
     groups.append(
         Group(
@@ -156,7 +158,11 @@ def _summary(fit: Fit) -> str:
     judged = [estimate for estimate in fit.estimates if estimate.verdict not in ("", "fixed", "tied")]
     if not judged:
         return f"{len(fit.estimates)} parameters."
-    names = {word: [row.name for row in judged if row.verdict == word] for word in get_args(Verdict) if word}
+    names = {
+        word: [estimate.name for estimate in judged if estimate.verdict == word]
+        for word in get_args(Verdict)
+        if word
+    }
     certain = names.pop("identifiable")
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
     parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]

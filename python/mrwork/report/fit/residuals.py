@@ -36,13 +36,15 @@ _LINE_POINTS = 300
 
 def residual_section(predictions: Sequence[Prediction]) -> Section:
     """Tests of the residuals of all tests; the figures of the worst test stand beside it."""
-    tests = [residual_tests(prediction.test, prediction.residual) for prediction in predictions]
-    correlated = sum(not test.is_white for test in tests)
-    repeating = [test.repeating for test in tests if not test.is_white and np.isfinite(test.repeating)]
-    places = _places(tests)
+    by_test = [residual_tests(prediction.test, prediction.residual) for prediction in predictions]
+    correlated = sum(not of_test.is_white for of_test in by_test)
+    repeating = [
+        of_test.repeating for of_test in by_test if not of_test.is_white and np.isfinite(of_test.repeating)
+    ]
+    places = _places(by_test)
     findings = list(places)
     if correlated:
-        parts = [f"correlated on {_in_words(correlated, len(tests))}"]
+        parts = [f"correlated on {_in_words(correlated, len(by_test))}"]
         if repeating:
             share = float(np.median(repeating))
             most = "more than 99" if 0.99 < share < 1.0 else percent(share, 0)
@@ -59,7 +61,7 @@ def residual_section(predictions: Sequence[Prediction]) -> Section:
             "a better model could remove a part of them."
         )
     else:
-        constant = all(test.has_constant_variance for test in tests)
+        constant = all(of_test.has_constant_variance for of_test in by_test)
         first = (
             "These tests do not distinguish the residuals from white noise: they show no error that a better model "
             f"could remove{', and the standard errors in the table of parameters hold' if constant else ''}."
@@ -67,22 +69,24 @@ def residual_section(predictions: Sequence[Prediction]) -> Section:
     return Section(
         title="Residuals",
         summary=f"{'; those '.join(findings) or 'consistent with white noise'}.",
-        groups=(Group(prose=(first, *places.values(), _variance(tests)), table=_table(predictions, tests)),),
+        groups=(
+            Group(prose=(first, *places.values(), _variance(by_test)), table=_table(predictions, by_test)),
+        ),
     )
 
 
-def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
+def _places(by_test: Sequence[ResidualTests]) -> dict[str, str]:
     """Where white noise is rejected because the residuals are larger than elsewhere, with what that means."""
     kinds = (
         (
             "after steps of the command",
-            [test.after_steps for test in tests],
+            [of_test.after_steps for of_test in by_test],
             "After steps of the command the model does not follow it as the damper does: look at its lag, its laws and "
             "at the times of the recorded command.",
         ),
         (
             "at reversals of the motion",
-            [test.at_reversals for test in tests],
+            [of_test.at_reversals for of_test in by_test],
             "At reversals of the motion the force of the model does not change sides as the damper's does.",
         ),
     )
@@ -90,18 +94,18 @@ def _places(tests: Sequence[ResidualTests]) -> dict[str, str]:
     for where, excesses, meaning in kinds:
         if ratios := [excess.ratio for excess in excesses if excess.is_found]:
             times = f"{shortest(max(ratios), 2)} times as large as elsewhere"
-            several = f"up to {times} on {_in_words(len(ratios), len(tests))}"
-            places[f"{where} are {several if len(tests) > 1 else times}"] = meaning
+            several = f"up to {times} on {_in_words(len(ratios), len(by_test))}"
+            places[f"{where} are {several if len(by_test) > 1 else times}"] = meaning
     return places
 
 
-def _variance(tests: Sequence[ResidualTests]) -> str:
-    varying = sum(not test.has_constant_variance for test in tests)
+def _variance(by_test: Sequence[ResidualTests]) -> str:
+    varying = sum(not of_test.has_constant_variance for of_test in by_test)
     if varying == 0:
         return "The tests show no dependence of their variance on speed or stroke."
     return (
-        f"On {_in_words(varying, len(tests))} their variance depends on speed and stroke: a band of constant width is "
-        "too wide in one part of the cycle and too narrow in another."
+        f"On {_in_words(varying, len(by_test))} their variance depends on speed and stroke: a band of constant width "
+        "is too wide in one part of the cycle and too narrow in another."
     )
 
 
@@ -129,7 +133,7 @@ def _origin(repeating: Sequence[float]) -> str:
     )
 
 
-def _table(predictions: Sequence[Prediction], tests: Sequence[ResidualTests]) -> Table:
+def _table(predictions: Sequence[Prediction], by_test: Sequence[ResidualTests]) -> Table:
     def column(heading: str, cell: Callable[[ResidualTests], str], unit: str = "") -> TableColumn:
         return TableColumn(heading=heading, unit=unit, cell=lambda row: cell(row[1]))
 
@@ -137,20 +141,22 @@ def _table(predictions: Sequence[Prediction], tests: Sequence[ResidualTests]) ->
         "Tests of the residuals",
         (
             TableColumn(heading="test", cell=lambda row: name_of(row[0].test)),
-            column("lag-1 autocorr.", lambda test: format_fixed(test.lag_one, 3)),
-            column("Ljung-Box p", lambda test: _probability(test.ljung_box_p)),
+            column("lag-1 autocorr.", lambda of_test: format_fixed(of_test.lag_one, 3)),
+            column("Ljung-Box p", lambda of_test: _probability(of_test.ljung_box_p)),
             column(
                 "effective samples",
-                lambda test: f"{format_fixed(test.n_effective, 0)} of {format_fixed(test.n_time, 0)}",
+                lambda of_test: (
+                    f"{format_fixed(of_test.n_effective, 0)} of {format_fixed(of_test.n_time, 0)}"
+                ),
             ),
-            column("repeats each cycle", lambda test: percent(test.repeating), unit="%"),
-            column("RMS after steps / elsewhere", lambda test: _ratio(test.after_steps)),
-            column("RMS at reversals / elsewhere", lambda test: _ratio(test.at_reversals)),
-            column("Breusch-Pagan p", lambda test: _probability(test.breusch_pagan_p)),
-            column("RMS fast / slow", lambda test: format_fixed(test.fast_to_slow, 2)),
-            column("excess kurtosis", lambda test: format_fixed(test.excess, 1)),
+            column("repeats each cycle", lambda of_test: percent(of_test.repeating), unit="%"),
+            column("RMS after steps / elsewhere", lambda of_test: _ratio(of_test.after_steps)),
+            column("RMS at reversals / elsewhere", lambda of_test: _ratio(of_test.at_reversals)),
+            column("Breusch-Pagan p", lambda of_test: _probability(of_test.breusch_pagan_p)),
+            column("RMS fast / slow", lambda of_test: format_fixed(of_test.fast_to_slow, 2)),
+            column("excess kurtosis", lambda of_test: format_fixed(of_test.excess, 1)),
         ),
-        zip(predictions, tests, strict=True),
+        zip(predictions, by_test, strict=True),
         note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
         "RMS after steps of the command, and at reversals of the motion: ratio of the RMS residuals there to that "
         f"elsewhere, in windows of {', '.join(map(str, WINDOWS))} samples, of those that differ most; "

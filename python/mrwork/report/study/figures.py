@@ -134,7 +134,8 @@ def device_section(
     if not shown:
         return None
     unit = style.force_unit(max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)).symbol
-    largest = max(float(curve[:, 0].max()) for _, run in shown for curve in (run.current, run.command)) or 1.0
+    signals = (signal for _, history in shown for signal in (history.current, history.command))
+    largest = max(float(signal[:, 0].max()) for signal in signals) or 1.0
     device, unit_of_command = results.device_names[0], results.dampers[0].command_unit
     what = "current" if unit_of_command == "A" else "voltage"
     groups, balances = [], []

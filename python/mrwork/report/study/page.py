@@ -106,9 +106,9 @@ def demand_section(results: StudyResults) -> Section | None:
     if not demands:
         return None
     ranges: list[tuple[str, OperatingRange | None]] = []
-    for device in results.dampers:
-        device_demands = [demand.demand for demand in demands if demand.device == device.name]
-        ranges += [(device.name, covering(device_demands)), ("tested", device.tested)]
+    for damper in results.dampers:
+        of_damper = [demand.demand for demand in demands if demand.device == damper.name]
+        ranges += [(damper.name, covering(of_damper)), ("tested", damper.tested)]
     outside = sorted({name for demand in demands for name in demand.outside.names})
     known = any(demand.outside.known for demand in demands)
     summary = f"outside the tested range in {', '.join(outside)}." if outside else "within the tested range."
@@ -225,7 +225,9 @@ def _objective_table(results: TunedStudy) -> Table:
 def _settings_section(results: TunedStudy) -> Section:
     groups = [Group(table=_objective_table(results))]
     for law in results.tuned.laws:
-        ranges = {free.name: f"{shortest(free.lower)} to {shortest(free.upper)}" for free in law.free}
+        ranges = {
+            setting.name: f"{shortest(setting.lower)} to {shortest(setting.upper)}" for setting in law.free
+        }
         refused = f", of which {law.refused} of the first could not be simulated" if law.refused else ""
         prose = (
             f"Minimised: {law.objective.in_words(robust=law.robust)}.",
@@ -236,8 +238,8 @@ def _settings_section(results: TunedStudy) -> Section:
             label=f"Settings of {law.label}",
             columns=("Setting", "Value", "Searched"),
             rows=tuple(
-                (name, setting_in_words(setting, shortest), ranges.get(name, "held"))
-                for name, setting in law.settings.items()
+                (name, setting_in_words(value, shortest), ranges.get(name, "held"))
+                for name, value in law.settings.items()
             ),
         )
         groups.append(Group(title=law.label, prose=prose, table=table))

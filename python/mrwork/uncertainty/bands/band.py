@@ -134,7 +134,9 @@ def next_test_quantile(scores: Sequence[Floats], level: float) -> float:
     order = np.argsort(values, kind="stable")
     share = np.concatenate([[0.0], np.cumsum(weights[order])])
     of_all = share[np.searchsorted(values[order], values, side="left")]
-    of_own = np.concatenate([np.searchsorted(np.sort(row), row, side="left") / row.size for row in scores])
+    of_own = np.concatenate(
+        [np.searchsorted(np.sort(of_test), of_test, side="left") / of_test.size for of_test in scores]
+    )
     # Level of the others' quantile that covers each error: the share of smaller errors among the others.
     n_tests = len(scores)
     needed = np.clip((n_tests * of_all - of_own) / (n_tests - 1), 0.0, 1.0) + 1e-12
@@ -142,7 +144,7 @@ def next_test_quantile(scores: Sequence[Floats], level: float) -> float:
 
 
 def _equal_weights(scores: Sequence[Floats]) -> Floats:
-    return np.concatenate([np.full(row.size, 1.0 / (row.size * len(scores))) for row in scores])
+    return np.concatenate([np.full(of_test.size, 1.0 / (of_test.size * len(scores))) for of_test in scores])
 
 
 def _check_draws(forces: Floats) -> None:

@@ -82,7 +82,7 @@ class StoredBands(Summarised):
     def document(self) -> dict[str, Any]:
         """What `mrwork calibrate --json` prints: `coverage_percent` is the mean at `level`, none of a single test."""
         calibration = self.calibration
-        shares = [row.samples.coverage for row in self.coverage if row.level == _LEVEL]
+        shares = [entry.samples.coverage for entry in self.coverage if entry.level == _LEVEL]
         return {
             "level": _LEVEL,
             "coverage_percent": 100.0 * float(np.mean(shares)) if shares else None,
@@ -91,7 +91,7 @@ class StoredBands(Summarised):
             "seen": [asdict(likeness) for likeness in calibration.seen],
             "shape": asdict(calibration.shape),
             "reach": [named(test_reach, "quantity", "below", "severity") for test_reach in calibration.reach],
-            "coverage": [asdict(row) for row in self.coverage],
+            "coverage": [asdict(entry) for entry in self.coverage],
         }
 
     def _summary(self) -> Summary:
@@ -106,20 +106,20 @@ class StoredBands(Summarised):
     def by_test(self) -> dict[str, dict[float, LeftOutCoverage]]:
         """The coverage of each test at every level."""
         by_test: dict[str, dict[float, LeftOutCoverage]] = {}
-        for row in self.coverage:
-            by_test.setdefault(row.test, {})[row.level] = row
+        for entry in self.coverage:
+            by_test.setdefault(entry.test, {})[entry.level] = entry
         return by_test
 
     @property
     def _coverage_table(self) -> Table:
         """The share of samples of each test in the bands of the others, its score, and their means."""
-        rows = self.by_test.values()
+        of_tests = self.by_test.values()
         names = {prediction.test.label: prediction.test.name for prediction in self.predictions}
         columns: list[tuple[list[float], Callable[[float], str]]] = [
-            *(([row[level].samples.coverage for row in rows], percent) for level in LEVELS),
-            ([row[_LEVEL].cycles_inside for row in rows], percent),
-            ([row[_LEVEL].samples.width for row in rows], _thousandths),
-            ([row[_LEVEL].samples.interval_score for row in rows], _thousandths),
+            *(([of_test[level].samples.coverage for of_test in of_tests], percent) for level in LEVELS),
+            ([of_test[_LEVEL].cycles_inside for of_test in of_tests], percent),
+            ([of_test[_LEVEL].samples.width for of_test in of_tests], _thousandths),
+            ([of_test[_LEVEL].samples.interval_score for of_test in of_tests], _thousandths),
         ]
         return Table(
             title="Coverage of tests left out",
@@ -129,8 +129,8 @@ class StoredBands(Summarised):
                 *("cycles in 90 % [%]", "width of 90 %", "score of 90 %"),
             ),
             rows=[
-                (names.get(test, test), *(shown(values[number]) for values, shown in columns))
-                for number, test in enumerate(self.by_test)
+                (names.get(label, label), *(shown(values[number]) for values, shown in columns))
+                for number, label in enumerate(self.by_test)
             ],
             foot=("mean", *(shown(float(np.mean(values))) for values, shown in columns)),
             note="The band of each test is calibrated on the others only. A cycle is inside where its dissipated "
@@ -168,7 +168,7 @@ def write_bands(path: Path, bands: StoredBands) -> None:
         "reach": [
             asdict(test_reach) | {"scores": _rounded(test_reach.scores)} for test_reach in calibration.reach
         ],
-        "coverage": [asdict(row) for row in bands.coverage],
+        "coverage": [asdict(entry) for entry in bands.coverage],
     }
     contents = {
         CALIBRATION: json_document(document).encode(),
@@ -178,7 +178,7 @@ def write_bands(path: Path, bands: StoredBands) -> None:
 
 
 def _rounded(scores: Sequence[Floats]) -> list[list[float]]:
-    return [[float(f"{value:.{_DIGITS}g}") for value in row] for row in scores]
+    return [[float(f"{score:.{_DIGITS}g}") for score in of_test] for of_test in scores]
 
 
 def stored_calibration(run: RunFolder) -> Calibration | None:
@@ -187,7 +187,7 @@ def stored_calibration(run: RunFolder) -> Calibration | None:
 
 
 def read_calibration(run: RunFolder) -> Calibration:
-    """The calibration of the run folder of a fit."""
+    """The calibration of the run folder of a fit; refused where `mrwork calibrate` has not written one."""
     calibration = stored_calibration(run)
     if calibration is None:
         raise RecordError(
@@ -204,7 +204,9 @@ def predictions_content(predictions: Sequence[Prediction]) -> bytes:
     """The file `predictions.npz` of a run folder: facts of each test, and its arrays in single precision."""
     facts, arrays = [], dict[str, Any]()
     for number, prediction in enumerate(predictions):
-        values = {own.name: getattr(prediction.test, own.name) for own in fields(prediction.test)} | _DROPPED
+        values = {
+            field.name: getattr(prediction.test, field.name) for field in fields(prediction.test)
+        } | _DROPPED
         values |= {"model": prediction.model_force, "substeps": prediction.substeps}
         channels = {name for name, value in values.items() if isinstance(value, np.ndarray)}
         arrays |= {f"{name}_{number}": values[name].astype(np.float32) for name in channels}
@@ -285,10 +287,10 @@ def cross_validated(
         ),
         on_fit=lambda number, fit: add_to_run(opened.run.path, {names[missing[number]]: fit_content(fit)}),
     )
-    for path, number in enumerate(missing):
+    for task_number, number in enumerate(missing):
         # The others may not determine what the extreme tests do.
         with nullcontext() if number < len(folds) else suppress(MrworkError):
-            fits[names[number]] = batch.fit(path)
+            fits[names[number]] = batch.fit(task_number)
 
     def fit_to(rest: tuple[DamperTest, ...]) -> Fit:
         fit = fits.get(_name_of_fold(opened.fit, rest))

@@ -66,7 +66,7 @@ class Reach:
 
     @property
     def severity(self) -> float:
-        """The largest of the `severities`."""
+        """How far the farthest test was beyond the others in the quantity."""
         return max(self.severities)
 
     def tests_as_far(self, exceedance: Exceedance) -> set[str]:
@@ -89,10 +89,10 @@ class Reach:
         """Reach in each quantity in which predictions are beyond the tests of their fits."""
         reached = defaultdict[tuple[OperatingQuantity, bool], list[tuple[str, float, Floats]]](list)
         for prediction in predictions:
-            for one in driven(prediction.outside):
-                if not one.between and np.isfinite(one.severity):
-                    reached[side_of(one)].append(
-                        (prediction.test.label, one.severity, shape.scores(prediction))
+            for exceedance in driven(prediction.outside):
+                if not exceedance.between and np.isfinite(exceedance.severity):
+                    reached[side_of(exceedance)].append(
+                        (prediction.test.label, exceedance.severity, shape.scores(prediction))
                     )
         return tuple(
             cls(
@@ -148,9 +148,13 @@ class Calibration(Summarised):
         """What of the motion and the command is outside the tests of the fit and of the calibration."""
         outside = driven(prediction.outside)
         exceeded = self.tested.exceeded_by(range_of_test(prediction.test, self.tested.command_unit))
-        farther = {side_of(excess): excess for excess in exceeded}
-        pairs = [(excess, farther[side_of(excess)]) for excess in outside if side_of(excess) in farther]
-        return tuple(min(pair, key=lambda excess: excess.severity) for pair in pairs)
+        farther = {side_of(exceedance): exceedance for exceedance in exceeded}
+        pairs = [
+            (exceedance, farther[side_of(exceedance)])
+            for exceedance in outside
+            if side_of(exceedance) in farther
+        ]
+        return tuple(min(pair, key=lambda exceedance: exceedance.severity) for pair in pairs)
 
     @checked
     def untested(self, prediction: Prediction) -> tuple[Exceedance, ...]:
@@ -160,13 +164,13 @@ class Calibration(Summarised):
         """
         beyond, tried = self.beyond(prediction), {reach.side: reach for reach in self.reach}
         as_far = [
-            set[str]() if excess.between or reach is None else reach.tests_as_far(excess)
-            for excess in beyond
-            for reach in [tried.get(side_of(excess))]
+            set[str]() if exceedance.between or reach is None else reach.tests_as_far(exceedance)
+            for exceedance in beyond
+            for reach in [tried.get(side_of(exceedance))]
         ]
         if all(as_far):
             return beyond if beyond and not set.intersection(*as_far) else ()
-        return tuple(excess for excess, tests in zip(beyond, as_far, strict=True) if not tests)
+        return tuple(exceedance for exceedance, tests in zip(beyond, as_far, strict=True) if not tests)
 
     @checked
     def test_to_run(self, prediction: Prediction) -> str:
@@ -178,7 +182,7 @@ class Calibration(Summarised):
         demand = range_of_test(test, self.tested.command_unit)
         at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
         command = f" and {test.command_in_words}" if test.commands else ""
-        why = "; ".join(excess.in_words for excess in untested)
+        why = "; ".join(exceedance.in_words for exceedance in untested)
         return (
             f"no band: {why}; test {1e3 * demand.stroke:.3g} mm{at}{command}, and fit it or calibrate on it"
         )
@@ -195,7 +199,7 @@ class Calibration(Summarised):
             return None
         centre, scale = self.shape.of(prediction)
         beyond = self.beyond(prediction)
-        sides = {side_of(excess) for excess in beyond}
+        sides = {side_of(exceedance) for exceedance in beyond}
         farther = [reach_of_test.scores for reach_of_test in self.reach if reach_of_test.side in sides]
         multiple = max(next_test_quantile(scores, level) for scores in (self.scores, *farther))
         band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
@@ -206,7 +210,7 @@ class Calibration(Summarised):
             return band
         basis = self.basis
         if beyond:
-            names = ", ".join(one.quantity for one in beyond)
+            names = ", ".join(exceedance.quantity for exceedance in beyond)
             basis += f"; beyond the tests in {names}, widened by the errors of fits without such tests"
         elif len(prediction.other_forces):
             basis += "; between the tested commands, widened by other laws that predict nearly as well"

@@ -47,7 +47,7 @@ class ErrorShape:
         return centre, self.scale(prediction.deviation, prediction.steepness)
 
     def scale(self, deviation: Floats | float, steepness: Floats) -> Floats:
-        """Scale of the error [N], shape of `steepness`."""
+        """Scale of the error [N] at samples of this steepness; `deviation` [N] is that of the model's force."""
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
     def scores(self, prediction: Prediction) -> Floats:

@@ -112,8 +112,8 @@ def uses_of(tests: Sequence[DamperTest]) -> tuple[Use, ...]:
     # Of one or two motions the first is for test.
     offset = 1 if len(between) < _THIRDS else 0
     fold_uses: dict[int, Use] = {
-        fold: use
-        for turn, fold in enumerate(between, start=offset)
+        number: use
+        for turn, number in enumerate(between, start=offset)
         if (use := _IN_TURN[turn % _THIRDS]) is not None
     }
     uses: dict[int, Use] = {

@@ -77,17 +77,17 @@ class Prediction(Plotted, WithAxes, Summarised):
 
     @property
     def force(self) -> Floats:
-        """The model's force [N]."""
+        """The model's force [N] at the compared samples, shape (n_counted,)."""
         return self.model_force[self.test.counted]
 
     @property
     def measured(self) -> Floats:
-        """The measured force [N]."""
+        """The measured force [N] at the compared samples, shape (n_counted,)."""
         return self.test.force[self.test.counted]
 
     @property
     def residual(self) -> Floats:
-        """Measured minus model force [N]."""
+        """Measured minus model force [N] at the compared samples, shape (n_counted,)."""
         return self.measured - self.force
 
     @property
@@ -132,7 +132,7 @@ class Prediction(Plotted, WithAxes, Summarised):
         return rms(self.residual)
 
     def _named_arrays(self) -> NamedArrays:
-        test = self.test._named_arrays()
+        of_test = self.test._named_arrays()
         forces = {
             "model_force": (self.model_force, "force of the model, as it would be recorded"),
             "residual": (self.test.force - self.model_force, "measured minus model force"),
@@ -141,7 +141,7 @@ class Prediction(Plotted, WithAxes, Summarised):
             name: NamedArray.of(values, "time", unit="N", long_name=words)
             for name, (values, words) in forces.items()
         }
-        return replace(test, title=f"Prediction of {self.test.name}", arrays={**test.arrays, **arrays})
+        return replace(of_test, title=f"Prediction of {self.test.name}", arrays={**of_test.arrays, **arrays})
 
     def _summary(self) -> Summary:
         return Summary(
@@ -276,10 +276,8 @@ def extremes_of(tests: Sequence[DamperTest]) -> list[list[int]]:
     Without others there is no group.
     """
     ranges = [range_of_test(test, None) for test in tests]
-    stroke, velocity = (
-        np.array([getattr(interval, name) for interval in ranges]) for name in ("stroke", "velocity")
-    )
-    frequency = np.array([np.mean(interval.frequency or 0.0) for interval in ranges])
+    stroke, velocity = (np.array([getattr(each, name) for each in ranges]) for name in ("stroke", "velocity"))
+    frequency = np.array([np.mean(each.frequency or 0.0) for each in ranges])
     groups = list[list[int]]()
     for extent in (velocity, frequency, 1.0 / np.maximum(frequency, _LOWEST), stroke):
         for factor, remaining in _OF_EXTREME:
@@ -348,7 +346,7 @@ def alike_remark(tests: Sequence[DamperTest]) -> str:
 
 def _same_motion(one: DamperTest, other: DamperTest) -> bool:
     pairs = zip(_motion(one), _motion(other), strict=True)
-    return all(abs(a - b) <= _SAME_MOTION * max(a, b) for a, b in pairs)
+    return all(abs(first - second) <= _SAME_MOTION * max(first, second) for first, second in pairs)
 
 
 def _motion(test: DamperTest) -> tuple[float, float]:

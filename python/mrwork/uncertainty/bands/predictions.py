@@ -109,13 +109,13 @@ class Predictions(Summarised):
 
     @property
     def held_out(self) -> tuple[Prediction, ...]:
-        """Those of tests that neither the fit nor the calibration has seen."""
+        """Predictions of tests that neither the fit nor the calibration has seen."""
         pairs = zip(self.predictions, self.used, strict=True)
-        return tuple(pair for pair, used in pairs if pair.seen is None and used is None)
+        return tuple(prediction for prediction, used in pairs if prediction.seen is None and used is None)
 
     @property
     def spread(self) -> FitSpread:
-        """Median and worst of all tests."""
+        """Median and worst fit of the predicted tests, seen or not."""
         return spread_of(self.predictions)
 
     @property
@@ -129,18 +129,18 @@ class Predictions(Summarised):
         """What the command, the nuisance parameters and the tested ranges of the fit say against the predictions."""
         cases = [(prediction.test.label, prediction.outside) for prediction in self.predictions]
         worst = [
-            f"{one.in_words}, {label}"
+            f"{exceedance.in_words}, {label}"
             + (f"; outside on {count} of {len(self.predictions)} files" if len(self.predictions) > 1 else "")
-            for one, label, count in worst_of(cases)
+            for exceedance, label, count in worst_of(cases)
         ]
-        laws = worst_laws(law for _, outside in cases for law in outside.laws)
+        limits = worst_laws(limit for _, outside in cases for limit in outside.laws)
         conditions = [self.fit.other_condition(prediction.test) for prediction in self.predictions]
         return (
             *missing_warnings(self.fit.nuisances, self.nuisances),
             *prediction_warning(self.fit.spec, [prediction.test for prediction in self.predictions]),
             *(
                 f"{in_words}; test there before you rely on it"
-                for in_words in (*worst, *(one.in_words for one in laws))
+                for in_words in (*worst, *(limit.in_words for limit in limits))
             ),
             *(condition.condition_in_words for condition in conditions if condition is not None),
         )
@@ -173,7 +173,7 @@ class Predictions(Summarised):
         }
 
     def _file(self, number: int) -> dict[str, Any]:
-        """A prediction, with its band where there is one."""
+        """What `document` has of a prediction: quality, likeness to seen tests, and the band where there is one."""
         each, used, quality = self.predictions[number], self.used[number], self.predictions[number].quality
         condition = self.fit.other_condition(each.test)
         entry = {

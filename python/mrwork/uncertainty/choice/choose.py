@@ -215,7 +215,7 @@ class Choosing(LongCall[ChoiceProgress, Choice]):
         self.report(replace(progress, number=number, n_models=len(names), seconds=self.seconds))
 
     def failing(self, model: DamperSpec) -> Standing:
-        """The row of a model that failed."""
+        """The standing of a model that could not be fitted, with the reason."""
         return Standing(
             model=model.name,
             title=model.title,
@@ -318,13 +318,13 @@ class _ChoosingModel(Choosing):
 
     def _report_fit(self, number: int, within: Progress | None) -> None:
         n_splits, workers = self.splits.n_splits, present_workers()
-        family, fold = divmod(number, 1 + n_splits)
+        model_index, fold = divmod(number, 1 + n_splits)
         task = f"left out {fold} of {n_splits}" if fold else "all tests"
         total = (1 + n_splits) * sum(len(model.parameters) for model in self.models)
         left = self.spent / self.done * max(total - self.done, 0) if self.done else None
         self.tell(
             ChoiceProgress(
-                model=self.models[family].name,
+                model=self.models[model_index].name,
                 task=task if workers is None else workers.in_words,
                 within=within,
                 # Workers tell the time that is left themselves.

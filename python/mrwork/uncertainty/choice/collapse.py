@@ -37,12 +37,12 @@ def with_collapses(
     n_effective = effective_samples(residuals[min(fits, key=lambda model: fits[model].nrmse)])
     joined = {model: np.concatenate(parts) for model, parts in residuals.items()}
     doubtful = {model: _doubtful_parameters(fit, tests) for model, fit in fits.items()}
-    by_size = sorted((row for row in rows if row.model in fits), key=attrgetter("n_params"))
+    by_size = sorted((standing for standing in rows if standing.model in fits), key=attrgetter("n_params"))
 
-    def reason_for(row: Standing, simpler: Standing) -> str:
+    def reason_for(standing: Standing, simpler: Standing) -> str:
         """Why a family counts as a simpler one; empty where it does not."""
-        model, other = row.model, simpler.model
-        chance = _CHANCE * (row.n_params - simpler.n_params) / n_effective
+        model, other = standing.model, simpler.model
+        chance = _CHANCE * (standing.n_params - simpler.n_params) / n_effective
         squared, theirs = (float(np.mean(joined[name] ** 2)) for name in (model, other))
         difference = float(np.mean((joined[model] - joined[other]) ** 2))
         same = difference <= chance * theirs and theirs <= squared * np.exp(chance)
@@ -59,13 +59,13 @@ def with_collapses(
             f"and {' and '.join(states)}"
         )
 
-    def judged(row: Standing) -> Standing:
-        for simpler in by_size if row.model in fits else []:
-            if simpler.n_params < row.n_params and (reason := reason_for(row, simpler)):
-                return replace(row, same_as=simpler.model, reason=reason)
-        return row
+    def judged(standing: Standing) -> Standing:
+        for simpler in by_size if standing.model in fits else []:
+            if simpler.n_params < standing.n_params and (reason := reason_for(standing, simpler)):
+                return replace(standing, same_as=simpler.model, reason=reason)
+        return standing
 
-    return [judged(row) for row in rows]
+    return [judged(standing) for standing in rows]
 
 
 def _residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> list[Floats]:

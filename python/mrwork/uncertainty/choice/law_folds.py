@@ -94,15 +94,17 @@ class LawFolds:
 
         At its constant command each test is of the plain model, so that all sets are one batch. It may be infinite.
         """
-        pairs = [(row, test) for row, members in enumerate(self.splits.members, start=1) for test in members]
-        rows, tests = np.array(pairs).T
-        included = np.arange(len(self.whole.tests)) == tests[:, None]
+        pairs = [
+            (row, index) for row, members in enumerate(self.splits.members, start=1) for index in members
+        ]
+        rows, indices = np.array(pairs).T
+        included = np.arange(len(self.whole.tests)) == indices[:, None]
         if self.varies:
             parts = [self.whole.with_laws(spec).squared_nrmse(theta[rows], included) for spec, theta in sets]
             squared = np.concatenate(parts)
         else:
             commands = np.array([np.mean(test.command_in(self.unit) or 0.0) for test in self.whole.tests])
-            plain = [_plain_curves(*law_set, commands)[rows, tests] for law_set in sets]
+            plain = [_plain_curves(*law_set, commands)[rows, indices] for law_set in sets]
             squared = self.whole.squared_nrmse(np.concatenate(plain), np.tile(included, (len(sets), 1)))
         return np.sqrt(squared.reshape(len(sets), len(pairs), -1)[:, included])
 

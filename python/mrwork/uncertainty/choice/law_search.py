@@ -108,7 +108,7 @@ class LawSearch:
 
     @property
     def name(self) -> str:
-        """Name of the model."""
+        """Name of the plain model, whose laws are searched."""
         return self.plain.name
 
     @property
@@ -138,7 +138,7 @@ class LawSearch:
         self._fit_laws([self.first_laws], [starts])
         if (wider := self._laws_of("log", "linear")) != self.first_laws:
             self._move_to(self.fitted[0], wider)
-        if all(test.row.objection for test in self.fitted):
+        if all(fitted.row.objection for fitted in self.fitted):
             self._revive(self.fitted[-1])
         expanded: list[Laws] = []
         while len(self.fitted) < _MOST_TRIED:
@@ -151,10 +151,10 @@ class LawSearch:
             if proposals := self._proposals(current):
                 self._move_to(current, *proposals)
         # Of a law that has an extremum between the commands, the form that has none.
-        for number, test in enumerate(self.fitted):
-            extrema = hidden_extrema(test.spec, test.fit.theta[0], self.folds.commands.tolist())
+        for number, fitted in enumerate(self.fitted):
+            extrema = hidden_extrema(fitted.spec, fitted.fit.theta[0], self.folds.commands.tolist())
             instead = {extremum.parameter: extremum.instead for extremum in extrema if extremum.instead}
-            self.fitted[number] = self.in_other_form(test, instead)
+            self.fitted[number] = self.in_other_form(fitted, instead)
 
     def in_other_form(self, fitted: FittedLaws, instead: Laws) -> FittedLaws:
         """The candidate with laws through the same values, except where such a law changes the force of a test."""
@@ -173,11 +173,11 @@ class LawSearch:
 
     def _is_best_sound(self) -> bool:
         """Whether no set that something speaks against predicts visibly better than the others."""
-        scores = [
-            [test.row.error for test in self.fitted if bool(test.row.objection) is dead]
+        errors_of = [
+            [fitted.row.error for fitted in self.fitted if bool(fitted.row.objection) is dead]
             for dead in (True, False)
         ]
-        dead, sound = (min(score, default=np.inf) for score in scores)
+        dead, sound = (min(errors, default=np.inf) for errors in errors_of)
         return bool(100.0 * (sound - dead) <= NEGLIGIBLE)
 
     def _revive(self, dead: FittedLaws) -> None:
@@ -196,14 +196,14 @@ class LawSearch:
             starts = np.where(box.log, np.maximum(starts, lower), starts)
             self._fit_laws([laws], [np.asarray(box.inside(np.minimum(starts, box.upper)))])
             alive = self.fitted[-1]
-            dying = {law.parameter for law in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
+            dying = {limit.parameter for limit in dying_laws(alive.spec, alive.fit.theta[0], self.tests)}
             if not dying & set(laws):
                 return
             laws = {name: law for name, law in laws.items() if name not in dying}
 
     def frontier(self) -> list[FittedLaws]:
         """Sets of laws whose neighbours are tried: the best, the simplest that is as good, and further good ones."""
-        sound = [test for test in self.fitted if not test.row.objection] or self.fitted
+        sound = [fitted for fitted in self.fitted if not fitted.row.objection] or self.fitted
         order = sorted(sound, key=lambda fitted: fitted.row.error)
         rows, simplest = choose_from([fitted.row for fitted in order])
         good = [fitted for fitted in order if fitted.row in rows]
@@ -212,10 +212,10 @@ class LawSearch:
     def distinct(self) -> list[FittedLaws]:
         """The candidates except those with the same force as a candidate with fewer parameters."""
         sets = list[FittedLaws]()
-        for test in sorted(self.fitted, key=lambda test: test.row.n_params):
-            squared = test.fit.squared
+        for fitted in sorted(self.fitted, key=lambda fitted: fitted.row.n_params):
+            squared = fitted.fit.squared
             if not any(np.allclose(squared, other.fit.squared, rtol=_SAME, atol=_EXACT) for other in sets):
-                sets.append(test)
+                sets.append(fitted)
         return sets
 
     def _proposals(self, current: FittedLaws) -> list[Laws]:
@@ -225,7 +225,7 @@ class LawSearch:
         simpler laws, each the most promising one after the one before, while no more is lost than is negligible.
         """
         promised = partial(self._promised, current)
-        done = [test.laws for test in self.fitted]
+        done = [fitted.laws for fitted in self.fitted]
         single = self._changes(current.laws)
         if not single:
             return []
@@ -288,7 +288,9 @@ class LawSearch:
                 continue
             law = laws.get(parameter.name, CONSTANT)
             degree, is_direct = law.fitted_degree, bool(law.nodes)
-            wanted = [(near, is_direct and near > 0) for near in (degree - 1, degree + 1)]
+            wanted = [
+                (other_degree, is_direct and other_degree > 0) for other_degree in (degree - 1, degree + 1)
+            ]
             if (
                 parameter.scale == "log"
                 and degree > 0
@@ -296,9 +298,9 @@ class LawSearch:
             ):
                 wanted.append((degree, not is_direct))
             changed += [
-                (parameter.name, self._with_law(laws, parameter.name, near, direct=direct))
-                for near, direct in wanted
-                if 0 <= near <= self.most
+                (parameter.name, self._with_law(laws, parameter.name, other_degree, direct=direct))
+                for other_degree, direct in wanted
+                if 0 <= other_degree <= self.most
             ]
         return changed
 
@@ -310,14 +312,14 @@ class LawSearch:
         return {key: entry for key, entry in sorted((laws | {name: law}).items()) if not entry.is_constant}
 
     def _count(self, laws: Laws) -> int:
-        """Number of parameters, up to a constant."""
+        """Number of law coefficients beyond the constant ones, which all sets of laws have."""
         return sum(law.fitted_degree for law in laws.values())
 
     def _texts(self, laws: Laws) -> dict[str, LawName]:
         return {name: str(law) for name, law in (self.given | laws).items()}
 
     def _move_to(self, current: FittedLaws, *proposals: Laws) -> None:
-        """Fit laws from the present ones."""
+        """Fit proposed laws from starts that are transferred from the fit of the current laws."""
         starts = []
         for laws in proposals:
             spec, box = self.model(laws)

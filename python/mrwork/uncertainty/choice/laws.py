@@ -63,11 +63,11 @@ class _ChoosingLaws(Choosing):
 
     @property
     def fitted_laws(self) -> list[FittedLaws]:
-        """The sets of laws that were fitted."""
+        """The sets of laws that were fitted, of all models."""
         return [laws for search in self.searches.values() for laws in search.fitted]
 
     def evaluate(self, search: LawSearch) -> None:
-        """Try the laws of a model."""
+        """Fit the first laws of a model, then try their neighbours; one of several models may fail."""
         with self._failing_alone(search):
             first = with_journal(self.journal_of, f"{search.name}/first", partial(self._first_fit, search))
             self.firsts[search.name] = first
@@ -94,7 +94,7 @@ class _ChoosingLaws(Choosing):
 
     def best_so_far(self) -> Choice | None:
         """The choice among the laws that are done, with the fit that led to it; `None` before there are any."""
-        if not any(law.row.has_predicted for law in self.fitted_laws):
+        if not any(laws.row.has_predicted for laws in self.fitted_laws):
             return None
         ranking = self._rank(complete=False)
         fit = self._fit_to_excerpts(*self._fitted(ranking.chosen_standing), status="interrupted")
@@ -187,7 +187,7 @@ class _ChoosingLaws(Choosing):
             if np.isfinite(row).all() or not sets:
                 sets.append((search, laws))
                 rows.append(np.nan_to_num(row))
-        return [sets[row] for row in sorted(farthest_apart(np.array(rows), _MOST_OTHERS, _LEAST_APART))]
+        return [sets[index] for index in sorted(farthest_apart(np.array(rows), _MOST_OTHERS, _LEAST_APART))]
 
     def _other_forms(self, search: LawSearch, chosen: FittedLaws) -> list[tuple[LawSearch, FittedLaws]]:
         """The chosen laws all in one form, but for those that die in it; empty where there is no other form."""
@@ -223,9 +223,9 @@ class _ChoosingLaws(Choosing):
         )
 
     def _fitted(self, standing: Standing) -> tuple[LawSearch, FittedLaws]:
-        """The search and the fitted laws of a row."""
+        """The search and the fitted laws of a standing."""
         search = self.searches[standing.model]
-        return search, next(test for test in search.fitted if test.row.laws == standing.laws)
+        return search, next(laws for laws in search.fitted if laws.row.laws == standing.laws)
 
     def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
         errors = [laws.row.error for laws in self.fitted_laws]

@@ -30,7 +30,7 @@ def objections_to(
     when the fastest motion runs faster, since what made it rise has vanished; and a damper that no building can be
     simulated with. That an exponent is on its bound, as n = 1 of a Bouc-Wen loop, is none.
     """
-    clauses = [law.in_words for law in dying_laws(spec, theta, tests)]
+    clauses = [limit.in_words for limit in dying_laws(spec, theta, tests)]
     levels = range_of_tests(tests, spec.command_unit).levels
     hidden = () if any(test.has_varying_command for test in tests) else hidden_extrema(spec, theta, levels)
     clauses += [
@@ -63,13 +63,13 @@ def fastest_at_commands(
     """The fastest motion at each command, with its test; a varying command counts at each of its levels."""
     fastest: dict[float, tuple[DamperTest, Loading]] = {}
     for test in sorted(tests, key=lambda test: float(np.abs(test.velocity).max())):
-        motion = loading_of(test, spec)
-        if motion.command is None:
-            fastest[0.0] = test, motion
+        loading = loading_of(test, spec)
+        if loading.command is None:
+            fastest[0.0] = test, loading
             continue
-        for level in levels_of_command(motion.command):
+        for level in levels_of_command(loading.command):
             command = command_level(level, spec.command_unit or "A")
-            fastest[command] = test, replace(motion, command=level)
+            fastest[command] = test, replace(loading, command=level)
     return fastest
 
 
@@ -78,7 +78,7 @@ def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest])
     worst, sentence = -_FALLS, ""
     for test, loading in fastest_at_commands(spec, tests).values():
         faster = replace(loading, dt=loading.dt / _FASTER, velocity=test.velocity * _FASTER)
-        runs = [simulate_forces(spec, theta[None], motion.history()) for motion in (loading, faster)]
+        runs = [simulate_forces(spec, theta[None], each.history()) for each in (loading, faster)]
         if any(run.outcome[0] != Outcome.FINISHED for run in runs):
             continue
         tested, beyond = (float(np.std(run.force[0])) for run in runs)

@@ -139,22 +139,22 @@ class Standing:
 
     @property
     def has_predicted(self) -> bool:
-        """Whether it predicts anything that was left out better than the mean force does."""
+        """Whether the candidate predicts anything that was left out better than the mean force does."""
         return min(self.left_out, default=NOT_PREDICTED) < NOT_PREDICTED
 
     @property
     def error(self) -> float:
-        """Mean error of its predictions."""
+        """Mean error of what was left out, a share of the force's deviation."""
         return float(np.mean(self.left_out))
 
     @property
     def is_chosen(self) -> bool:
-        """Whether it is chosen, if only provisionally."""
+        """Whether the candidate is chosen, if only provisionally."""
         return self.verdict in ("chosen", "provisional")
 
     @property
     def laws_in_words(self) -> str:
-        """The laws in one line."""
+        """Each law after the name of its parameter, in one line; "all constant" without laws."""
         return laws_in_words(self.laws)
 
     @property
@@ -198,7 +198,7 @@ def _column(
     key: str, long_name: str, heading: str = "", *, unit: str = "", cell: Callable[[Any], str] | None = None
 ) -> TableColumn:
     """A column of a ranking, by default of percentages."""
-    shown = cell or (lambda row: format_fixed(getattr(row, key), 2))
+    shown = cell or (lambda standing: format_fixed(getattr(standing, key), 2))
     return TableColumn(key=key, long_name=long_name, heading=heading, unit=unit, cell=shown)
 
 
@@ -209,7 +209,7 @@ _COLUMNS = (
     _column("verdict", "place in the ranking"),
     _column("status", "how the identification ended"),
     _column("same_as", "family whose fit it has"),
-    _column("n_params", "number of parameters", "parameters", cell=lambda row: str(row.n_params)),
+    _column("n_params", "number of parameters", "parameters", cell=lambda standing: str(standing.n_params)),
     _column("seconds", "time of the identifications", unit="s"),
     _column("fit_percent", "fit to all tests", "fit", unit="%"),
     _column(
@@ -227,7 +227,7 @@ _COLUMNS = (
         "difference to the best in the fit to what was left out",
         "behind",
         unit="%",
-        cell=lambda row: _with_error(row.left_out_behind, row.left_out_behind_error),
+        cell=lambda standing: _with_error(standing.left_out_behind, standing.left_out_behind_error),
     ),
     _column("left_out_behind_error", "standard error of that difference", unit="%"),
     _column("median_percent", "median fit of single tests left out", unit="%"),
@@ -252,12 +252,12 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
             for candidate in candidates
         )
         raise SettingError(f"no model predicts what was left out of its fit ({reasons})")
-    simpler = {prediction.model for prediction in predicted}
-    distinct = [prediction for prediction in predicted if prediction.same_as not in simpler]
-    sound = [entry for entry in distinct if not entry.objection] or distinct
+    simpler = {candidate.model for candidate in predicted}
+    distinct = [candidate for candidate in predicted if candidate.same_as not in simpler]
+    sound = [candidate for candidate in distinct if not candidate.objection] or distinct
     good, chosen = choose_from(sound)
     failed = [candidate for candidate in candidates if not candidate.has_predicted]
-    lost = [*failed, *(prediction for prediction in predicted if prediction.not_predicted)]
+    lost = [*failed, *(candidate for candidate in predicted if candidate.not_predicted)]
 
     def judged(candidate: Standing) -> Standing:
         verdict: Verdict = "behind"
@@ -284,8 +284,8 @@ def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
             left_out_behind_error=None if candidate is sound[0] else error_of_mean(behind),
         )
 
-    unusable = [entry for entry in distinct if entry not in sound]
-    same = [prediction for prediction in predicted if prediction not in distinct]
+    unusable = [candidate for candidate in distinct if candidate not in sound]
+    same = [candidate for candidate in predicted if candidate not in distinct]
     return tuple(map(judged, (*sound, *unusable, *same, *failed)))
 
 
@@ -399,7 +399,7 @@ class Ranking(WithAxes, Summarised):
 
     @property
     def n_models(self) -> int:
-        """Number of models."""
+        """Number of different models, each of which may stand with several sets of laws."""
         return len({standing.model for standing in self.standings})
 
     @property
@@ -415,7 +415,7 @@ class Ranking(WithAxes, Summarised):
         """The candidates; columns that are empty are left out, and so is the model where laws of one were tried."""
         columns = []
         for column in _COLUMNS:
-            cells = {column.cell(row) for row in self.standings} if column.heading else set()
+            cells = {column.cell(standing) for standing in self.standings} if column.heading else set()
             is_model = column.key == "model" and self.unit is not None and self.n_models == 1
             is_laws = column.key == "laws" and self.unit is None
             if cells - {format_fixed(None, 2)} and not is_model and not is_laws:
@@ -493,7 +493,8 @@ class Ranking(WithAxes, Summarised):
             parts.append(f"A standard error from {self.n_folds} folds is uncertain")
         titles = {standing.model: standing.title for standing in self.standings}
         parts += [
-            f"{row.title} counts as {titles[row.same_as]}: {row.reason}" for row in self._of("collapsed")
+            f"{standing.title} counts as {titles[standing.same_as]}: {standing.reason}"
+            for standing in self._of("collapsed")
         ]
         if self.missing:
             parts.append(f"The comparison was interrupted and lacks {', '.join(self.missing)}")

@@ -70,7 +70,7 @@ class Splits:
 
     @property
     def members(self) -> list[list[int]]:
-        """Tests of each split."""
+        """Indices of the tests that each split leaves out."""
         return [list(split.members) for split in self.splits]
 
     @property
@@ -152,11 +152,11 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
     ends: dict[tuple[int, ...], tuple[str, ...]] = {}
     for end, size in _ENDS.items() if by_motion else ():
         sizes = np.array([size(test) for test in tests])
-        most = max(float(np.median(sizes[motion])) for motion in motions)
-        extreme = next(motion for motion in motions if float(np.median(sizes[motion])) == most)
+        most = max(float(np.median(sizes[group])) for group in motions)
+        extreme = next(group for group in motions if float(np.median(sizes[group])) == most)
         least = sizes[extreme].min()
         members = tuple(np.flatnonzero(sizes >= least - _AT * abs(least)).tolist())
-        touched = sum(any(index in members for index in motion) for motion in motions)
+        touched = sum(any(index in members for index in group) for group in motions)
         remaining = {level for index, level in enumerate(levels) if index not in members}
         if touched * _ONE_IN > len(motions):
             reason = f"that would take {touched} of {len(motions)} motions"

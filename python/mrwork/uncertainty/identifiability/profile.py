@@ -126,7 +126,7 @@ class Profiles(Plotted, WithAxes, Summarised):
 
     @property
     def intervals(self) -> Intervals:
-        """The intervals, for `Fit.with_intervals`."""
+        """The intervals of the profiled parameters with their verdicts, as `Fit.with_intervals` takes them."""
         names = ("name", "lower", "upper", "verdict", "reason")
         intervals = (
             Interval(**{name: getattr(profiled, name) for name in names}) for profiled in self.profiles

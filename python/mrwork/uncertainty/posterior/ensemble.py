@@ -91,7 +91,7 @@ class Ensemble(Summarised):
 
     @property
     def n_walkers(self) -> int:
-        """Number of walkers."""
+        """Number of walkers, the second axis of the positions."""
         return int(self.positions.shape[1])
 
     def advance(self, until: int, on_step: Callable[[int], None]) -> None:

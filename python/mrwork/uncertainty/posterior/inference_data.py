@@ -103,7 +103,9 @@ def inference_data(
     stream = np.random.default_rng(rng)
     names = [test.name for test in target.objective.tests]
     # Names that are there already have their number.
-    labels = [name if name not in names[:at] else f"{name} ({at + 1})" for at, name in enumerate(names)]
+    labels = [
+        name if name not in names[:index] else f"{name} ({index + 1})" for index, name in enumerate(names)
+    ]
     tree = thinned.as_datatree()
     tree["sample_stats"]["lp"].attrs |= {"units": "1", "long_name": "log posterior, up to a constant"}
     shape, axis = thinned.densities.shape, pointwise.removesuffix("s")

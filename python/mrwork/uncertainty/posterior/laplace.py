@@ -85,5 +85,5 @@ def mode_near(target: Target, theta: Floats) -> Floats:
         objective, box, theta[None], max_iterations=_MOST_STEPS, shares=counts[None] / counts.sum()
     )
     both = np.stack([theta, minima.theta[0]])
-    densities = target(np.array([target.position_of(side) for side in both]))
+    densities = target(np.array([target.position_of(point) for point in both]))
     return np.asarray(both[int(np.argmax(densities))])

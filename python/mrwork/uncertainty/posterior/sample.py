@@ -410,7 +410,7 @@ class _Sampling(LongCall[SamplingProgress, Draws]):
     counted_from: tuple[int, float] | None = None
 
     def update(self, steps: int) -> None:
-        """Called after each step."""
+        """Report the rate and the time left, called after each step of the ensemble."""
         seconds = self.seconds
         if self.recalling or self.counted_from is None:
             self.counted_from = (steps, seconds)

@@ -55,7 +55,7 @@ class Normal:
     deviation: Positive
 
     def log_density(self, value: AnyArray) -> AnyArray:
-        """Log density of each value."""
+        """Log density of each value, of the same shape."""
         return -0.5 * ((value - self.mean) / self.deviation) ** 2 - log(self.deviation) - _HALF_LOG_2_PI
 
 
@@ -67,7 +67,7 @@ class Lognormal:
     deviation: Positive
 
     def log_density(self, value: AnyArray) -> AnyArray:
-        """Log density of each value."""
+        """Log density of each value, of the same shape; -inf where it is not positive."""
         xp = value.__array_namespace__()
         positive = value > 0.0
         logarithm = xp.log(xp.where(positive, value, 1.0))
@@ -90,7 +90,7 @@ class Uniform:
             )
 
     def log_density(self, value: AnyArray) -> AnyArray:
-        """Log density of each value."""
+        """Log density of each value, of the same shape; -inf outside the bounds."""
         xp = value.__array_namespace__()
         inside = (value >= self.lower) & (value <= self.upper)
         return xp.where(inside, -log(self.upper - self.lower), -xp.inf)
@@ -172,7 +172,7 @@ class Space:
 
     @property
     def n_dim(self) -> int:
-        """Number of coordinates."""
+        """Number of coordinates: the free parameters of the model and of the noise."""
         return len(self.box.free)
 
     def values(self, position: AnyArray) -> tuple[AnyArray, AnyArray]:
@@ -184,7 +184,7 @@ class Space:
         return self.box.theta_from_unit(xp.clip(xp.where(inside[..., None], unit, 0.5), 0.0, 1.0)), inside
 
     def position(self, values: AnyArray) -> AnyArray:
-        """Position of values, shape (..., n_dim)."""
+        """Position, shape (..., n_dim), of parameters and noise parameters, shape (..., n_all); inverse of `values`."""
         unit = self.box.unit_from_theta(values)
         if self.pair is None:
             return unit
@@ -249,7 +249,7 @@ class Space:
         )
 
     def _of_box(self, which: int) -> int:
-        """Index in the box of k (which=0) or x0 (which=1)."""
+        """Index in the box of k (which=0) or x0 (which=1); 0 where the model has no such pair."""
         return self.box.free[self.pair[which]] if self.pair is not None else 0
 
     @property
