@@ -79,7 +79,7 @@ TYPES: dict[str, tuple[Callable[[], Any], tuple[str, ...], dict[str, tuple[str, 
         ("time",),
         {"drift": ("time", "storey"), "force": ("time", "device"), "input_energy": ("time",)},
     ),
-    "criteria of a study": (lambda: study_samples.results().labelled, STUDY, {"peak_drift": STUDY}),
+    "criteria of a study": (lambda: study_samples.results().criteria_of_runs, STUDY, {"peak_drift": STUDY}),
     "quantities of a study": (
         lambda: study_samples.results().quantities,
         STUDY,

@@ -66,7 +66,7 @@ JOBS = {
     "respond": Job(
         words="respond study.toml --motions all --check-step --threads 1 --out run",
         before="respond study.toml --seed 3 --threads 1 --out run",
-        part=lambda run: {name: array.tobytes() for name, array in run.labelled.numbers.items()},
+        part=lambda run: {name: array.tobytes() for name, array in run.criteria_of_runs.numbers.items()},
     ),
     "tune": Job(
         words="tune study.toml --threads 1 --out run",

@@ -68,7 +68,7 @@ def chain(opened: Open) -> object:
 def study(opened: Open) -> object:
     found = mr.run_study(
         tuning_samples.small_study(), check_step=True, threads=1, journal=opened("study")
-    ).labelled.numbers
+    ).criteria_of_runs.numbers
     return {name: array.tobytes() for name, array in found.items()}
 
 

@@ -181,7 +181,7 @@ def test_the_table_of_a_study_reads_back_as_its_criteria(tmp_path: Path) -> None
     rows = table_of(mr.export(study, "csv", tmp_path / "criteria.csv"))
     table = study.to_pandas().reset_index()
     assert len(rows) == len(table)
-    for name, unit in ((each.name, each.unit) for each in study.labelled.declared):
+    for name, unit in ((each.name, each.unit) for each in study.criteria_of_runs.declared):
         column = [float(row[f"{name} [{unit}]" if unit else name] or "nan") for row in rows]
         np.testing.assert_array_equal(column, table[name].to_numpy())
 

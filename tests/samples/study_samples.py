@@ -151,7 +151,7 @@ def results() -> StudyResults:
         rows=ROWS,
         motions=MOTIONS,
         quantities=quantities,
-        labelled=criteria_of(quantities),
+        criteria_of_runs=criteria_of(quantities),
         floor_names=("floor 1", "floor 2", "roof"),
         storey_names=("storey 1", "storey 2", "storey 3"),
         building=BUILDING,
@@ -206,7 +206,7 @@ def changed(results: StudyResults, row: int, motion: int, **numbers: Any) -> Stu
     return replace(
         results,
         quantities=(runs := with_numbers(results.quantities, row, motion, **numbers)),
-        labelled=criteria_of(runs),
+        criteria_of_runs=criteria_of(runs),
     )
 
 
@@ -224,11 +224,11 @@ def with_numbers(runs: Runs, row: int, motion: int, **numbers: Any) -> Runs:
 
 def diverged(results: StudyResults, row: int, motion: int) -> StudyResults:
     """A study of which one run has diverged."""
-    quantities, labelled = (
+    quantities, criteria_of_runs = (
         with_numbers(runs, row, motion, outcome=Outcome.DIVERGED)
-        for runs in (results.quantities, results.labelled)
+        for runs in (results.quantities, results.criteria_of_runs)
     )
-    return replace(results, quantities=quantities, labelled=labelled)
+    return replace(results, quantities=quantities, criteria_of_runs=criteria_of_runs)
 
 
 def with_runs(
@@ -243,8 +243,10 @@ def with_runs(
     rows, motions = rows or results.rows, motions or results.motions
     quantities = runs_of(rows, motions, runs_by_place(results) if runs is None else runs, halved)
     shown = {"detailed": len(motions) - 1, "with_histories": tuple(range(len(rows)))}
-    labelled = criteria_of(quantities)
-    return replace(results, rows=rows, motions=motions, quantities=quantities, labelled=labelled, **shown)
+    criteria_of_runs = criteria_of(quantities)
+    return replace(
+        results, rows=rows, motions=motions, quantities=quantities, criteria_of_runs=criteria_of_runs, **shown
+    )
 
 
 def runs_by_place(results: StudyResults) -> dict[tuple[int, int], Run]:

@@ -258,7 +258,7 @@ def test_a_run_that_diverged_has_reached_the_limit_and_one_unresolved_lies_above
     def with_end(outcome: Outcome) -> mr.study.Fragility:
         parts = {
             name: study_samples.with_numbers(getattr(results, name), 0, 2, outcome=outcome)
-            for name in ("quantities", "labelled")
+            for name in ("quantities", "criteria_of_runs")
         }
         return mr.fragility(replace(results, **parts), {"peak_drift_ratio": 0.1})["uncontrolled"]
 

@@ -42,7 +42,7 @@ def found() -> mr.study.DamperCounts:
 
 def peak_drifts(counts: tuple[int, ...]) -> np.ndarray:
     results = mr.run_study(counted_study(study(), counts), threads=1)
-    return results.labelled.peak_drift[:, :, 0].max(axis=1)
+    return results.criteria_of_runs.peak_drift[:, :, 0].max(axis=1)
 
 
 def test_the_count_keeps_the_limit_and_one_damper_fewer_does_not(found: mr.study.DamperCounts) -> None:

@@ -452,7 +452,7 @@ def test_dampers_that_hold_a_command_or_follow_none_stand_beside_others(tmp_path
     assert (numbers.peak_current[at_zero, :, 0, 0] == 0.0).all()
     assert (numbers.peak_current[on, :, 0, 0] == study.devices[0].largest_command).all()
     assert np.isnan(numbers.rms_current[1:, :, 0, 1:]).all()
-    assert (results.labelled.rms_current[at_zero] == 0.0).all()
+    assert (results.criteria_of_runs.rms_current[at_zero] == 0.0).all()
     # Its file is the same study, with the same runs.
     path = tmp_path / "study.toml"
     study.to_toml(path)

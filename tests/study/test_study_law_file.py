@@ -92,7 +92,7 @@ def test_realisations_and_a_part_of_the_command_go_with_it(tmp_path: Path) -> No
     results = mr.run_study(study, threads=1)
     row = len(study.arrangements) - 1
     assert results.n_realisations == 3
-    assert np.unique(results.labelled.peak_drift[row, :, 1:]).size == 3
+    assert np.unique(results.criteria_of_runs.peak_drift[row, :, 1:]).size == 3
     assert results.quantities.peak_current[row, 0, 0][0] == pytest.approx(0.1)
 
 

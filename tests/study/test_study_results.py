@@ -216,7 +216,7 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     stored = read_back(results, tmp_path)
     assert [(row.label, row.kind) for row in stored.rows] == [(row.label, row.kind) for row in results.rows]
     assert [motion.peak for motion in stored.motions] == [motion.peak for motion in results.motions]
-    assert (stored.quantities, stored.labelled) == (results.quantities, results.labelled)
+    assert (stored.quantities, stored.criteria_of_runs) == (results.quantities, results.criteria_of_runs)
     for row, motion in runs:
         assert stored.criteria(row, motion) == results.criteria(row, motion)
         for against in ("uncontrolled", "passive_off"):

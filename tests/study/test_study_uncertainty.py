@@ -179,9 +179,9 @@ def test_progress_is_told_within_a_call_and_changes_no_bit(
     # Nor do blocks of another size.
     monkeypatch.setattr(simulate, "_BLOCK_SECONDS", 0.0)
     small = mr.run_study(given, threads=1, on_progress=lambda progress: None, check_step=True)
-    for name, array in silent.labelled.numbers.items():
+    for name, array in silent.criteria_of_runs.numbers.items():
         for other in (told, small):
-            assert np.array_equal(array, other.labelled.numbers[name], equal_nan=True), name
+            assert np.array_equal(array, other.criteria_of_runs.numbers[name], equal_nan=True), name
     # The time that is left is known from the first runs with dampers on.
     assert [progress.left is None for progress in seen[:2]] == [True, True]
     assert all(progress.left is not None for progress in seen[2:])

@@ -16,9 +16,10 @@ from mrwork.closed_loop.evaluation import SCORE, ties_in_words
 from mrwork.errors import Interrupted
 from mrwork.study import TuneTable
 from mrwork.study.results import bands_over
+from mrwork.study.run import unrun
 from mrwork.tuning import TuningResults, tune
 from mrwork.tuning.folder import chosen_study, tuning_document
-from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, unjudged, with_tuned_rows
+from mrwork.tuning.judging import TRAINING_ONLY, TunedStudy, judge, with_tuned_rows, with_tuning
 from mrwork.tuning.law_plan import Bench
 from mrwork.tuning.results import settings_in_words
 from mrwork.tuning.run import plan_of
@@ -154,7 +155,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
     assert len(found.references) == 7
     assert found.laws[0].least > 0.0
     assert found.laws[0].certificate == ""
-    partial = unjudged(study, found)
+    partial = with_tuning(unrun(study), found)
     assert partial.status == tuning_document(partial)["status"] == "interrupted"
     assert partial.tuned is found
     assert partial.judgement(found.laws[0], "test") is None

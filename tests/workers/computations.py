@@ -22,7 +22,7 @@ def digests(executor: Executor | None) -> list[str]:
         short.write_text(STUDY.read_text().replace("15 s", "4 s"))
         study = mr.read_study(short)
     tuned = mr.tune(study, laws=["clipped_optimal"], rng=1, budget=24, executor=executor)
-    criteria = mr.run_study(study, executor=executor and mr.Workers(executor, 3)).labelled.numbers
+    criteria = mr.run_study(study, executor=executor and mr.Workers(executor, 3)).criteria_of_runs.numbers
     return [
         digest_of(*((fit.theta, fit.nrmse, fit.warnings) for fit in choice.fits), choice.ranking.sentence),
         digest_of(*((law.settings, law.least) for law in tuned.laws)),

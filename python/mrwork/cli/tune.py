@@ -75,8 +75,9 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
     from mrwork.cli.study_text import StudyVerb, design_lines
     from mrwork.study.folder import design_document
     from mrwork.study.histories import Histories
+    from mrwork.study.run import unrun
     from mrwork.tuning.folder import tuning_document, tuning_files
-    from mrwork.tuning.judging import judge, unjudged, with_tuned_rows
+    from mrwork.tuning.judging import judge, with_tuned_rows, with_tuning
     from mrwork.tuning.run import tune
 
     tables, wider = _tables(study, options), study
@@ -88,7 +89,7 @@ def _verb(options: argparse.Namespace, study: Study, work: RunAtWork) -> StudyVe
                 study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
             )
         except Interrupted as interrupt:
-            raise Interrupted(unjudged(study, interrupt.result), "tuning") from None
+            raise Interrupted(with_tuning(unrun(study), interrupt.result), "tuning") from None
         # Histories are named by the rows.
         wider = with_tuned_rows(study, tuned)
         stored = Histories(work, wider)

@@ -73,7 +73,7 @@ class _RunDemand:
 
 
 # Fields of results that files have in another form.
-_IN_OTHER_FORMS = ("quantities", "labelled", "demanded", "ensemble")
+_IN_OTHER_FORMS = ("quantities", "criteria_of_runs", "demanded", "ensemble")
 # Groups of the file of the runs beside the nominal quantities.
 _CRITERIA, _HALF = "criteria", "half_step"
 
@@ -117,11 +117,11 @@ def results_of_folder(run: RunFolder) -> StudyResults:
         quantities = Runs.from_arrays(groups[""], study_quantities(unit), NOMINAL)
         if _HALF in groups:
             quantities = quantities.beside(Runs.from_arrays(groups[_HALF], study_quantities(unit), HALF_STEP))
-        labelled = Runs.from_arrays(groups[_CRITERIA], study_criteria(unit))
+        criteria_of_runs = Runs.from_arrays(groups[_CRITERIA], study_criteria(unit))
     labels, names = [row.label for row in stated["rows"]], [motion.name for motion in stated["motions"]]
     return StudyResults(
         quantities=quantities,
-        labelled=labelled,
+        criteria_of_runs=criteria_of_runs,
         demanded={
             (labels.index(demand.controller), names.index(demand.motion)): demand.devices
             for demand in demands
@@ -144,7 +144,7 @@ def runs_content(results: StudyResults) -> bytes:
             for quantity, array in runs.arrays.items()
         }
         named[name] = replace(runs, labels=labels, arrays=arrays)
-    return netcdf_of({**named, _CRITERIA: results.labelled._named_arrays()})
+    return netcdf_of({**named, _CRITERIA: results.criteria_of_runs._named_arrays()})
 
 
 def study_files(results: StudyResults, study_file: StudyFile) -> dict[str, bytes]:
@@ -236,7 +236,7 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
         "kind": results.rows[row].kind,
         "motion": results.motions[motion].name,
         "outcome": str(outcome_names(quantities.outcome)[row, motion, 0]),
-        "criteria": known_criteria(results.labelled.at(row, motion)),
+        "criteria": known_criteria(results.criteria_of_runs.at(row, motion)),
         "energy_error": float(run["energy_error"]),
         "steps": None if np.isnan(run["steps"]) else int(run["steps"]),
         "step_check": _step_check(results, row, motion),
@@ -291,7 +291,7 @@ def _step_check(results: StudyResults, row: int, motion: int) -> dict[str, Any] 
 def _criteria_csv(results: StudyResults) -> str:
     """The criteria as a table, a line for each controller and motion; the header has the units."""
     entries, quantities = criteria(), results.quantities
-    units = {quantity.name: quantity.unit.replace("^", "") for quantity in results.labelled.declared}
+    units = {quantity.name: quantity.unit.replace("^", "") for quantity in results.criteria_of_runs.declared}
     heads = [f"{entry.name} [{units[entry.name]}]" for entry in entries]
     lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     outcomes = outcome_names(quantities.outcome[:, :, 0])
@@ -299,7 +299,7 @@ def _criteria_csv(results: StudyResults) -> str:
     for row, motion in np.argwhere(quantities.done[:, :, 0]).tolist():
         facts = results.motions[motion]
         error, score = quantities.energy_error[row, motion, 0], scores[row][motion]
-        values = (results.labelled.numbers[entry.name][row, motion, 0] for entry in entries)
+        values = (results.criteria_of_runs.numbers[entry.name][row, motion, 0] for entry in entries)
         labels = [results.rows[row].label, facts.name, facts.use, str(outcomes[row, motion])]
         lines.append([*labels, _cell(error, 3), _cell(score, 6), *map(_cell, values)])
     return csv_text(lines)

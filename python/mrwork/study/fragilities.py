@@ -376,7 +376,7 @@ def fragility(
     limits = limit if limit is not None else results.limit or COLLAPSE
     ((name, value),) = limit_of(limits, results.command_unit, results.building.scales).items()
     at = results.record_levels
-    responses = results.labelled.up_to_collapse(name)[:, :, 0]
+    responses = results.criteria_of_runs.up_to_collapse(name)[:, :, 0]
     outside = np.zeros(responses.shape)
     for run, demands in results.demanded.items():
         outside[run] = any(demand.outside.exceedances for demand in demands)

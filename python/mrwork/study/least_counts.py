@@ -152,7 +152,7 @@ class _Trials:
         # Settings are taken from the runs at i = 0 and at the largest command, and scans.
         chosen = sum(n_constant(arrangement) for arrangement in study.arrangements if arrangement.law is None)
         self.runs += results.done + (chosen + (2 if taken else 0)) * len(study.chosen_on) + sum(taken)
-        values = results.labelled.up_to_collapse(self.criterion)[:, list(results.judged_motions), 0]
+        values = results.criteria_of_runs.up_to_collapse(self.criterion)[:, list(results.judged_motions), 0]
         return list(map(float, searched(values.max(axis=1))))
 
     def least(self, row: int, most: int, order: Sequence[int]) -> tuple[int, ...]:

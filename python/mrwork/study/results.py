@@ -284,7 +284,7 @@ class StudyResults(Plotted, Summarised):
     """Runs of a study, as far as they are done, of `run_study` or read back from its folder.
 
     `quantities` are given over row, motion and realisation: the nominal one and, if it is checked, half the step;
-    `labelled` has the criteria, also of the realisations of what is uncertain. The
+    `criteria_of_runs` has the criteria, also of the realisations of what is uncertain. The
     first rows are the building without dampers and i = 0. `demanded` are the demands on the dampers
     by (row, motion). `chosen_on` are the names of the motions that the best constant command is chosen on,
     `design_levels` their levels where the study names one or its records have several, `limit` is the criterion with
@@ -301,7 +301,7 @@ class StudyResults(Plotted, Summarised):
     rows: tuple[Row, ...]
     motions: tuple[MotionFacts, ...]
     quantities: Runs
-    labelled: Runs
+    criteria_of_runs: Runs
     floor_names: tuple[str, ...]
     storey_names: tuple[str, ...]
     command_unit: str
@@ -332,7 +332,7 @@ class StudyResults(Plotted, Summarised):
             rows=tuple(rows),
             motions=tuple(map(MotionFacts.of, study.motions)),
             quantities=runs,
-            labelled=criteria,
+            criteria_of_runs=criteria,
             floor_names=bare.floor_names,
             storey_names=bare.drift_names,
             building=BuildingFacts.of(bare),
@@ -361,7 +361,7 @@ class StudyResults(Plotted, Summarised):
         """Every criterion of a run that finished, by default of the nominal one."""
         if not self.quantities.finished[row, motion, realisation]:
             return None
-        return known_criteria(self.labelled.at(row, motion, realisation))
+        return known_criteria(self.criteria_of_runs.at(row, motion, realisation))
 
     @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
@@ -383,12 +383,12 @@ class StudyResults(Plotted, Summarised):
     @property
     def n_realisations(self) -> int:
         """Number of realisations of what is uncertain, beside the nominal one."""
-        return self.labelled.shape[2] - self.quantities.shape[2]
+        return self.criteria_of_runs.shape[2] - self.quantities.shape[2]
 
     @property
     def realised(self) -> Runs:
         """Criteria with the realisations of what is uncertain."""
-        return self.labelled.part(realisations=slice(self.quantities.shape[2], None))
+        return self.criteria_of_runs.part(realisations=slice(self.quantities.shape[2], None))
 
     @property
     def realised_rows(self) -> list[int]:
@@ -408,7 +408,7 @@ class StudyResults(Plotted, Summarised):
         )
 
     def _named_groups(self) -> dict[str, NamedArrays]:
-        groups = {"criteria": self.labelled, "quantities": self.quantities}
+        groups = {"criteria": self.criteria_of_runs, "quantities": self.quantities}
         return {name: runs._named_arrays() for name, runs in groups.items()}
 
     @arguments.checked
@@ -456,7 +456,7 @@ class StudyResults(Plotted, Summarised):
 
         `quantities.to_pandas()` is the table of the quantities, with storeys, floors and devices as columns.
         """
-        return self.labelled.to_pandas()
+        return self.criteria_of_runs.to_pandas()
 
     @property
     def done(self) -> int:
@@ -525,7 +525,7 @@ class StudyResults(Plotted, Summarised):
     @property
     def _nominal(self) -> Runs:
         """Criteria of the nominal runs."""
-        return self.labelled.part(realisations=slice(1))
+        return self.criteria_of_runs.part(realisations=slice(1))
 
     @arguments.checked
     def score(self, row: int) -> float:
@@ -603,7 +603,7 @@ class StudyResults(Plotted, Summarised):
 
     def _summary(self) -> Summary:
         shown = range(min(len(self.motions), _MOTIONS_SHOWN))
-        drifts = self.labelled.numbers["peak_drift"][:, list(shown), 0]
+        drifts = self.criteria_of_runs.numbers["peak_drift"][:, list(shown), 0]
         return Summary(
             title=f"{self.title}: {self.done} of {counted(self.total, 'run')}",
             facts=(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
 
 from mrwork.base.arguments import Threads, checked
@@ -18,7 +19,7 @@ from mrwork.study.loop_runs import scales_of
 from mrwork.study.results import StudyResults
 from mrwork.study.row_runs import RowRuns
 from mrwork.study.runs import HALF_STEP, NOMINAL, Runs, numbered, own_axes, study_criteria, study_quantities
-from mrwork.study.study import Study, digest_of_run, fingerprint_of
+from mrwork.study.study import Arrangement, Study, digest_of_run, fingerprint_of
 from mrwork.study.trials import BestConstant, Trials, designed
 from mrwork.workers.engine import Workers, on_executor
 
@@ -73,35 +74,10 @@ def run_study(
     study = designed(study, journal=journal, on_progress=on_progress)
     if journal is not None:
         journal.agree("study", fingerprint_of(study))
-    axes = {
-        "row": tuple(row.label for row in study.rows),
-        "motion": tuple(motion.name for motion in study.motions),
-    }
-    realisations: dict[What, tuple[str, ...]] = {
-        "runs": (NOMINAL,),
-        "runs with half the step": (HALF_STEP,) if check_step else (),
-        "realisations": numbered(len(study.realisations or ())),
-    }
-    quantities, criteria = study_quantities(study.command_unit), study_criteria(study.command_unit)
-    runs = {
-        what: Runs.empty(
-            {**axes, "realisation": labels, **own_axes(study.arrangements)},
-            criteria if what == "realisations" else quantities,
-        )
-        for what, labels in realisations.items()
-    }
-    nominal, halved, realised = runs.values()
-    rows, choices, shares = [*study.arrangements], list[str](), dict[str, BestConstant]()
-
-    def results() -> StudyResults:
-        done = nominal.beside(halved).with_labels("row", [arrangement.row.label for arrangement in rows])
-        labelled = done.criteria(Scales.of_rows([*map(scales_of, rows)], 2), study.command_unit)
-        of_rows = [arrangement.row for arrangement in rows]
-        return judged_by_demand(
-            StudyResults.of(study, of_rows, done, labelled.beside(realised), choices), study
-        )
-
-    call = LongCall(journal=journal, on_progress=on_progress, so_far=results)
+    so_far, shares = _SoFar.at_start(study, check_step=check_step), dict[str, BestConstant]()
+    rows, runs = so_far.arrangements, so_far.runs
+    nominal, halved = runs["runs"], runs["runs with half the step"]
+    call = LongCall(journal=journal, on_progress=on_progress, so_far=so_far.results)
     with call.keeping("study"):
         steps = [*steps_of(study, check_step=check_step, threads=threads)]
         course = Course(on_progress, steps, nominal.outcome.size + halved.outcome.size)
@@ -112,7 +88,7 @@ def run_study(
                 where = named(study, "chosen_on", "hardware")
                 trials = Trials(arrangement=arrangement, **where, threads=threads, on_block=course.advance)
                 rows[step.row], choice = trials.chosen(call, shares)
-                choices.append(choice)
+                so_far.choices.append(choice)
                 continue
             of_row = RowRuns(
                 study=study,
@@ -127,4 +103,48 @@ def run_study(
             runs[step.what].put(made, step.row)
             if recalling and step.what == "runs":
                 of_row.store(made, kept)
-    return results()
+    return so_far.results()
+
+
+def unrun(study: Study) -> StudyResults:
+    """Results of a study of which no run is done; its laws need not be designed."""
+    return _SoFar.at_start(study, check_step=False).results()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _SoFar:
+    """What is done of a study: its runs by kind, and its arrangements with the constant commands that were chosen."""
+
+    study: Study
+    arrangements: list[Arrangement]
+    choices: list[str]
+    runs: dict[What, Runs]
+
+    @classmethod
+    def at_start(cls, study: Study, *, check_step: bool) -> _SoFar:
+        axes = {
+            "row": tuple(row.label for row in study.rows),
+            "motion": tuple(motion.name for motion in study.motions),
+        }
+        realisations: dict[What, tuple[str, ...]] = {
+            "runs": (NOMINAL,),
+            "runs with half the step": (HALF_STEP,) if check_step else (),
+            "realisations": numbered(len(study.realisations or ())),
+        }
+        quantities, criteria = study_quantities(study.command_unit), study_criteria(study.command_unit)
+        runs = {
+            what: Runs.empty(
+                {**axes, "realisation": labels, **own_axes(study.arrangements)},
+                criteria if what == "realisations" else quantities,
+            )
+            for what, labels in realisations.items()
+        }
+        return cls(study=study, arrangements=[*study.arrangements], choices=[], runs=runs)
+
+    def results(self) -> StudyResults:
+        nominal, halved, realised = self.runs.values()
+        rows = [arrangement.row for arrangement in self.arrangements]
+        done = nominal.beside(halved).with_labels("row", [row.label for row in rows])
+        scales = Scales.of_rows([*map(scales_of, self.arrangements)], 2)
+        criteria = done.criteria(scales, self.study.command_unit).beside(realised)
+        return judged_by_demand(StudyResults.of(self.study, rows, done, criteria, self.choices), self.study)

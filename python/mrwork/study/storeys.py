@@ -106,7 +106,7 @@ def limits_in_words(results: StudyResults) -> Iterator[str]:
     """Sentences on the drift limit, and on what weights do on displaced storeys."""
     facts, judged = results.building, list(results.judged_motions)
     # In per cent, infinite of a run that diverged.
-    ratios = RATIO.factor * results.labelled.up_to_collapse("peak_drift_ratio")[:, judged, 0]
+    ratios = RATIO.factor * results.criteria_of_runs.up_to_collapse("peak_drift_ratio")[:, judged, 0]
     peaks_of = {row.label: peaks for row, peaks in zip(results.rows, ratios, strict=True)}
     over = {label: peaks for label, peaks in peaks_of.items() if judged and not np.isnan(peaks).any()}
     if facts.drift_limit and over:

@@ -122,7 +122,12 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
     units = (shown or in_command_unit(criterion(name).unit, unit) for name, shown, _ in values)
     names = (criterion(name).short for name, *_ in values)
     heads = (f"{name} ({unit})".removesuffix(" (1)") for name, unit in zip(names, units, strict=True))
-    of_building = [quantity_named(criterion(name).quantity).axis for name, *_ in values].index("device")
+    # What a damper does is no better for being less: only criteria of the building have a best cell.
+    of_dampers = (quantity_named(criterion(name).quantity).axis == "device" for name, *_ in values)
+    unmarked = [math.nan] * len(rows)
+    marked = [
+        unmarked if is_of_damper else column for is_of_damper, column in zip(of_dampers, columns, strict=True)
+    ]
     return Table(
         label=f"Criteria, median of {judged_in_words(results)}" if several else f"{under}: criteria",
         columns=("", *heads),
@@ -130,7 +135,7 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
             (results.rows[row].label, *(significant(column[index], 3) for column in columns))
             for index, row in enumerate(rows)
         ),
-        strong=best_cells(results, rows, columns[:of_building]),
+        strong=best_cells(results, rows, marked),
         note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
         "passive damper of each column are bold. Travel is the total variation of the command per second; a switching "
         "is a change of more than 10 % of the largest command, until the command turns back by as much.",
@@ -139,11 +144,11 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
 
 def _known(results: StudyResults, name: str) -> Floats:
     """A criterion of the nominal runs; NaN where the run has no such quantity, as without dampers no stroke."""
-    values = results.labelled.numbers[name][:, :, 0]
+    values = results.criteria_of_runs.numbers[name][:, :, 0]
     quantity = results.quantities.numbers[criterion(name).quantity][:, :, 0]
     lacking = np.isnan(quantity).reshape(*values.shape, -1).all(axis=2)
     if name in _OF_YIELD:
-        lacking |= np.isnan(results.labelled.numbers["peak_ductility"][:, :, 0])
+        lacking |= np.isnan(results.criteria_of_runs.numbers["peak_ductility"][:, :, 0])
     return np.where(lacking, np.nan, values)
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import toml_text, toml_value
+from mrwork.base.keys import toml_text
 from mrwork.base.table import csv_text
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.errors import RecordError
@@ -73,12 +72,12 @@ def tuning_document(results: TunedStudy) -> dict[str, Any]:
 
 
 def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
-    """The study file with the chosen settings of each law as further controllers.
+    """The study file with the chosen settings of each law as further controllers, without its comments.
 
-    The text of the study stays; names of files in it are relative to its own folder.
+    Names of files stay as they are; `folder` is the place that they are relative to.
     """
-    text = study_file.text
-    document = tomllib.loads(text)
+    document = tomllib.loads(study_file.text)
+    folder = study_file.path.parent / document.pop("folder", "")
     if results.places:
         first, placed = document["damper"][0], results.places[0].storeys
         first.pop("name", None)
@@ -87,25 +86,18 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
             for name, number in placed.items()
         ]
         del document["places"]
-        text = toml_text(document)
-    blocks = [_controller(law) for law in results.laws]
-    folder = study_file.path.parent / document.get("folder", "")
-    head = (
-        f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
-        f"folder = {toml_value(str(folder))} # of the files that the study names\n\n"
+    document["controller"] = [*document.get("controller", []), *map(_controller, results.laws)]
+    return (
+        f"# The study {study_file.path.name} with the settings that mrwork tune has chosen, as its last controllers; "
+        f"for mrwork respond.\n{toml_text({'folder': str(folder), **document})}"
     )
-    # The key `folder` stands before the first table.
-    keys, *rest = re.split(r"(?m)^(?=\s*\[)", text, maxsplit=1)
-    text = "".join([re.sub(r"(?m)^[ \t]*folder[ \t]*=.*\n?", "", keys), *rest])
-    return head + text.rstrip() + "\n\n# Chosen by mrwork tune.\n\n" + "\n".join(blocks)
 
 
-def _controller(law: TunedLaw) -> str:
+def _controller(law: TunedLaw) -> dict[str, Any]:
     settings, of_command = law.candidate.of_law, law.candidate.of_command
     if not follows_command(law.law):
         of_command.pop(LARGEST, None)
-    table = {"law": law.law, "label": law.label, **({"settings": settings} if settings else {})}
-    return toml_text({"controller": [table | of_command]})
+    return {"law": law.law, "label": law.label, **({"settings": settings} if settings else {}), **of_command}
 
 
 def _scores_csv(results: TunedStudy) -> str:

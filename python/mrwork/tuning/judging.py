@@ -83,7 +83,7 @@ class TunedStudy(StudyResults):
         spread = {name: Spread.of(ratios[name][row, list(motions)].tolist()) for name in names}
         robust = law.robust and self.n_realisations
         realisations = slice(-self.n_realisations, None) if robust else slice(1)
-        runs = self.labelled.part([row, against], list(motions), realisations)
+        runs = self.criteria_of_runs.part([row, against], list(motions), realisations)
         scores = law.objective.scores(runs.of_row(0), {relative_to: runs.of_row(1)})
         return Judgement(
             score=self.score_under(row, motions),
@@ -182,18 +182,6 @@ def with_tuning(results: StudyResults, tuned: TuningResults) -> TunedStudy:
     return TunedStudy(
         **{field.name: getattr(results, field.name) for field in fields(StudyResults)}, tuned=tuned
     )
-
-
-def unjudged(study: Study, tuned: TuningResults) -> TunedStudy:
-    """What an interrupted tuning has found, without its rows, whose laws would take time to design."""
-
-    def stop(_: object) -> None:
-        raise KeyboardInterrupt
-
-    try:
-        return with_tuning(run_study(study, on_progress=stop), tuned)
-    except Interrupted as interrupt:
-        return with_tuning(interrupt.result, tuned)
 
 
 def _judge_front(

@@ -166,7 +166,9 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
     references = comparison.references[::-1]
     # The peak drift ratio, mean over the judged motions, where heights are known.
     has_ratios = results.building.has_ratios
-    peaks = results.labelled.numbers["peak_drift_ratio"][:, list(results.judged_motions), 0].mean(axis=1)
+    peaks = results.criteria_of_runs.numbers["peak_drift_ratio"][:, list(results.judged_motions), 0].mean(
+        axis=1
+    )
 
     def cells(row: int) -> tuple[str, ...]:
         return (
