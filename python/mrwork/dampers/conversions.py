@@ -6,6 +6,7 @@ A conversion accepts NumPy and JAX arrays, its Jacobian NumPy arrays only. A nes
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -13,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from mrwork.base.arguments import AnyArray, checked
+from mrwork.base.units import unit_of
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 
@@ -155,6 +157,18 @@ class Scales:
     stroke: float
     speed: float
     force: float
+
+    def of_unit(self, unit: str) -> float | None:
+        """Size of a parameter of this unit in SI, as force/speed^3 of N s3/m3; `None` if it is not of kg, m and s."""
+        read = unit_of(unit)
+        if read is None or not read.powers.keys() <= {"kg", "m", "s"}:
+            return None
+        mass, length, time = (read.powers.get(base, 0) for base in ("kg", "m", "s"))
+        # A force is kg m/s2, a speed m/s: what is left of m and s is that of the speed, then of the stroke.
+        of_speed = -(time + 2 * mass)
+        powers = ((self.force, mass), (self.stroke, length - mass - of_speed), (self.speed, of_speed))
+        over = math.prod(size**power for size, power in powers if power > 0)
+        return over / math.prod(size**-power for size, power in powers if power < 0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -199,7 +199,7 @@ def motion_noise_warning(covariance: Covariance, names: Sequence[str]) -> tuple[
             (part,), (failed,) = observed.residuals(theta[None], threads=threads)
             if failed:
                 return None
-            parts.append(part * observed.weight(len(noises)))
+            parts.append(part * observed.normalisation)
         change = np.zeros(theta.size)
         change[interior] = inverse @ (np.concatenate(parts) - slopes.residuals)
         return form.to_model.jacobian(theta) @ change

@@ -119,7 +119,7 @@ _EQUIVALENTS = {
 }
 
 
-# Smallest and largest multiple of the tests' scale of each unit: for example damping that gives a thousandth of the
+# Smallest and largest multiple of the tests' scale of a unit: for example damping that gives a thousandth of the
 # measured force up to twice that force. The models' admissible ranges are far wider; local minimisations may use them.
 _POSITIVE = {
     "N s/m": (1e-3, 2.0),
@@ -135,6 +135,8 @@ _POSITIVE = {
     "1": (0.1, 100.0),
 }
 _SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4.0), "m/s": (-0.5, 0.5)}
+# Of any other unit.
+_POSITIVE_OTHERS, _SIGNED_OTHERS = (1e-3, 1e3), (-2.0, 2.0)
 
 
 def half_ranges(tests: tuple[DamperTest, ...]) -> Scales:
@@ -150,24 +152,22 @@ def half_ranges(tests: tuple[DamperTest, ...]) -> Scales:
 def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> Box:
     """Narrow the bounds to the range that suits the stroke, speed and force of the tests.
 
-    Parameters for which that range would be empty, or whose unit has no scale, keep their bounds.
+    Parameters for which that range would be empty, or whose unit is not of N, m and s, keep their bounds.
     """
     if not tests:
         raise SettingError("a range that suits the tests needs a test; give at least one")
     ranges = half_ranges(tests)
-    stroke, speed, force = ranges.stroke, ranges.speed, ranges.force
-    scales = {
-        "N s/m": force / speed, "N s2/m2": force / speed**2, "N/m": force / stroke, "N": force, "m": stroke,
-        "1/m": 1 / stroke, "s/m": 1 / speed, "m/s": speed, "1/s": speed / stroke, "1": 1.0,
-    }  # fmt: skip
     narrowed: dict[str, tuple[float, float]] = {}
     for index, parameter in enumerate(spec.parameters):
-        multiples = (_POSITIVE if parameter.scale == "log" else _SIGNED).get(parameter.unit)
-        scale = scales.get(parameter.unit)
-        if multiples is None or scale is None:
+        scale = ranges.of_unit(parameter.unit)
+        if scale is None:
             continue
-        lower = max(bounds.lower[index], multiples[0] * scale)
-        upper = min(bounds.upper[index], multiples[1] * scale)
+        if parameter.scale == "log":
+            least, most = _POSITIVE.get(parameter.unit, _POSITIVE_OTHERS)
+        else:
+            least, most = _SIGNED.get(parameter.unit, _SIGNED_OTHERS)
+        lower = max(bounds.lower[index], least * scale)
+        upper = min(bounds.upper[index], most * scale)
         if lower < upper:
             narrowed[parameter.name] = (float(lower), float(upper))
     return bounds.with_bounds(narrowed)

@@ -49,10 +49,10 @@ def friction_limit(tests: Sequence[DamperTest]) -> float:
 def _observe_tests(
     spec: DamperSpec, tests: Sequence[DamperTest], settings: FitSettings
 ) -> tuple[ObservedTest, ...]:
-    """Tests with observation model and weight.
+    """Tests with observation model and share of the squared misfit.
 
-    Errors whose standard deviation grows as the force's to the power `force_exponent` have the same variance with the
-    weights of the squared NRMSE: 1 gives equal weights, 0 minimises the sum of squares in newtons. Their mean is 1.
+    With the shares, errors whose standard deviation grows as the force's to the power `force_exponent` have the same
+    variance: 1 gives equal shares, 0 minimises the sum of squares in newtons.
     """
     if not tests:
         raise RecordError("no test was given to identify from; name at least one file")
@@ -61,7 +61,7 @@ def _observe_tests(
     if settings.force_exponent != EQUAL_SHARES:
         deviations = np.array([test.deviation for test in compared])
         shares = (deviations / np.max(deviations)) ** (2.0 * (EQUAL_SHARES - settings.force_exponent))
-        shares = shares / shares.mean()
+    shares /= shares.sum()
     ties = ties_of(spec, settings)
     return tuple(
         replace(test, share=share, ties=ties) for test, share in zip(compared, shares.tolist(), strict=True)
@@ -88,8 +88,8 @@ def ties_of(spec: DamperSpec, settings: FitSettings) -> Ties | None:
 class Objective(Summarised):
     """Free-run misfit of a model against one or several tests.
 
-    The misfit is the root mean square over tests of the NRMSE: all have the same weight, independent of length and
-    force. A `force_exponent` below 1 gives more weight to tests of large force. The observation model
+    The misfit is the root mean square over tests of the NRMSE: all have the same share, independent of length and
+    force. A `force_exponent` below 1 gives larger shares to tests of large force. The observation model
     of the test and the nuisance parameters are applied to the simulated force before the comparison. Of the `settings`
     it has the exponent and the nuisance parameters. Costly steps are recorded in the `journal`, if any.
     """
@@ -145,7 +145,7 @@ class Objective(Summarised):
 
     @property
     def tests(self) -> tuple[DamperTest, ...]:
-        """The tests."""
+        """The measured tests, in the order of `compared`, `shares` and the columns of `squared_nrmse`."""
         return tuple(test.test for test in self.compared)
 
     @property
@@ -178,33 +178,31 @@ class Objective(Summarised):
     ) -> Floats:
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
-        `shares` are weights of the tests for each row, shape (n_batch, n_tests); 0 leaves a test out. By default they
+        `shares` are those of the tests for each row, shape (n_batch, n_tests); 0 leaves a test out. By default they
         are the shares of the objective.
         """
         n_tests = len(self.compared)
         if shares is None:
-            weights = np.tile([test.share for test in self.compared], (len(theta), 1))
+            shares = np.tile(self.shares, (len(theta), 1))
         elif shares.shape[1] != n_tests:
             raise SettingError(
                 f"`shares` have {shares.shape[1]} columns; give one for each of {n_tests} tests"
             )
-        else:
-            weights = n_tests * shares
-        counted = included = weights > 0.0
+        has_share = included = shares > 0.0
         if self.stiffest < np.inf:
             below = [test.stiffness(theta) <= 1.0 for test in self.compared]
-            included = counted & np.all(below, axis=0)[:, None]
+            included = has_share & np.all(below, axis=0)[:, None]
         squared = self.squared_nrmse(theta, included)
         total = np.zeros(len(theta))
         # One test after the other: NumPy sums a single column in another order than several.
         for index in range(n_tests):
-            total += weights[:, index] * np.where(counted[:, index], squared[:, index], 0.0)
-        return np.asarray(np.sqrt(total / n_tests))
+            total += shares[:, index] * np.where(has_share[:, index], squared[:, index], 0.0)
+        return np.asarray(np.sqrt(total))
 
     @property
     def shares(self) -> Floats:
-        """Weights of the squared NRMSE of the tests in the squared misfit, shape (n_tests,)."""
-        return np.array([test.share for test in self.compared]) / len(self.compared)
+        """Shares of the tests in the squared misfit, shape (n_tests,): factors of their squared NRMSE, of sum 1."""
+        return np.array([test.share for test in self.compared])
 
     @checked
     def squared_nrmse(self, theta: _Rows, included: NDArray[np.bool_] | None = None) -> Floats:
@@ -224,7 +222,7 @@ class Objective(Summarised):
                 return 0
             if self.is_direct:
                 run = self._simulate_test(index, theta[rows], threads=threads)
-                squared[rows, index] = run.squared_error * test.weight(1) ** 2 / test.share
+                squared[rows, index] = run.squared_error / (test.variance * test.measured.size)
                 return int(run.steps.sum())
             for some in np.array_split(rows, range(_ROWS, rows.size, _ROWS)):
                 residuals, failed = test.residuals(theta[some], threads=threads)
@@ -269,7 +267,7 @@ class Objective(Summarised):
         def part(index: int, threads: int) -> Floats:
             test = self.compared[index]
             residuals, failed = test.residuals(theta, threads=threads)
-            residuals *= test.weight(len(self.compared))
+            residuals *= test.normalisation
             residuals[failed] = 1.0
             return residuals
 
@@ -300,10 +298,9 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
     def part(index: int, threads: int) -> tuple[Floats, Floats]:
         test = objective.compared[index]
         residuals, jacobian, failed = test.linearise_residuals(theta, columns, threads=threads)
-        weight = test.weight(len(objective.compared))
-        residuals *= weight
+        residuals *= test.normalisation
         residuals[failed] = 1.0
-        return residuals, np.multiply(jacobian, weight, out=jacobian)
+        return residuals, np.multiply(jacobian, test.normalisation, out=jacobian)
 
     residuals, jacobians = zip(*on_every_test(len(objective.tests), objective.threads, part), strict=True)
     return np.concatenate(residuals, axis=-1), np.concatenate(jacobians, axis=-1)
@@ -353,7 +350,7 @@ class NormalEquations:
         return cls(squared=squared, gradient=gradient, matrix=matrix)
 
     def joint(self, shares: Floats, held: NDArray[np.bool_] | None = None) -> tuple[Floats, Floats]:
-        """Gradient and J'J of the squared misfit of each row with these weights of the tests, (n_rows, n_tests).
+        """Gradient and J'J of the squared misfit of each row with these shares of the tests, (n_rows, n_tests).
 
         Where a row has `held` parameters, of (n_rows, n_free), both have zeros.
         """
@@ -364,7 +361,7 @@ class NormalEquations:
         return np.where(held, 0.0, gradient), np.where(held[:, :, None] | held[:, None], 0.0, matrix)
 
     def steps(self, shares: Floats, held: NDArray[np.bool_]) -> Floats:
-        """Gauss-Newton steps of each row, (n_rows, n_free), with these weights of the tests and `held` parameters."""
+        """Gauss-Newton steps of each row, (n_rows, n_free), with these shares of the tests and `held` parameters."""
         gradient, matrix = self.joint(shares, held)
         size = np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
         size[size < SMALLEST] = np.inf

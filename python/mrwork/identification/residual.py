@@ -310,13 +310,14 @@ _LATE_STEP = 0.1
 class ObservedTest:
     """One test that a model is compared with; the splines of its `history` are computed once for all candidates.
 
-    `share` is the weight of its squared NRMSE among other tests. Residuals are the model's force minus the measured one
-    [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
-    candidate. They are multiplied by the `weights`, shape (n_counted,), and then transformed by the `loss`, if any.
-    Candidates have their tied parameters by the `ties`, whatever they had for them. Those that want more sub-steps a
-    second than `stiffest` [1/s] are no candidates. With a `late` force the last column of candidates is its lag or
-    delay [s], and not the one of the observation. `counted` are these samples, `measured` the force there [N], shape
-    (n_counted,), and `variance` its variance [N^2]: found once, because every simulation needs them.
+    `share` is the factor of its squared NRMSE in the squared misfit of all tests, whose shares add up to 1. Residuals
+    are the model's force minus the measured one [N], over the samples that are compared, with the nuisance parameters
+    at their least-squares values for each candidate. They are multiplied by the `weights`, shape (n_counted,), and then
+    transformed by the `loss`, if any. Candidates have their tied parameters by the `ties`, whatever they had for them.
+    Those that want more sub-steps a second than `stiffest` [1/s] are no candidates. With a `late` force the last column
+    of candidates is its lag or delay [s], and not the one of the observation. `counted` are these samples, `measured`
+    the force there [N], shape (n_counted,), and `variance` its variance [N^2]: found once, because every simulation
+    needs them.
     """
 
     spec: DamperSpec
@@ -377,9 +378,10 @@ class ObservedTest:
         """Standard deviation of the measured force that is compared [N]."""
         return float(np.sqrt(self.variance))
 
-    def weight(self, n_tests: int) -> float:
-        """Factor on residuals [N] with which the sum of their squares over all tests is the squared misfit."""
-        return float(np.sqrt(self.share) / np.sqrt(self.variance * self.measured.size * n_tests))
+    @property
+    def normalisation(self) -> float:
+        """Factor on residuals [1/N] with which the sum of their squares over all tests is the squared misfit."""
+        return float(np.sqrt(self.share / (self.variance * self.measured.size)))
 
     def forces(self, theta: Floats, *, threads: int = 0) -> tuple[Floats, NDArray[np.bool_]]:
         """Force of each row of `theta` as recorded [N], shape (n_batch, n_time), and which rows failed.

@@ -36,14 +36,14 @@ from mrwork.twins.traced_function import TracedFunction
 
 
 class ComparedArrays(NamedTuple):
-    """A test: its motion, the measured force [N] that is compared, (n_counted,), and its weight among the tests.
+    """A test: its motion, the measured force [N] that is compared, (n_counted,), and its normalisation.
 
     `counted` are the samples that are compared, and `weights` the factors on their residuals.
     """
 
     record: RecordArrays
     measured: Array
-    weight: Array
+    normalisation: Array
     counted: Array
     weights: Array
 
@@ -102,23 +102,23 @@ class Residuals:
             results.append((jnp.where(failed, 0.0, residual), failed))
         return results
 
-    def weighted(self, theta: Array, tests: Sequence[ComparedArrays]) -> tuple[Array, Array]:
+    def normalised(self, theta: Array, tests: Sequence[ComparedArrays]) -> tuple[Array, Array]:
         """Residuals whose sum of squares is the squared misfit, (n_residuals,), 1 in tests that failed; and if any did.
 
         They are those of `Objective.residuals`.
         """
         parts, failures = [], []
         for test, (residual, failed) in zip(tests, self.newtons(theta, tests), strict=True):
-            weighted = residual * test.weights
+            emphasised = residual * test.weights
             if self.loss is not None:
-                weighted = _transform(self.loss, weighted)
-            parts.append(jnp.where(failed, 1.0, weighted * test.weight))
+                emphasised = _transform(self.loss, emphasised)
+            parts.append(jnp.where(failed, 1.0, emphasised * test.normalisation))
             failures.append(failed)
         return jnp.concatenate(parts), jnp.any(jnp.stack(failures))
 
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
-        """The weighted residuals of all tests, one after another, shape (n_residuals,); 1 where a simulation failed."""
-        return self.weighted(theta, tests)[0]
+        """Normalised residuals of all tests, one after another, shape (n_residuals,); 1 where a simulation failed."""
+        return self.normalised(theta, tests)[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +129,7 @@ class Misfit:
 
     def __call__(self, theta: Array, tests: Sequence[ComparedArrays]) -> Array:
         """The root mean square of the NRMSE; infinite where a simulation failed."""
-        residuals, failed = self.residuals.weighted(theta, tests)
+        residuals, failed = self.residuals.normalised(theta, tests)
         return jnp.where(failed, jnp.inf, _root(jnp.sum(residuals**2)))
 
 
@@ -158,7 +158,7 @@ def arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
         ComparedArrays(
             record=RecordArrays.of(test.history),
             measured=jnp.asarray(test.measured),
-            weight=jnp.asarray(test.weight(len(objective.compared))),
+            normalisation=jnp.asarray(test.normalisation),
             counted=jnp.arange(test.test.n_time)[test.counted],
             weights=jnp.asarray(1.0 if test.weights is None else test.weights),
         )

@@ -122,8 +122,8 @@ def find_minima(
     Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in Mathematics
     630, 1978, 105-116). The result of a start does not depend on the other starts, unless `hopeless` ones are given up.
 
-    `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `shares`: weights
-    of the squared NRMSE of the tests for each start, shape (n_starts, n_tests), 0 for one that is left out; by default
+    `tolerance`: a start has converged once a step lowers its squared misfit by less than this share. `shares`: those
+    of the tests in the squared misfit of each start, shape (n_starts, n_tests), 0 for one that is left out; by default
     the shares of the objective. `held`: free parameters that each start keeps, shape (n_starts, n_free). `damping`: the
     first one, small near a minimum. `hopeless`: rule by which starts are given up. `on_iteration`: called after each
     iteration with the present points.
@@ -207,10 +207,10 @@ def _iterate_once(
     new = deepcopy(state)
     latent, misfit, damping, normal, gradient = new.latent, new.misfit, new.damping, new.normal, new.gradient
     sensitivity, moved, arrived, running = new.sensitivity, new.moved, new.arrived, new.running
-    weights = np.tile(objective.shares, (len(latent), 1)) if shares is None else shares
+    own_shares = np.tile(objective.shares, (len(latent), 1)) if shares is None else shares
     fresh = np.flatnonzero(running & moved)
-    equations = NormalEquations.at(objective, box, latent[fresh], weights[fresh] > 0.0)
-    gradient[fresh], normal[fresh] = equations.joint(weights[fresh], held[fresh])
+    equations = NormalEquations.at(objective, box, latent[fresh], own_shares[fresh] > 0.0)
+    gradient[fresh], normal[fresh] = equations.joint(own_shares[fresh], held[fresh])
     running[fresh] = np.isfinite(normal[fresh]).all(axis=(1, 2)) & np.isfinite(gradient[fresh]).all(axis=1)
     if not running.any():
         return replace(state, running=running)
@@ -218,11 +218,11 @@ def _iterate_once(
     size = np.sqrt(np.diagonal(normal[active], axis1=1, axis2=2))
     sensitivity[active] = np.maximum(sensitivity[active], size)
     floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
-    weight = np.maximum(sensitivity[active], np.maximum(floor, _LEAST_SENSITIVITY)) ** 2
+    scale = np.maximum(sensitivity[active], np.maximum(floor, _LEAST_SENSITIVITY)) ** 2
     dampings = damping[active, None] * np.array(_DAMPING_FACTORS)
     # (active, factor, free, free)
     damped = normal[active, None] + dampings[..., None, None] * (
-        weight[:, None, :, None] * np.eye(latent.shape[1])
+        scale[:, None, :, None] * np.eye(latent.shape[1])
     )
     step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
     step = within_stiffness(

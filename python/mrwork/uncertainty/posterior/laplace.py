@@ -8,6 +8,7 @@ from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 from mrwork.identification.covariance import Slopes
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
+from mrwork.identification.objective import Objective
 from mrwork.uncertainty.posterior.target import Target
 
 # Finite-difference step in a noise coordinate, as a share of the distance to the nearer bound.
@@ -27,17 +28,22 @@ def fisher_information(target: Target, position: Floats) -> Floats:
     values = np.asarray(space.values(position)[0])
     theta = np.ascontiguousarray(values[: space.n_params])
     normal = Slopes.at(objective, target.form, theta).normal
-    # The objective weights tests equally, a likelihood by their samples.
-    counts = np.array([test.measured.size for test in objective.compared]) / objective.shares
-    matrix, squared = np.tensordot(counts, normal.matrix[0], 1), float(counts @ normal.squared[0])
+    # An objective gives every test its share, a likelihood every sample the same.
+    samples_per_share = _n_samples(objective) / objective.shares
+    matrix = np.tensordot(samples_per_share, normal.matrix[0], 1)
+    squared = float(samples_per_share @ normal.squared[0])
     slope = space.slope(values)
     n_dim, n_free = space.n_dim, len(slope)
     information = _UNIFORM * np.eye(n_dim)
-    weight = target.temper / max(squared / objective.n_time, 1e-24)
-    information[:n_free, :n_free] += weight * slope.T @ matrix @ slope
+    precision = target.temper / max(squared / objective.n_time, 1e-24)
+    information[:n_free, :n_free] += precision * slope.T @ matrix @ slope
     for index in range(n_free, n_dim):
         information[index, index] += _noise_curvature(target, position, index)
     return information
+
+
+def _n_samples(objective: Objective) -> Floats:
+    return np.array([test.measured.size for test in objective.compared], dtype=np.float64)
 
 
 def _noise_curvature(target: Target, position: Floats, index: int) -> float:
@@ -77,12 +83,12 @@ def first_walkers(target: Target, start: Floats, n_walkers: int, rng: np.random.
 def mode_near(target: Target, theta: Floats) -> Floats:
     """Mode of the likelihood near a fit, both (n_params,), or the fit itself where its posterior density is larger.
 
-    It is not the fit, because a likelihood weights tests by their samples.
+    It is not the fit, because a test's share of a likelihood is that of its samples.
     """
     objective, box = target.objective, target.form.box
-    counts = np.array([test.measured.size for test in objective.compared], dtype=np.float64)
+    n_samples = _n_samples(objective)
     minima = find_minima(
-        objective, box, theta[None], max_iterations=_MOST_STEPS, shares=counts[None] / counts.sum()
+        objective, box, theta[None], max_iterations=_MOST_STEPS, shares=n_samples[None] / n_samples.sum()
     )
     both = np.stack([theta, minima.theta[0]])
     densities = target(np.array([target.position_of(point) for point in both]))
