@@ -185,9 +185,10 @@ def test_the_search_box_lies_inside_the_bounds_and_scales_with_the_record(spec, 
 
 
 def test_a_unit_that_no_model_has_is_searched_about_its_size(record: DamperTest) -> None:
-    cubed = mr.own_damper(
-        "cubed", parameters={"c3": ("N s3/m3", 1e-9, 1.0, 1e9)}, force=lambda p, state, x, v: p.c3 * v**3
-    )
+    def force(p, state, displacement, velocity):
+        return p.c3 * velocity**3
+
+    cubed = mr.own_damper("cubed", parameters={"c3": ("N s3/m3", 1e-9, 1.0, 1e9)}, force=force)
     size = np.ptp(record.force) / 2 / (np.ptp(record.velocity) / 2) ** 3
     box = search_box(cubed, Box.of(cubed), (record,))
     assert 0.0 < box.lower[0] < size < box.upper[0] < 1e7 * box.lower[0]
