@@ -45,7 +45,7 @@ LAWS = ("constant", "linear", "quadratic")  # by their degree
 
 def force_of(model: str, coefficients: dict[str, Any], loading: mr.Loading) -> np.ndarray:
     plain = mr.damper(model)
-    laws = {name: LAWS[np.size(law) - 1] for name, law in coefficients.items() if np.size(law) > 1}
+    laws = {name: LAWS[np.size(values) - 1] for name, values in coefficients.items() if np.size(values) > 1}
     theta = np.hstack([coefficients.get(name, 0.0) for name in plain.names])
     return mr.simulate(plain.with_current_laws(laws), theta, loading)
 

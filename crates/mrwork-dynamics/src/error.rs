@@ -237,7 +237,7 @@ pub enum DynamicsError {
     /// A build of other instruction sets than this processor has.
     #[error(
         "this build of mrwork is for processors with {}, and this one has {}; build mrwork again on this machine with \
-         MRWORK_BUILD_SETS={} in the environment, or with MRWORK_BUILD_SETS=all for every processor (by make in a clone, \
+         MRWORK_BUILD_SETS={} in the environment, or with MRWORK_BUILD_SETS=all for every processor (by make demo in a clone, \
          else by pip install --force-reinstall --no-cache-dir)",
         of_build.join(" or "), of_processor.join(" and "), of_processor.first().copied().unwrap_or("all")
     )]
