@@ -102,6 +102,7 @@ def test_the_sample_rig_has_tests_for_every_use(tmp_path: Path) -> None:
     assert len(rows) == len(written["files"]) - 1
 
 
+@pytest.mark.long
 def test_the_next_commands_of_the_rig_run_as_they_are_printed(tmp_path: Path) -> None:
     printed = typed("mrwork init rig 'a folder/my rig'", tmp_path)
     following = [line.strip() for line in printed.splitlines() if line.startswith("  mrwork ")]
@@ -144,6 +145,7 @@ def test_every_verb_has_two_examples() -> None:
     assert {verb: len(examples_in(COMMANDS[verb].epilog)) for verb in verbs()} == dict.fromkeys(verbs(), 2)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("verb", "line"), EXAMPLES, ids=lambda each: each)
 def test_an_example_runs_as_it_is_typed(verb: str, line: str, folder: Path) -> None:
     name, *words = shlex.split(line)

@@ -85,6 +85,7 @@ def check_one_verdict(place: Path, terminal: str) -> dict[str, str]:
     return verdicts
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("given", "noise", "expected"), CASES.values(), ids=CASES)
 def test_verdicts_and_errors_are_the_same_everywhere(
     given: tuple[str, ...], noise: float, expected: dict[str, str], tmp_path: Path

@@ -14,6 +14,7 @@ from mrwork.base.summary import Summarised
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
+@pytest.mark.long
 def test_examples_give_what_they_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     finder, runner, told = doctest.DocTestFinder(recurse=False), doctest.DocTestRunner(optionflags=FLAGS), []

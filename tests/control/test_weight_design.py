@@ -251,7 +251,9 @@ def test_the_semi_active_condition_is_met() -> None:
         )
 
 
-@pytest.mark.parametrize(("n_devices", "budget"), [(1, BUDGET), (1, 2e4), (2, 2e4)])
+@pytest.mark.parametrize(
+    ("n_devices", "budget"), [(1, BUDGET), (1, 2e4), pytest.param(2, 2e4, marks=pytest.mark.long)]
+)
 def test_dampings_of_a_semi_active_condition_are_those_of_the_least_ratio(
     n_devices: int, budget: float
 ) -> None:
@@ -267,6 +269,7 @@ def test_dampings_of_a_semi_active_condition_are_those_of_the_least_ratio(
     assert found.reachable_ratio <= 1.0005 * min(ratios)
 
 
+@pytest.mark.long
 def test_a_budget_that_a_semi_active_design_does_not_use_leaves_a_control_weight() -> None:
     """Its multiplier may be zero; a law gives one size of R as a ratio to the control weight."""
     found = design(

@@ -65,6 +65,7 @@ def held(fit: mr.Fit) -> list[bool]:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("times", [1.0, 3.0])
 @pytest.mark.parametrize("velocity", ["differenced", 5e-4])
 def test_intervals_hold_or_the_fit_says_that_the_noise_of_the_motion_dominates(

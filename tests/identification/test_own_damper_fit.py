@@ -47,6 +47,7 @@ def strange() -> object:
     own_equations._TRUSTED.update(known)
 
 
+@pytest.mark.long
 def test_estimates_are_those_of_the_model() -> None:
     own, model = own_dampers.bounded_loop, own_dampers.LOOP
     ours, theirs = (mr.identify(spec, TEST, rng=1) for spec in (own, model))

@@ -378,6 +378,7 @@ def test_stored_predictions_keep_the_command(tmp_path: Path) -> None:
     assert stored[1].test.current == 0.5
 
 
+@pytest.mark.long
 def test_the_command_line_fits_predicts_and_calibrates_records_of_a_set_point(tmp_path: Path) -> None:
     tests = record(random_steps), record(random_waves), record(switching)
     files = [write_test(tmp_path / f"{each.name}.csv", each) for each in tests]

@@ -45,6 +45,7 @@ def test_every_folder_has_a_page_and_a_summary(folder: Path, name: str) -> None:
     assert ended.returncode == 0
 
 
+@pytest.mark.long
 def test_a_folder_of_tests_becomes_a_damper_or_a_question(tmp_path: Path) -> None:
     rig = tmp_path / "rig"
     printed("init", "rig", rig)

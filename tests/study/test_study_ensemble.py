@@ -115,6 +115,7 @@ def test_sets_that_predict_nearly_as_well_are_fitted_to_all_tests_and_kept(folde
         assert tuple(sorted(other.spec.following)) in {tuple(sorted(each.laws)) for each in near}
 
 
+@pytest.mark.long
 def test_predict_says_how_far_the_sets_are_apart_where_the_tests_end(apart: Path) -> None:
     run = mr.load(apart / "run", mr.StoredRun)
     test = mr.read_damper_test(apart / "fast.csv")

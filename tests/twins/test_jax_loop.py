@@ -166,6 +166,7 @@ def test_slopes_in_gains_are_those_of_the_core() -> None:
     assert found == pytest.approx(expected, rel=1e-10)
 
 
+@pytest.mark.long
 def test_slopes_in_all_inputs_are_differences() -> None:
     """Those in reverse mode, against differences of the loop along a direction of each input."""
     inputs = differentiable().inputs

@@ -37,6 +37,7 @@ def test_the_model_with_backlash_is_chosen_over_several_amplitudes(joint: mr.unc
     assert found["k_w"] == pytest.approx(ELEMENT["k_w"], rel=0.02)
 
 
+@pytest.mark.long
 def test_small_strokes_are_predicted_where_such_were_tested_and_warned_of_where_not(
     joint: mr.uncertainty.Choice,
 ) -> None:

@@ -87,6 +87,7 @@ def test_intervals_are_those_of_the_information_where_the_data_are_plenty(
         assert half == pytest.approx(1.96 * (fit.parameters[name].standard_error or 0.0), rel=0.03)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_as_often_as_they_say(fit: Fit, test: DamperTest) -> None:
     loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     clean = simulate_force(SPEC, SPEC.nominal, loading)

@@ -10,6 +10,7 @@ from refusals import command_refusal
 from tests.workers.computations import STUDY
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("scheduler", "reason"),
     [
