@@ -104,7 +104,11 @@ impl<R: Real, const TRANSPOSED: bool, const SYMMETRIC: bool> Product<'_, R, TRAN
         }
         for i in 0..I {
             let out = &mut self.out[(first + i) * columns + column..][..J];
-            out.copy_from_slice(&sums[i]);
+            // A copy of a slice is a call of its own.
+            #[allow(clippy::manual_memcpy)]
+            for j in 0..J {
+                out[j] = sums[i][j];
+            }
         }
     }
 }
@@ -166,16 +170,18 @@ pub(super) fn norm<R: Real>(matrix: &[R]) -> R {
 /// `matrix += other`.
 #[inline(always)]
 pub(super) fn add<R: Real>(matrix: &mut [R], other: &[R]) {
-    for (entry, &added) in matrix.iter_mut().zip(other) {
-        *entry = *entry + added;
+    let other = &other[..matrix.len()];
+    for i in 0..matrix.len() {
+        matrix[i] = matrix[i] + other[i];
     }
 }
 
 /// `matrix -= other`.
 #[inline(always)]
 pub(super) fn subtract<R: Real>(matrix: &mut [R], other: &[R]) {
-    for (entry, &taken) in matrix.iter_mut().zip(other) {
-        *entry = *entry - taken;
+    let other = &other[..matrix.len()];
+    for i in 0..matrix.len() {
+        matrix[i] = matrix[i] - other[i];
     }
 }
 
@@ -190,7 +196,8 @@ pub(super) fn scale<R: Real>(matrix: &mut [R], factor: R) {
 /// Lanes of `other` where the mask holds.
 #[inline(always)]
 pub(super) fn replace_where<R: Real>(mask: R::Mask, matrix: &mut [R], other: &[R]) {
-    for (entry, &new) in matrix.iter_mut().zip(other) {
-        *entry = R::select(mask, new, *entry);
+    let other = &other[..matrix.len()];
+    for i in 0..matrix.len() {
+        matrix[i] = R::select(mask, other[i], matrix[i]);
     }
 }

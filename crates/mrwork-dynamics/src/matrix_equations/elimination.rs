@@ -95,7 +95,8 @@ impl<R: Real> Elimination<'_, R> {
         let (above, below) = self.matrix.split_at_mut((k + 1) * size);
         let pivot_row = &above[k * size..];
         let inverse = R::splat(1.0) / pivot_row[k];
-        for row in below.chunks_exact_mut(size) {
+        for i in 0..size - k - 1 {
+            let row = &mut below[i * size..][..size];
             let factor = row[k] * inverse;
             row[k] = factor;
             for j in k + 1..size {
@@ -112,10 +113,10 @@ impl<R: Real> Elimination<'_, R> {
             let (known, rest) = self.right.split_at_mut(i * columns);
             let mut sums = [R::splat(0.0); J];
             let factors = &self.matrix[i * size..][..i];
-            for (&factor, row) in factors.iter().zip(known.chunks_exact(columns)) {
-                let row = &row[column..][..J];
+            for k in 0..factors.len() {
+                let row = &known[k * columns + column..][..J];
                 for j in 0..J {
-                    sums[j] = factor.mul_add(row[j], sums[j]);
+                    sums[j] = factors[k].mul_add(row[j], sums[j]);
                 }
             }
             let own = &mut rest[column..][..J];
@@ -127,10 +128,10 @@ impl<R: Real> Elimination<'_, R> {
             let (before, known) = self.right.split_at_mut((i + 1) * columns);
             let mut sums = [R::splat(0.0); J];
             let factors = &self.matrix[i * size + i + 1..][..size - i - 1];
-            for (&factor, row) in factors.iter().zip(known.chunks_exact(columns)) {
-                let row = &row[column..][..J];
+            for k in 0..factors.len() {
+                let row = &known[k * columns + column..][..J];
                 for j in 0..J {
-                    sums[j] = factor.mul_add(row[j], sums[j]);
+                    sums[j] = factors[k].mul_add(row[j], sums[j]);
                 }
             }
             let inverse = R::splat(1.0) / self.matrix[i * size + i];
@@ -152,10 +153,11 @@ fn row_number(row: usize) -> f64 {
 fn exchange_rows<R: Real>(matrix: &mut [R], first: usize, second: usize, columns: usize, mask: R::Mask) {
     let (before, after) = matrix.split_at_mut(second * columns);
     let first = &mut before[first * columns..][..columns];
-    for (one, other) in first.iter_mut().zip(&mut after[..columns]) {
-        let kept = *one;
-        *one = R::select(mask, *other, kept);
-        *other = R::select(mask, kept, *other);
+    let second = &mut after[..columns];
+    for j in 0..columns {
+        let kept = first[j];
+        first[j] = R::select(mask, second[j], kept);
+        second[j] = R::select(mask, kept, second[j]);
     }
 }
 
@@ -214,8 +216,8 @@ impl<R: Real, const FLOORED: bool> OutOfLine for Cholesky<'_, R, FLOORED> {
             for j in k + 1..size {
                 row[j] = row[j] * inverse;
             }
-            for (index, other) in below.chunks_exact_mut(size).enumerate() {
-                let i = k + 1 + index;
+            for i in k + 1..size {
+                let other = &mut below[(i - k - 1) * size..][..size];
                 if FLOORED && k == 0 {
                     other[0] = other[i];
                 }
@@ -249,8 +251,8 @@ impl<R: Real> OutOfLine for UpperInverse<'_, R> {
         for i in (0..size).rev() {
             let (before, known) = out.split_at_mut((i + 1) * size);
             let own = &mut before[i * size..];
-            for (index, row) in known.chunks_exact(size).enumerate() {
-                let k = i + 1 + index;
+            for k in i + 1..size {
+                let row = &known[(k - i - 1) * size..][..size];
                 let factor = upper[i * size + k];
                 for j in k..size {
                     own[j] = factor.mul_add(row[j], own[j]);
