@@ -145,8 +145,8 @@ def value_table(results: StudyResults, motions: Sequence[int], rows: Sequence[in
 def _known(results: StudyResults, name: str) -> Floats:
     """A criterion of the nominal runs; NaN where the run has no such quantity, as without dampers no stroke."""
     values = results.criteria_of_runs.numbers[name][:, :, 0]
-    quantity = results.quantities.numbers[criterion(name).quantity][:, :, 0]
-    lacking = np.isnan(quantity).reshape(*values.shape, -1).all(axis=2)
+    of_quantity = results.quantities.numbers[criterion(name).quantity][:, :, 0]
+    lacking = np.isnan(of_quantity).reshape(*values.shape, -1).all(axis=2)
     if name in _OF_YIELD:
         lacking |= np.isnan(results.criteria_of_runs.numbers["peak_ductility"][:, :, 0])
     return np.where(lacking, np.nan, values)

@@ -291,10 +291,10 @@ def fragility_figures(fragilities: Fragilities) -> dict[str, Figure]:
     shown = range(min(len(fragilities.rows), _MOST_DRAWN))
     lines, panels = canvas.grid_of_axes(len(shown), _COLUMNS, _PANEL)
     ida(fragilities, panels, rows=shown)
-    curves, axes = canvas.column_axes(left=0.75, top=0.34 + 0.18 * ((len(shown) - 1) // _COLUMNS))
+    figure, axes = canvas.column_axes(left=0.75, top=0.34 + 0.18 * ((len(shown) - 1) // _COLUMNS))
     draw_fragility(fragilities, axes, rows=shown)
     axes.set_ylabel("Probability")
-    return {"ida": lines, "fragility": curves}
+    return {"ida": lines, "fragility": figure}
 
 
 def fragilities_of_page(results: StudyResults) -> Fragilities | None:

@@ -231,7 +231,7 @@ class LawSearch:
             return []
         order = [single[index] for index in np.argsort(promised([laws for _, laws in single]), kind="stable")]
         pairs = [
-            {key_name: law for key_name, law in (laws | {name: other.get(name)}).items() if law}
+            {each: law for each, law in (laws | {name: other.get(name)}).items() if law}
             for index, (_, laws) in enumerate(order[:_PAIRED])
             for name, other in order[:index]
             if laws.get(name) == current.laws.get(name)
