@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -119,4 +120,12 @@ def test_the_folder_has_the_study_that_was_read(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(tuning_run, "tune", edited_meanwhile)
     printed("tune", study, "--out", tmp_path / "out", "--threads", "1", "--quiet")
     assert (tmp_path / "out" / "study.toml").read_bytes() == content
-    assert content.decode().strip() in (tmp_path / "out" / "chosen.toml").read_text(encoding="utf-8")
+    read, chosen = (
+        tomllib.loads(content.decode()),
+        tomllib.loads((tmp_path / "out" / "chosen.toml").read_text()),
+    )
+    assert {name: chosen[name] for name in read if name != "controller"} == {
+        name: table for name, table in read.items() if name != "controller"
+    }
+    assert chosen["controller"][: len(read.get("controller", []))] == read.get("controller", [])
+    assert Path(chosen["folder"]) == study.parent
