@@ -44,7 +44,9 @@ test = mr.records.cut(test, end=test.start_time + ((300 if script.quick else 200
 box = mr.objective(MODEL, test, bounds=HELD, observe="none")
 bounds = HELD | dict(zip(box.names, box.bounds, strict=True))
 search = (
-    mr.identification.Multistart(samples=2, starts=2, least_rounds=1, most_rounds=1) if script.quick else None
+    mr.identification.Race(samples=2, starts=2, population=5, generations=2, most_rounds=1)
+    if script.quick
+    else None
 )
 fit = mr.identify(MODEL, test, bounds=bounds, observe="none", rng=script.seed, threads=threads, search=search)
 script.say(f"fit {fit.fit_percent:.2f} %")

@@ -73,7 +73,7 @@ SMALL_VALUES = {
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.
 SETTINGS = {
-    *("ControlLawSpec", "DifferentialEvolution", "EfficientGA", "EliteRule", "Multistart"),
+    *("ControlLawSpec", "DifferentialEvolution", "EfficientGA", "EliteRule", "Race"),
     *("ParticleSwarm", "StandardGA", "StopRules", "TuneTable"),
 }
 

@@ -19,7 +19,7 @@ def search_page() -> str:
     peers = [_search(name, search, "Needs the extra `peers`.") for name, search in PEERS.items()]
     return document(
         "(searches)=\n# Searches",
-        "The default of `identify` is a multistart local optimisation; `--search NAME` takes one of these in its "
+        "The default of `identify` is a race of unlike routes; `--search NAME` takes one of these in its "
         'place, as do `search="NAME"` in Python and `search` in a `[[tune]]` of a study.',
         *sections,
         *peers,

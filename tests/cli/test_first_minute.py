@@ -165,7 +165,7 @@ MISSPELT = [
     ("identify", "f.csv", "-q"),
     ("report", "out", "figures"),
     ("calibrate", "out", "--threads", "1", "f.csv"),
-    ("identify", "synthetic:spencer1997", "--search", "multistrt"),
+    ("identify", "synthetic:spencer1997", "--search", "rase"),
     ("identify", "synthetic:spencer1997", "--model", "bingham,bouc_wem"),
     ("identify", "synthetic:spencr1997"),
     ("identify", "synthetic:spencer1997", "--law", "k_w=quadratc"),

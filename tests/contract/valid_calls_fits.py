@@ -16,10 +16,10 @@ from posterior_samples import MODEL, small_draws, small_fit, small_sampling, sma
 
 import mrwork as mr
 from mrwork import identification, plots, search, uncertainty
-from mrwork.identification import Multistart
+from mrwork.identification import Race
 from tests.contract.wrong_arguments import Calls, call, calls_with
 
-_QUICK = Multistart(samples=2, starts=1, least_rounds=1, most_rounds=1, found=1, most_iterations=2)
+_QUICK = Race(samples=2, starts=1, population=5, generations=1, most_rounds=1, most_iterations=2)
 _SPHERE = search.EfficientGA(population=6, stop=search.StopRules(max_generations=2))
 _BINGHAM = mr.damper("bingham")
 _FREE = {"f_c": (600.0, 600.0), "v_s": (0.01, 0.02)}
@@ -75,7 +75,7 @@ def identification_calls(_: Path) -> Calls:
     weighed = {"weights": [np.linspace(0.0, 1.0, test.n_time)], "masks": [np.arange(test.n_time) > 3]}
     huber = {"loss": "huber", "loss_scale": 100.0, "coordinates": "unit", "tests": (test,), "nuisances": ()}
     yield from calls_with(values | weighed | huber, mr.objective)
-    yield call(Multistart, samples=2, starts=1, least_rounds=1, most_rounds=1, found=1, closeness=0.1)
+    yield call(Race, samples=2, starts=1, population=5, generations=2, most_rounds=1)
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
     still = mr.Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     yield call(mr.fit_like, fit=fit, model="bingham", loadings=[still], rng=1, threads=1)

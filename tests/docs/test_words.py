@@ -18,7 +18,7 @@ NEVER = {
     r"(what )?the data permit": "practical identifiability",
     r"plan of tests": "optimal experiment design, next test",
     r"given the motion, never the force": "free-run simulation",
-    r"minimisations? that meet": "multistart local optimisation",
+    r"minimisations? that meet": "local optimisation from many starts",
     r"what is to be made small": "cost, misfit",
     r"dampers? of (its|their) own": "uncontrolled, bare frame",
     r"change of every quantity": "drift ratio, storey shear, base shear",

@@ -126,7 +126,7 @@ def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> Non
     assert all(estimate.standard_error is None for estimate in best.estimates)
 
 
-@pytest.mark.parametrize("search", ["multistart", "genetic"])
+@pytest.mark.parametrize("search", ["race", "genetic"])
 def test_an_interrupt_before_any_candidate_has_no_result(
     record: DamperTest, search: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -231,7 +231,7 @@ def test_a_combination_that_the_data_do_not_see_has_no_standard_error() -> None:
 @pytest.mark.parametrize("name", searches())
 def test_a_search_is_chosen_by_name_and_recorded(name: str) -> None:
     search = search_named(name)
-    if name != "multistart":
+    if name != "race":
         search = resize_search(search, generations=25)
     fit = mr.identify("dahl", cut(synthetic_test("rd1005_1a"), every=4), search=search)
     assert fit.fit_percent > 75.0

@@ -14,7 +14,7 @@ from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
-from mrwork.identification import Fit, FitSettings, Multistart, Objective, Progress
+from mrwork.identification import Fit, FitSettings, Objective, Progress, Race
 from mrwork.identification.equivalent import leaves_range, within_range
 from mrwork.identification.excerpts import excerpt
 from mrwork.identification.minimise import level_search
@@ -244,7 +244,7 @@ def test_of_repeated_motions_each_test_is_taken_once() -> None:
 
 FIVE_COMMANDS = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 # All its starts end where the yield force is limited to its lower bound at one of the commands.
-SHORT = Multistart(samples=2, starts=2, least_rounds=1, most_rounds=1, found=1)
+SHORT = Race(samples=2, starts=2, population=6, generations=2, most_rounds=1)
 
 
 def fit_of(yield_forces: tuple[float, ...]) -> Fit:

@@ -10,7 +10,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.identification import FitSettings, Multistart
+from mrwork.identification import FitSettings, Race
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.settings import resize_search, search_named, searches
 from mrwork.search import EfficientGA, StopRules
@@ -51,7 +51,7 @@ def test_each_search_survives_its_record(name: str) -> None:
 
 
 def test_each_setting_is_part_of_the_fingerprint() -> None:
-    settings = FitSettings(search=Multistart())
+    settings = FitSettings(search=Race())
     facts = fingerprint_of(Problem.of(SPEC, (TEST,), settings))
     for each in fields(FitSettings):
         changed = replace(settings, **{each.name: getattr(OTHER, each.name)})

@@ -15,7 +15,7 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 
 import mrwork as mr
 from mrwork.errors import MrworkWarning, SimulationError
-from mrwork.identification import Multistart
+from mrwork.identification import Race
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.problem import command_warning
 from mrwork.identification.result import explain_failures
@@ -102,7 +102,7 @@ def test_both_verbs_say_what_the_fit_says(tmp_path: Path) -> None:
     assert (inside["outside_tested_range"], inside["warnings"]) == ([], [])
 
 
-FEW = Multistart(samples=6, starts=3, least_rounds=1, most_rounds=1, found=2)
+FEW = Race(samples=6, starts=4, population=8, generations=4, most_rounds=1)
 BINGHAM = (400.0, 0.01, 900.0, 0.0)
 
 

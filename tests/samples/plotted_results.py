@@ -19,7 +19,7 @@ from run_folders import write_fit
 import mrwork as mr
 from mrwork.dampers.design import SizeFront
 from mrwork.errors import MrworkWarning
-from mrwork.identification import Multistart
+from mrwork.identification import Race
 from mrwork.records.reading import Reading
 from mrwork.study.least_counts import RowCount, TriedCounts
 from mrwork.tuning import Front
@@ -27,7 +27,7 @@ from mrwork.tuning.judging import with_tuning
 from mrwork.tuning.results import FrontPoint
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 
-_QUICK = Multistart(samples=32, starts=2)
+_QUICK = Race(samples=20, starts=2, most_rounds=1)
 
 
 @cache

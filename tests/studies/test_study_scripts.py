@@ -22,6 +22,7 @@ LONG = {
     *("boucwen_benchmark", "chapter_2", "chapter_3_design", "chapter_4", "chapter_5", "chapter_6_floors"),
     *(
         "chapter_7",
+        "first_answer",
         "fragility",
         "gradients",
         "how_sure",

@@ -18,7 +18,7 @@ from sinusoidal_tests import MOTIONS, sinusoidal_test
 from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.errors import MrworkWarning
-from mrwork.identification import Fit, FitSettings, Multistart
+from mrwork.identification import Fit, FitSettings, Race
 from mrwork.records import DamperTest
 from mrwork.uncertainty import Choice, choose_model
 from mrwork.uncertainty.bands.prediction import halves
@@ -27,7 +27,7 @@ from mrwork.uncertainty.choice.collapse import with_collapses
 from mrwork.uncertainty.choice.ranking import Standing, rank
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
-FEW = FitSettings(search=Multistart(samples=10, starts=4, most_rounds=2, found=2))
+FEW = FitSettings(search=Race(samples=6, starts=4, population=12, generations=5, most_rounds=1))
 TESTED = MOTIONS[:3]
 MODELS = ("dahl", "viscous_dahl", "normalised_bouc_wen")
 

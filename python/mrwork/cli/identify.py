@@ -138,7 +138,7 @@ def _search(options: argparse.Namespace) -> Search | None:
     search = search_named(options.search or "genetic")
     if sized and not has_generations(search):
         raise SettingError(
-            "--search multistart takes neither --population nor --generations; leave them or --search out"
+            "--search race takes neither --population nor --generations; leave them or --search out"
         )
     return resize_search(search, **arguments_of(options, resize_search))
 

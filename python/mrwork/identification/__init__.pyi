@@ -6,4 +6,4 @@ from .objective import Objective as Objective
 from .problem import start_from as start_from
 from .progress import Progress as Progress
 from .settings import FitSettings as FitSettings
-from .settings import Multistart as Multistart
+from .settings import Race as Race

@@ -173,6 +173,24 @@ def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> 
     return bounds.with_bounds(narrowed)
 
 
+# Multiple of the searched range within which minima are looked for.
+_WIDER = 10.0
+
+
+def widened(searched: Box, box: Box) -> Box:
+    """The searched ranges ten times as wide to either side, within the box."""
+    bounds = {}
+    for index, name in enumerate(searched.names):
+        lower, upper = searched.lower[index], searched.upper[index]
+        if searched.log[index]:
+            lower, upper = lower / _WIDER, upper * _WIDER
+        else:
+            middle, half = (lower + upper) / 2, (upper - lower) / 2
+            lower, upper = middle - _WIDER * half, middle + _WIDER * half
+        bounds[name] = (max(lower, box.lower[index]), min(upper, box.upper[index]))
+    return box.with_bounds(bounds)
+
+
 # Largest exponent of a law [1/A or 1/V], either sign.
 _EXPONENT = 5.0
 # Coefficients may reach this multiple of the range that is searched.

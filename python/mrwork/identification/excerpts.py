@@ -19,6 +19,8 @@ from mrwork.records.window import cut, settling_samples
 # Cycles for a settled loop, and samples per cycle that resolve its knees.
 _EXCERPT_CYCLES = 3
 _EXCERPT_PER_CYCLE = 400
+# A record keeps so many samples, if it has them: the corners of a triangle are sharper than its frequency shows.
+_FEW_SAMPLES = 1500
 # Longest step of an excerpt from the middle [s]: with longer ones a stiff loop wants more than the most sub-steps, a
 # wall at which local minimisations stop.
 _LONGEST_STEP = 0.04
@@ -45,12 +47,16 @@ def excerpt(test: DamperTest) -> DamperTest:
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0:
         return test
-    thin = max(1, int(1.0 / (motion.dominant * test.dt * _EXCERPT_PER_CYCLE)))
+    most = max(1, test.n_time // _FEW_SAMPLES)
+    thin = min(max(1, int(1.0 / (motion.dominant * test.dt * _EXCERPT_PER_CYCLE))), most)
     if motion.band_edge > _CYCLIC_BAND * motion.dominant:
-        return _thinned(test, max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
+        return _thinned(test, min(max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))), most))
     if test.has_varying_command:
         return _thinned(test, thin)
-    return cut(test, end=test.start_time + _excerpt_seconds(test, motion.dominant), every=thin)
+    seconds = _excerpt_seconds(test, motion.dominant)
+    if not _shows_motion(test, slice(0, int(seconds / test.dt) + 1)):
+        return _thinned(test, thin)
+    return cut(test, end=test.start_time + seconds, every=thin)
 
 
 def _thinned(test: DamperTest, every: int) -> DamperTest:

@@ -172,7 +172,16 @@ _ROUNDING = 1e-6
 NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
 
-FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
+FitStatus = Literal["converged", "lower_minimum_possible", "not_converged", "interrupted", "stopped"]
+"""How a fit ended; converged is that two routes of the search agree on the minimum, and the final fit reached it."""
+
+STATUS_IN_WORDS: Mapping[str, str] = {
+    "converged": "converged",
+    "lower_minimum_possible": "a lower minimum is possible",
+    "not_converged": "not converged",
+    "interrupted": "interrupted",
+    "stopped": "stopped",
+}
 
 
 class _ByName(dict[str, FittedParameter]):
@@ -227,7 +236,7 @@ class FitQuality(Summarised):
 class SearchTrace(Summarised):
     """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
 
-    For `Multistart` an entry is one iteration of all running local minimisations; `ends` are the final misfits, sorted.
+    For `Race` an entry is one iteration of all running local minimisations; `ends` are the final misfits, sorted.
     """
 
     _made_by: ClassVar[str] = "fit.trace"
@@ -372,7 +381,7 @@ class Fit(Plotted, WithAxes, Summarised):
     def status_in_words(self) -> str:
         """How the identification ended, with the reason where it has not converged, or with its cost."""
         reason = f" ({self.status_reason})" if self.status_reason else ""
-        return f"{self.status.replace('_', ' ')}{reason}"
+        return f"{STATUS_IN_WORDS[self.status]}{reason}"
 
     @property
     def fingerprint(self) -> str:

@@ -20,17 +20,17 @@ from mrwork.identification.commands import PER_CYCLE, has_levels, levels_of
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.excerpts import middle_excerpt
-from mrwork.identification.fit import Fit, SearchTrace, SingleCommand
+from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
 from mrwork.identification.force_lag import fit_late_force
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.plain_search import points_from_multistart, points_from_optimiser
+from mrwork.identification.minimise.plain_search import points_from_optimiser, points_from_race
 from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Identifying, Progress
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
-from mrwork.identification.settings import FitSettings, Multistart
+from mrwork.identification.settings import FitSettings, Race
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -78,9 +78,10 @@ class _Call(FitSettings):
 def identify(call: _Call) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
 
-    Local minimisations (Levenberg-Marquardt) from many random starts, or another `search`, find the starting points of
-    a plain model; fits of the plain model at each command find the starting points of current laws. The final
-    least-squares fit uses exact derivatives; it can be made by optimistix for comparison.
+    A race of unlike routes, or another `search`, finds the starting points: local minimisations from samples against a
+    population, with current laws minimisations from fits at each command against a population of laws. The final
+    least-squares fit uses exact derivatives; it can be made by optimistix for comparison. "Converged" says that two
+    routes agree on the minimum.
 
     Returns
     -------
@@ -234,28 +235,29 @@ class _Identification:
         problem = self.problem = ended.problem
         keep(ended.theta)
         reason = "" if ended.converged else f"the final fit ended at its most steps, {ended.steps}"
-        if points.is_suspected:
-            reason = "a false minimum is suspected"
+        status: FitStatus = "not_converged" if reason else "converged"
+        if points.doubt and not reason:
+            status, reason = "lower_minimum_possible", points.doubt
         fit = fit_at(
             problem,
             ended.theta,
             covariance=ended.covariance,
             trace=points.trace,
             steps=ended.steps,
-            status="not_converged" if reason else "converged",
+            status=status,
             seconds=call.seconds,
         )
         fit = replace(fit, late_force=ended.late_force)
         if not self.examines:
             return replace(fit, status_reason=reason, seconds=call.seconds)
-        doubts = interruptible(lambda: doubts_on_fit(ended, fit.nrmse, is_suspected=points.is_suspected))
+        doubts = interruptible(lambda: doubts_on_fit(ended, fit.nrmse, is_suspected=bool(points.doubt)))
         cost = BuildingCost.of(fit.spec, fit.theta, problem.objective.tests)
         if cost.is_high:
             reason = reason or cost.in_words
             doubts = (*doubts, cost_warning(fit, cost))
         return replace(
             fit,
-            warnings=(*fit.warnings, *points.warnings, *ended.warnings, *doubts),
+            warnings=(*fit.warnings, *ended.warnings, *doubts),
             status_reason=reason,
             single_commands=interruptible(lambda: _single_commands(problem, fit)),
             seconds=call.seconds,
@@ -297,8 +299,8 @@ def starting_points(problem: Problem, call: Identifying) -> StartingPoints:
     """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
     search, spec = problem.search, problem.form.spec
     if spec.command_unit is None:
-        if isinstance(search, Multistart):
-            return points_from_multistart(problem, search, call=call)
+        if isinstance(search, Race):
+            return points_from_race(problem, search, call=call)
         return points_from_optimiser(problem, search, call=call)
     # What the search of laws imports is slow to load.
     if has_levels(spec, problem.objective.tests):

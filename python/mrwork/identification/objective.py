@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from mrwork.records.damper_test import AS_IT_IS
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 
-# Sub-steps that a model is searched with where more gain nothing: of a second [1/s], 4 a sample of 1 ms in a building,
+# Sub-steps below which a search begins: of a second [1/s], 4 a sample of 1 ms in a building,
 # and of a radian of the motion, 4000 a cycle.
 _MOST_A_SECOND = 4000.0
 _MOST_A_RADIAN = 640.0
@@ -38,7 +38,7 @@ _Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
 
 
 def friction_limit(tests: Sequence[DamperTest]) -> float:
-    """Sub-steps a second [1/s] from which on a stiffer model is searched only where that improves the fit.
+    """Sub-steps a second [1/s] below which a search begins.
 
     A loop that wants more yields, or unloads, in some thousandths of the stroke: friction, as far as tests show it.
     """
@@ -348,6 +348,12 @@ class NormalEquations:
 
         on_every_test(len(objective.compared), objective.threads, fill)
         return cls(squared=squared, gradient=gradient, matrix=matrix)
+
+    def __getitem__(self, rows: NDArray[Any]) -> NormalEquations:
+        """The equations of some rows."""
+        return NormalEquations(
+            squared=self.squared[rows], gradient=self.gradient[rows], matrix=self.matrix[rows]
+        )
 
     def joint(self, shares: Floats, held: NDArray[np.bool_] | None = None) -> tuple[Floats, Floats]:
         """Gradient and J'J of the squared misfit of each row with these shares of the tests, (n_rows, n_tests).

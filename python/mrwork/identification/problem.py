@@ -25,7 +25,7 @@ from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.residual import bounds_without_offsets, offset_warning
-from mrwork.identification.settings import FitSettings, Multistart, Start, UnregisteredSearch
+from mrwork.identification.settings import FitSettings, Race, Start, UnregisteredSearch
 from mrwork.records import DamperTest, observed
 from mrwork.search import Optimiser
 from mrwork.store.codec import digest_of, package_version
@@ -60,7 +60,7 @@ class Problem:
         """Complete the settings, check them against the model and the tests, and prepare the simulation."""
         settings = replace(
             settings,
-            search=settings.search or Multistart(),
+            search=settings.search or Race(),
             bounds=bounds_without_offsets(settings.nuisances, spec) | dict(settings.bounds),
         )
         form = identifiable_form(spec, settings.bounds)
@@ -106,7 +106,7 @@ class Problem:
         return any(test.has_varying_command for test in self.objective.tests)
 
     @property
-    def search(self) -> Multistart | Optimiser:
+    def search(self) -> Race | Optimiser:
         """The search, which complete settings always have; one whose code is not known is refused."""
         search = self.settings.search
         assert not isinstance(search, str | None)

@@ -109,6 +109,7 @@ class Progress(ProgressReport):
     evaluations: int
     steps: int
     fitted: str = ""
+    route: str = ""
     rates: tuple[float, float] = (0.0, 0.0)
     left: float | None = None
 
@@ -122,6 +123,8 @@ class Progress(ProgressReport):
         """Stage, generation, fits and rates in one line; what is unknown is left out."""
         generation = f" {self.generation}" if self.generation else ""
         parts = [f"{self.stage}{generation}", self.best_in_words]
+        if self.route:
+            parts.append(f"by {self.route}")
         if math.isfinite(self.median_percent):
             parts.append(f"median {self.median_percent:.2f} %")
         if self.unit == "steps":
@@ -153,13 +156,18 @@ def since(began: Progress, progress: Progress) -> Progress:
 class Found:
     """What a search has found: its `best` point, (n_params,), its trace, and the share of iterations that are done.
 
-    `fitted` as of `Progress`.
+    `fitted` as of `Progress`; `route` is what of the search is at work.
     """
 
     best: Callable[[], Floats]
     trace: SearchTrace
     share: float
     fitted: str = ""
+    route: str = ""
+
+
+EXCERPTS = "excerpts"
+"""What the searches fit that compare parts of the tests."""
 
 
 OnSearch = Callable[[Found], None]
@@ -186,6 +194,7 @@ def part_of(
                 trace=found.trace,
                 share=before + share * found.share,
                 fitted=" on ".join(filter(None, (found.fitted, fitted))),
+                route=found.route,
             )
         )
 
@@ -210,7 +219,15 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
         self.so_far = lambda: (found.best(), replace(trace, stop_reason="interrupted"))
         progress = self._progress("search", trace.best[-1], self.tally.simulations, found.fitted)
         median = 100.0 * (1.0 - trace.median[-1])
-        self._report(replace(progress, share=found.share, generation=len(trace.best), median_percent=median))
+        self._report(
+            replace(
+                progress,
+                share=found.share,
+                generation=len(trace.best),
+                median_percent=median,
+                route=found.route,
+            )
+        )
 
     def on_steps(self, stage: Stage, steps: int, misfit: float, fitted: str = "") -> None:
         """Report local minimisations of what is `fitted`."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
 
-from mrwork.base.arguments import Count, Level, Seed, checked
+from mrwork.base.arguments import Count, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import RecordError
 from mrwork.identification.residual import LateForce, NuisanceName
 from mrwork.records.repairs import DETECT, as_words
 from mrwork.search import Optimiser
@@ -19,39 +19,37 @@ from mrwork.store.codec import built, plain
 
 
 @checked
-class Multistart:
-    """Settings of the multistart search: local minimisations from the best of many samples, in rounds.
+class Race:
+    """Settings of the race, the default search: unlike routes to the least misfit, in rounds until two of them agree.
+
+    One route are local minimisations from samples of wide ranges, the other a population of differential evolution in
+    the ranges that suit the tests, whose best members are minimised too.
 
     Parameters
     ----------
     samples
         Points of the Latin hypercube per free parameter; local minimisations start from the best of them.
     starts
-        Local minimisations of a round, which run in one batch.
-    least_rounds, most_rounds
-        Least and largest number of rounds. The least ones run together.
-    found
-        Number of minimisations that must have reached the least misfit before the search may end early.
-    closeness
-        Misfits that differ by less than this share belong to the same minimum.
+        Least number of local minimisations of a round from samples, which run in one batch.
+    population, generations
+        Members and generations of differential evolution in a round.
+    most_rounds
+        Largest number of rounds. Where no two routes have agreed by then, a lower minimum is possible, and the fit says
+        so.
     most_iterations
         Largest number of iterations of a local minimisation.
+    most_steps
+        Time steps of all simulations together after which no further round begins.
     """
 
-    name: ClassVar[str] = "multistart"
-    samples: Count = 20
-    starts: Count = 8
-    least_rounds: Count = 2
-    most_rounds: Count = 6
-    found: Count = 3
-    closeness: Level = 0.02
-    most_iterations: Count = 60
-
-    def __post_init__(self) -> None:
-        if self.most_rounds < self.least_rounds:
-            raise SettingError(
-                f"`most_rounds` is {self.most_rounds}, below `least_rounds`, {self.least_rounds}; give as many or more"
-            )
+    name: ClassVar[str] = "race"
+    samples: Count = 12
+    starts: Count = 16
+    population: Annotated[int, Within(least=5, most=LARGEST_POPULATION)] = 60
+    generations: Count = 50
+    most_rounds: Count = 3
+    most_iterations: Count = 40
+    most_steps: Positive = 2e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,12 +60,12 @@ class UnregisteredSearch:
     settings: Mapping[str, Any]
 
 
-Search: TypeAlias = Multistart | UnregisteredSearch | Optimiser
+Search: TypeAlias = Race | UnregisteredSearch | Optimiser
 
 
 def has_generations(search: Search) -> bool:
     """Whether the settings of a search have the size of a population and a largest number of generations."""
-    return not isinstance(search, Multistart | UnregisteredSearch)
+    return not isinstance(search, Race | UnregisteredSearch)
 
 
 def resize_search(
@@ -81,9 +79,9 @@ def resize_search(
     Parameters
     ----------
     population
-        Number of candidates in a generation; not for multistart.
+        Number of candidates in a generation; not for the race.
     generations
-        Largest number of generations; not for multistart.
+        Largest number of generations; not for the race.
     """
     # Any: whoever asks for another size has asked `has_generations`.
     settings: Any = search
@@ -102,7 +100,7 @@ def searches() -> Mapping[str, Search]:
     """
     from mrwork.search.registry import ALL_OPTIMISERS
 
-    return {Multistart.name: Multistart(), **ALL_OPTIMISERS}
+    return {Race.name: Race(), **ALL_OPTIMISERS}
 
 
 def search_named(name: str) -> Search:
@@ -115,8 +113,8 @@ def _search_of_record(record: Mapping[str, Any]) -> Search:
     """The search of its record; one that is not registered becomes an `UnregisteredSearch`."""
     name = record["name"]
     # The default search is not looked up, because that would import all optimisers.
-    if name == Multistart.name:
-        return built(Multistart, record)  # type: ignore[no-any-return] # the type is the one given
+    if name == Race.name:
+        return built(Race, record)  # type: ignore[no-any-return] # the type is the one given
     if name not in searches():
         return UnregisteredSearch(name=name, settings=record)
     return built(type(searches()[name]), record)  # type: ignore[no-any-return] # the type is the one given
@@ -144,9 +142,9 @@ class FitSettings:
     Parameters
     ----------
     search
-        Global search; by default multistart (least squares from many starts), and where every command varies genetic
-        (the efficient genetic algorithm). In Python it is a name or an object with its settings; the default where
-        every command varies is `EfficientGA` with 60 generations, which give starts of local minimisations.
+        Global search; by default a race of unlike routes, which goes on until two of them agree on the minimum. With
+        any other search the fit says that a lower minimum is possible. In Python it is a name or an object with its
+        settings.
     bounds
         Range of a parameter, by name; equal bounds fix it, and others have their admissible range. In Python a
         mapping from names to (lower, upper).

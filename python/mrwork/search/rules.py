@@ -32,8 +32,9 @@ from mrwork.base.values import Floats
 
 # Why a search ended, in words; a search of another library has reasons of its own.
 _ENDED = {
-    "found_again": "once enough local minimisations had reached the best minimum",
-    "max_rounds": "at the limit of local minimisations",
+    "agreed": "once two routes had agreed on the minimum",
+    "max_rounds": "at the limit of rounds, without the agreement of two routes",
+    "max_steps": "at the limit of time steps, without the agreement of two routes",
     "hypothesis_test": "by the hypothesis test on its decay",
     "stall": "when the best no longer improved",
     "spread": "when the population had drawn together",

@@ -13,8 +13,8 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import with_changed_laws
 from mrwork.identification.equivalent import bounds_of, identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import OnStep, find_minima
-from mrwork.identification.minimise.multistart import minima_from
 from mrwork.identification.minimise.polish import FinalFit, StartingPoints, polish
+from mrwork.identification.minimise.race import minima_from
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 

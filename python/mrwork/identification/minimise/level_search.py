@@ -16,7 +16,6 @@ import numpy as np
 from mrwork.base.arguments import Seed
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, plain_parameters
 from mrwork.identification.commands import (
     command_is_constant,
@@ -32,23 +31,19 @@ from mrwork.identification.equivalent import (
     leaves_range,
     plain_of,
     search_box,
+    widened,
     with_other_laws,
     within_range,
 )
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
-from mrwork.identification.minimise.multistart import (
-    EXCERPTS,
-    MultistartResult,
-    best_first,
-    distinct_minima,
-    search_starts,
-)
-from mrwork.identification.minimise.plain_search import doubts_about, nested_fit, optimise
+from mrwork.identification.minimise.plain_search import evolved, optimise, plain_routes
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
-from mrwork.identification.objective import Objective
+from mrwork.identification.minimise.race import Raced, Route, best_first, distinct_minima, race
+from mrwork.identification.minimise.varying_search import scaled_laws
+from mrwork.identification.objective import Objective, up_to
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import Identifying, OnSearch, part_of
-from mrwork.identification.settings import Multistart
+from mrwork.identification.progress import EXCERPTS, Identifying, OnSearch, part_of
+from mrwork.identification.settings import Race
 from mrwork.identification.suspicious import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
@@ -58,10 +53,13 @@ if TYPE_CHECKING:
 
 # Tests at a command on which starting points are searched: others refine what these have found.
 _PER_COMMAND = 4
-# Minima of the plain model that are kept at each command, rounds of their search, and iterations of the others.
+# Minima of the plain model that are kept at each command.
 _MINIMA = 4
-_LEVEL_ROUNDS = 3
-_ITERATIONS = 60
+# Generations of the population of laws: each candidate is simulated on all tests.
+_GENERATIONS = 30
+# What the routes of the joint fit are, in words.
+_LEVELS = "local minimisations from fits at each command"
+_SCALED = "a population of laws in proportion to the measured force"
 # The fit of a test alone: starts, from the minima at its command; iterations; decrease of the squared misfit that ends
 # it. Joint fits that are several times as bad are looked for, so that it need not be exact.
 _OWN_STARTS = 2
@@ -70,9 +68,6 @@ _OWN_TOLERANCE = 1e-4
 # Commands whose minimum gives further starts of the joint fit; starts with a minimum at random at each command.
 _MOST_SHAPES = 4
 _RANDOM_STARTS = 4
-# Local minimisations at one command may leave the searched range by this factor only: laws are fitted to the minima,
-# and an insensitive parameter at the end of its admissible range would distort them.
-_RANGE_FACTOR = 10.0
 # Standard deviation of the logarithm of the random factor on the values to which random starts are fitted.
 _SPREAD = 0.25
 
@@ -85,9 +80,7 @@ class LevelFit:
     minima: Floats
 
 
-def points_from_levels(
-    problem: Problem, search: Multistart | Optimiser, *, call: Identifying
-) -> StartingPoints:
+def points_from_levels(problem: Problem, search: Race | Optimiser, *, call: Identifying) -> StartingPoints:
     """Starting points from fits of the plain model at each constant command, then of the laws to all tests.
 
     Polynomials are searched by as many values at tested commands, other laws as they are. Some tests of each command
@@ -108,7 +101,7 @@ class _LevelSearch:
     """
 
     problem: Problem
-    search: Multistart | Optimiser
+    search: Race | Optimiser
     call: Identifying
     form: Form
     joint: Form
@@ -121,7 +114,7 @@ class _LevelSearch:
 
     @classmethod
     def of(
-        cls, problem: Problem, search: Multistart | Optimiser, call: Identifying, per_command: int | None
+        cls, problem: Problem, search: Race | Optimiser, call: Identifying, per_command: int | None
     ) -> _LevelSearch:
         """One of `per_command` tests at a command at most, or of all."""
         form, excerpts = problem.form, excerpts_of(problem)
@@ -155,9 +148,9 @@ class _LevelSearch:
         )
 
     @property
-    def settings(self) -> Multistart:
-        """Settings of the search at all commands together: those of the requested multistart, else the default ones."""
-        return self.search if isinstance(self.search, Multistart) else Multistart()
+    def settings(self) -> Race:
+        """Settings of the search at all commands together: those of the requested race, else the default ones."""
+        return self.search if isinstance(self.search, Race) else Race()
 
     def points(self) -> StartingPoints | None:
         """The starting points; `None` where some tests were searched, and others cannot be simulated there."""
@@ -166,15 +159,14 @@ class _LevelSearch:
         for command in (*self.commands[middle:].tolist(), *self.commands[:middle][::-1].tolist()):
             self.fits.append(self._fit_level(command))
         self.fits.sort(key=lambda fit: fit.command)
-        result = self._search_joint(self._starts(self.fits, rng), rng)
-        theta, misfit = self._on_all_tests(result)
+        raced = self._race_joint(lambda number: self._starts(self.fits, rng + number), rng)
+        theta, misfit = self._on_all_tests(raced)
         if not len(theta) or not np.isfinite(misfit[0]):
             if self.on_searched is not self.on_tests:
                 return None
-            raise no_simulation(self.form.spec, result.trace.evaluations[-1])
+            raise no_simulation(self.form.spec, self.on_tests.tally.simulations)
         _, alone = _better_alone(self.problem, self.on_tests, theta[0], self.fits)
         is_limited = bool(leaves_range(self.joint.spec, theta[0], self.commands))
-        suspected = False
         if alone or is_limited:
             # More starts: each command that has such tests takes the parameters of their own fits.
             fits = []
@@ -187,40 +179,60 @@ class _LevelSearch:
                 more = np.array(
                     [within_range(self.joint.spec, start, self.commands) for start in (theta[0], *more)]
                 )
-            result = _merge_searches(result, self._search_joint(more, rng + 1))
-            theta, misfit = self._on_all_tests(result)
-            if _better_alone(self.problem, self.on_tests, theta[0], self.fits)[1]:
-                least = (1.0 + self.settings.closeness) * result.misfit[0]
-                suspected = int(np.count_nonzero(result.misfit <= least)) < self.settings.found
+            again = self._race_joint(lambda number: more if number == 0 else more[:0], rng + 1)
+            if len(again.theta) and again.misfit[0] < raced.misfit[0]:
+                raced = again
+                theta, misfit = self._on_all_tests(raced)
         return StartingPoints(
-            objective=self.problem.objective.on(self.form.spec, self.on_tests.tests),
+            objective=up_to(
+                self.problem.objective.on(self.form.spec, self.on_tests.tests), raced.objective.stiffest
+            ),
             form=self.form,
             theta=self._in_own_laws(distinct_minima(self.joint.box, theta, misfit)),
-            trace=result.trace,
-            warnings=doubts_about(result, None, self.settings),
-            is_suspected=suspected,
+            trace=raced.trace,
+            doubt=raced.doubt,
         )
 
-    def _search_joint(self, starts: Floats, seed: int) -> MultistartResult:
+    def _race_joint(self, starts: Callable[[int], Floats], seed: int) -> Raced:
+        """The laws of all tests, from the starts of each round, and from a population that shares none of them."""
         fitted = EXCERPTS if self.on_searched is self.on_tests else f"{EXCERPTS} of some tests"
-        return search_starts(
-            self.on_searched,
-            self.joint.box,
-            search_box(self.joint.spec, self.joint.box, self.on_tests.tests),
-            replace(self.settings, least_rounds=1),
+        on_search = self._part(fitted, lambda theta: self._in_own_laws(theta[None])[0])
+        objective, box = self.on_searched, self.joint.box
+        searched = search_box(*plain_of(self.problem.form), objective.tests)
+        laws_of = scaled_laws(self.joint, objective.tests, self.commands)
+        settings = replace(self.settings, generations=min(self.settings.generations, _GENERATIONS))
+
+        def draw_scaled(number: int) -> Floats:
+            return evolved(
+                objective,
+                lambda unit: laws_of(np.asarray(searched.theta_from_unit(unit))),
+                len(searched.free),
+                settings,
+                rng=seed + number,
+                on_search=on_search,
+            )
+
+        return race(
+            objective,
+            box,
+            (Route(name=_LEVELS, draw=starts), Route(name=_SCALED, draw=draw_scaled)),
+            settings,
+            searched=search_box(self.joint.spec, box, self.on_tests.tests),
             rng=seed,
             mirrored=self.joint.mirrored,
-            nested=self.joint.box.inside(starts),
-            on_search=self._part(fitted, lambda theta: self._in_own_laws(theta[None])[0]),
+            on_search=on_search,
         )
 
-    def _on_all_tests(self, result: MultistartResult) -> tuple[Floats, Floats]:
+    def _on_all_tests(self, raced: Raced) -> tuple[Floats, Floats]:
         """Minima and their misfits on all tests, best first; refined if the search compared some of the tests."""
-        if self.on_searched is self.on_tests or not len(result.theta):
-            return result.theta, result.misfit
-        starts = distinct_minima(self.joint.box, result.theta, result.misfit)
+        if self.on_searched is self.on_tests or not len(raced.theta):
+            return raced.theta, raced.misfit
+        starts = distinct_minima(self.joint.box, raced.theta, raced.misfit)
         minima = find_minima(
-            self.on_tests, self.joint.box, starts, max_iterations=self.settings.most_iterations
+            up_to(self.on_tests, raced.objective.stiffest),
+            self.joint.box,
+            starts,
+            max_iterations=self.settings.most_iterations,
         )
         return best_first(minima.theta, minima.misfit)
 
@@ -241,7 +253,7 @@ class _LevelSearch:
         plain, box = plain_of(self.problem.form)
         objective = self.problem.objective.on(plain, tests)
         searched = search_box(plain, box, tests)
-        near = _widen_box(searched, box)
+        near = widened(searched, box)
         starts = np.empty((0, len(plain.names)))
         if nearest is not None:
             # Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
@@ -259,32 +271,32 @@ class _LevelSearch:
             return np.asarray(self._in_own_laws(joint_starts(self.joint.spec, fits, 1, rng=rng))[0])
 
         on_search = self._part(f"tests at {of_unit(command, unit)}", laws_so_far)
-        if isinstance(search, Multistart):
-            settings = replace(search, least_rounds=1, most_rounds=min(search.most_rounds, _LEVEL_ROUNDS))
-            nested = None
-            if not len(starts):
-                nested = nested_fit(objective, near, settings, rng=rng, on_search=on_search)
-            theta = search_starts(
-                objective,
-                near,
-                searched,
-                settings,
-                rng=rng,
-                nested=near.inside(starts) if nested is None else nested.starts,
-                on_search=on_search,
-            ).theta
+        near_starts = near.inside(starts) if len(starts) else None
+        if isinstance(search, Race):
+            routes = plain_routes(objective, near, search, rng=rng, on_search=on_search, near=near_starts)[:1]
         else:
-            elite, _ = optimise(
-                search,
-                objective,
-                searched.theta_from_unit,
-                n_params=len(searched.free),
-                rng=rng,
-                on_search=on_search,
-            )
-            starts = near.inside(np.concatenate([starts, elite]))
-            minima = find_minima(objective, near, starts, max_iterations=_ITERATIONS)
-            theta, _ = best_first(minima.theta, minima.misfit)
+
+            def draw_elite(number: int) -> Floats:
+                elite, _ = optimise(
+                    search,
+                    objective,
+                    searched.theta_from_unit,
+                    n_params=len(searched.free),
+                    rng=rng + number,
+                    on_search=on_search,
+                )
+                return np.concatenate([starts, elite])
+
+            routes = (Route(name=search.name, draw=draw_elite),)
+        theta = race(
+            objective,
+            near,
+            routes,
+            replace(self.settings, most_rounds=1),
+            searched=searched,
+            rng=rng,
+            on_search=on_search,
+        ).theta
         if not len(theta):
             raise no_simulation(plain, objective.tally.simulations)
         return LevelFit(command=command, minima=theta[:_MINIMA])
@@ -333,7 +345,7 @@ def _better_alone(
     if not doubtful:
         return joint, {}
     tests = tuple(objective.tests[index] for index in doubtful)
-    near = _widen_box(search_box(plain, box, tests), box)
+    near = widened(search_box(plain, box, tests), box)
     commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
     nearest = [min(fits, key=lambda fit: abs(fit.command - command)) for command in commands]
     starts = [fit.minima[np.arange(_OWN_STARTS) % len(fit.minima)] for fit in nearest]
@@ -391,35 +403,6 @@ def unlike_tests(tests: Sequence[DamperTest], most: int) -> tuple[DamperTest, ..
         distance[taken] = -1.0
         taken.append(int(np.argmax(distance)))
     return tuple(tests[index] for index in sorted(taken))
-
-
-def _merge_searches(first: MultistartResult, second: MultistartResult) -> MultistartResult:
-    theta, misfit = best_first(
-        np.concatenate([first.theta, second.theta]), np.concatenate([first.misfit, second.misfit])
-    )
-    before, after = first.trace, second.trace
-    trace = replace(
-        after,
-        evaluations=(*before.evaluations, *after.evaluations),
-        best=(*before.best, *(min(before.best[-1], best) for best in after.best)),
-        median=(*before.median, *after.median),
-        ends=tuple(misfit.tolist()),
-    )
-    return MultistartResult(theta=theta, misfit=misfit, trace=trace)
-
-
-def _widen_box(searched: Box, box: Box) -> Box:
-    """The searched range widened by `_RANGE_FACTOR`, within the box."""
-    bounds = {}
-    for index, name in enumerate(searched.names):
-        lower, upper = searched.lower[index], searched.upper[index]
-        if searched.log[index]:
-            lower, upper = lower / _RANGE_FACTOR, upper * _RANGE_FACTOR
-        else:
-            middle, half = (lower + upper) / 2, (upper - lower) / 2
-            lower, upper = middle - _RANGE_FACTOR * half, middle + _RANGE_FACTOR * half
-        bounds[name] = (max(lower, box.lower[index]), min(upper, box.upper[index]))
-    return box.with_bounds(bounds)
 
 
 def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: Seed) -> Floats:

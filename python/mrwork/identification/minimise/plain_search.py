@@ -1,7 +1,6 @@
-"""Starting points of a plain model: by a multistart search on excerpts of the tests, or by an optimiser.
+"""Starting points of a plain model: by a race of routes on excerpts of the tests, or by an optimiser.
 
-The search also starts near the fit of the simpler model that the searched one contains, if there is one. That fit has
-the misfit to be reached: a minimum of the searched model that is above it is false.
+The race also starts near the fit of the simpler model that the searched one contains, if there is one.
 """
 
 from __future__ import annotations
@@ -14,146 +13,163 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mrwork.base.numbers import apart, with_decimals
 from mrwork.base.values import Floats
 from mrwork.dampers.conversions import NESTINGS
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
+from mrwork.errors import SimulationError
 from mrwork.identification.commands import excerpts_of
-from mrwork.identification.equivalent import bounds_of, half_ranges, identifiable_form, search_box
+from mrwork.identification.equivalent import bounds_of, half_ranges, identifiable_form, search_box, widened
 from mrwork.identification.fit import SearchTrace
-from mrwork.identification.minimise.friction import examine_limit, friction_warning
-from mrwork.identification.minimise.multistart import (
-    EXCERPTS,
-    MultistartResult,
-    NestedFit,
-    distinct_minima,
-    minima_from,
-    report_minima,
-    search_starts,
-)
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
+from mrwork.identification.minimise.race import (
+    Route,
+    distinct_minima,
+    draw_samples,
+    minima_from,
+    race,
+    report_minima,
+)
 from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import Found, Identifying, OnSearch, part_of
-from mrwork.identification.settings import Multistart
-from mrwork.identification.suspicious import LINEAR_SHARE, linear_misfit
+from mrwork.identification.progress import EXCERPTS, Found, Identifying, OnSearch, part_of
+from mrwork.identification.settings import Race
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult
 
 # Largest number of starting points of an optimiser.
 _STARTS = 16
+# Multiple of the limit of stiffness up to which a population is simulated; minimisations go beyond it.
+_STIFFER = 8.0
 # Nested starts are moved off the faces of the box, by this share of its ranges: on a face a parameter has no slope.
 _OFF_FACES = 5e-3
-# Rounds of the search of a simpler model, and iterations of its local minimisations: its fit is only a start.
-_NESTED_ROUNDS = 3
-_NESTED_ITERATIONS = 30
-# A point near the simpler model has its misfit plus this at most; where bounds exclude such points, it is further away.
-_NEAR = 0.1
+# Samples per parameter and least starts of a simpler model, whose fit is only a start.
+_NESTED_SAMPLES = 8
+_NESTED_STARTS = 4
 
 
-def points_from_multistart(problem: Problem, search: Multistart, *, call: Identifying) -> StartingPoints:
-    """The best minima of a multistart search among candidates below the limit of stiffness.
+SAMPLES = "local minimisations from samples"
+POPULATION = "a population of differential evolution"
+"""What the routes of a plain model are, in words."""
 
-    There is no limit where no candidate is below it, or where stiffer ones describe the tests measurably better.
-    """
-    form, tests, rng = problem.form, problem.objective.tests, problem.settings.rng
+
+def points_from_race(problem: Problem, search: Race, *, call: Identifying) -> StartingPoints:
+    """The best minima of a race on excerpts of the tests, and whether its routes agree."""
+    form, rng = problem.form, problem.settings.rng
     # The loops of a few cycles are sufficient to find the minima; the final fit compares all samples.
-    excerpts = problem.objective.on(form.spec, excerpts_of(problem))
+    objective = problem.objective.on(form.spec, excerpts_of(problem))
     on_search = part_of(call.on_search, 0.0, 1.0, fitted=EXCERPTS)
-    linear = LINEAR_SHARE * linear_misfit(excerpts.tests)
-    for stiffest in (friction_limit(tests), excerpts.stiffest):
-        objective = up_to(excerpts, stiffest)
-        nested = nested_fit(objective, form.box, search, rng=rng, on_search=part_of(on_search, 0.0, 0.5))
-        minima = search_starts(
-            objective,
-            form.box,
-            search_box(form.spec, form.box, objective.tests),
-            search,
-            rng=rng,
-            mirrored=form.mirrored,
-            nested=None if nested is None else nested.starts,
-            suspicious=linear if nested is None else min(nested.misfit, linear),
-            on_search=part_of(on_search, 0.5, 0.5),
-        )
-        if len(minima.theta):
-            break
-    else:
+    raced = race(
+        objective,
+        form.box,
+        plain_routes(objective, form.box, search, rng=rng, on_search=on_search),
+        search,
+        searched=search_box(form.spec, form.box, objective.tests),
+        rng=rng,
+        mirrored=form.mirrored,
+        on_search=on_search,
+    )
+    if not len(raced.theta):
         raise no_simulation(form.spec, objective.tally.simulations)
-    objective, theta = examine_limit(objective, form, distinct_minima(form.box, minima.theta, minima.misfit))
     return StartingPoints(
-        objective=objective,
+        objective=raced.objective,
         form=form,
-        theta=theta,
-        trace=minima.trace,
-        warnings=(*doubts_about(minima, nested, search), *friction_warning(objective, form, theta, nested)),
+        theta=distinct_minima(form.box, raced.theta, raced.misfit),
+        trace=raced.trace,
+        doubt=raced.doubt,
     )
 
 
-def nested_fit(
-    objective: Objective, box: Box, search: Multistart, *, rng: int, on_search: OnSearch
-) -> NestedFit | None:
-    """Fit of the simpler model that the searched one contains, within shared bounds; `None` without one."""
-    nesting = NESTINGS.get(objective.spec.name)
+def plain_routes(
+    objective: Objective,
+    box: Box,
+    settings: Race,
+    *,
+    rng: int,
+    on_search: OnSearch,
+    near: Floats | None = None,
+) -> tuple[Route, Route]:
+    """The routes of a plain model: from samples of wide ranges, and by a population in those that suit the tests.
+
+    The first also starts at points that are given, `near`, (n_near, n_params), else near the simpler model.
+    """
+    low = up_to(objective, min(friction_limit(objective.tests), objective.stiffest))
+    mid = up_to(objective, min(_STIFFER * friction_limit(objective.tests), objective.stiffest))
+    searched = search_box(objective.spec, box, objective.tests)
+    wide = widened(searched, box)
+
+    def draw_local(number: int) -> Floats:
+        samples = draw_samples(
+            low, box, wide.theta_from_unit, len(wide.free), settings, rng=rng, number=number
+        )
+        if not len(samples):
+            # Fixed parameters may make every candidate stiff.
+            samples = draw_samples(
+                objective, box, wide.theta_from_unit, len(wide.free), settings, rng=rng, number=number
+            )
+        if number:
+            return samples
+        first = nested_starts(low, box, settings, rng) if near is None else near
+        return np.concatenate([first, samples])
+
+    def draw_population(number: int) -> Floats:
+        return evolved(
+            mid,
+            searched.theta_from_unit,
+            len(searched.free),
+            settings,
+            rng=rng + number,
+            on_search=on_search,
+        )
+
+    return Route(name=SAMPLES, draw=draw_local), Route(name=POPULATION, draw=draw_population)
+
+
+def evolved(
+    objective: Objective,
+    theta_of: Callable[[Floats], Floats],
+    n_params: int,
+    settings: Race,
+    *,
+    rng: int,
+    on_search: OnSearch,
+) -> Floats:
+    """Elite of differential evolution over the unit cube, which `theta_of` maps to parameters, (n_elite, n_params)."""
+    from mrwork.search.evolution import DifferentialEvolution
+    from mrwork.search.rules import StopRules
+
+    search = DifferentialEvolution(
+        population=settings.population, stop=StopRules(max_generations=settings.generations)
+    )
+    try:
+        return optimise(search, objective, theta_of, n_params=n_params, rng=rng, on_search=on_search)[0]
+    except SimulationError:
+        return np.empty((0, len(objective.spec.names)))
+
+
+def nested_starts(objective: Objective, box: Box, settings: Race, rng: int) -> Floats:
+    """Starts near the fit of the simpler model that the searched one contains, (n_starts, n_params), maybe none."""
+    spec = objective.spec
+    nesting = NESTINGS.get(spec.name)
     # With ties the simpler model is contained no more.
     if nesting is None or objective.settings.ties:
-        return None
-    simpler, names = damper(nesting.model), objective.spec.names
+        return np.empty((0, len(spec.names)))
+    simpler = damper(nesting.model)
     form = identifiable_form(simpler, bounds_of(box, nesting.shared))
     rough = objective.on(simpler, objective.tests)
-    search = replace(
-        search,
-        least_rounds=1,
-        most_rounds=min(search.most_rounds, _NESTED_ROUNDS),
-        most_iterations=min(search.most_iterations, _NESTED_ITERATIONS),
-    )
-
-    def lift_points(theta: Floats) -> Floats:
-        values = dict(zip(simpler.names, theta.tolist(), strict=True))
-        points = nesting.points(values, half_ranges(objective.tests))
-        whole = np.array([[point[name] for name in names] for point in points])
-        unit = np.asarray(box.unit_from_theta(np.clip(whole, box.lower, box.upper)))
-        return np.asarray(box.theta_from_unit(np.clip(unit, _OFF_FACES, 1.0 - _OFF_FACES)))
-
-    lifted = part_of(on_search, 0.0, 1.0, best=lambda theta: lift_points(theta)[-1])
-    deeper = nested_fit(rough, form.box, search, rng=rng, on_search=part_of(lifted, 0.0, 0.5))
-    minima = search_starts(
-        rough,
-        form.box,
-        search_box(simpler, form.box, objective.tests),
-        search,
-        rng=rng,
-        nested=None if deeper is None else deeper.starts,
-        suspicious=math.inf if deeper is None else deeper.misfit,
-        on_search=part_of(lifted, 0.5, 0.5, fitted=simpler.name),
-    )
-    if not len(minima.theta):
-        return None
-    starts, misfit = lift_points(minima.theta[0]), float(minima.misfit[0])
-    near = float(np.min(objective(starts))) <= misfit + _NEAR
-    return NestedFit(model=simpler.name, starts=starts, misfit=misfit if near else math.inf)
-
-
-def doubts_about(minima: MultistartResult, nested: NestedFit | None, settings: Multistart) -> tuple[str, ...]:
-    """Warnings that the minimum is false or was not found again; empty where the search found it often enough."""
-    least = float(minima.misfit[0])
-    if nested is not None and least > (1.0 + settings.closeness) * nested.misfit:
-        better, percent = apart(with_decimals, 100.0 * (1.0 - nested.misfit), 100.0 * (1.0 - least), 2)
-        return (
-            f"the fit of {nested.model}, which this model contains, is better in the search "
-            f"({better} % against {percent} %): the minimum is false; try another seed",
-        )
-    if minima.trace.stop_reason == "max_rounds":
-        again = int(np.count_nonzero(minima.misfit <= (1.0 + settings.closeness) * least))
-        if again >= max(settings.found, len(minima.misfit) / 2):
-            # The search went on only because a simpler description is as good, which has a warning of its own.
-            return ()
-        return (
-            f"the search is not sure of its minimum: {again} of {len(minima.misfit)} local minimisations reached it; "
-            "compare the fit of another seed",
-        )
-    return ()
+    few = replace(settings, samples=_NESTED_SAMPLES, starts=_NESTED_STARTS)
+    wide = search_box(simpler, form.box, objective.tests)
+    samples = draw_samples(rough, form.box, wide.theta_from_unit, len(wide.free), few, rng=rng)
+    starts = np.concatenate([nested_starts(rough, form.box, settings, rng), samples])
+    if not len(starts):
+        return np.empty((0, len(spec.names)))
+    theta = minima_from(rough, form.box, starts)[0]
+    values = dict(zip(simpler.names, theta.tolist(), strict=True))
+    points = nesting.points(values, half_ranges(objective.tests))
+    whole = np.array([[point[name] for name in spec.names] for point in points])
+    unit = np.asarray(box.unit_from_theta(np.clip(whole, box.lower, box.upper)))
+    return np.asarray(box.theta_from_unit(np.clip(unit, _OFF_FACES, 1.0 - _OFF_FACES)))
 
 
 def points_from_optimiser(problem: Problem, search: Optimiser, *, call: Identifying) -> StartingPoints:
@@ -176,7 +192,12 @@ def points_from_optimiser(problem: Problem, search: Optimiser, *, call: Identify
         mirrored=form.mirrored,
         on_iteration=partial(report_minima, call, "", trace),
     )
-    return StartingPoints(objective=objective, form=form, theta=theta, trace=trace)
+    return StartingPoints(objective=objective, form=form, theta=theta, trace=trace, doubt=alone_doubt(search))
+
+
+def alone_doubt(search: Optimiser) -> str:
+    """Why a lower minimum is possible than that of one optimiser."""
+    return f"{search.name} was the only search; the default search confirms a minimum by another route"
 
 
 def optimise(

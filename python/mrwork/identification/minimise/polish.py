@@ -30,16 +30,15 @@ _BEHIND = Hopeless(after=5, factor=4.0, found=1, closeness=0.0)
 class StartingPoints:
     """Starting points, shape (n_starts, n_params), best first, and the trace of the search that found them.
 
-    They are minima of `objective`, which compares them, and are fitted inside the box of `form`. `warnings` say what
-    makes the best suspicious, and `is_suspected` that it is taken for a false minimum.
+    They are minima of `objective`, which compares them, and are fitted inside the box of `form`. `doubt` says why a
+    minimum below the best is possible, empty where the routes of the search agree.
     """
 
     objective: Objective
     form: Form
     theta: Floats
     trace: SearchTrace
-    warnings: tuple[str, ...] = ()
-    is_suspected: bool = False
+    doubt: str = ""
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
         """The starting points, and the user's starts, in parameters of the requested model, moved inside the box.

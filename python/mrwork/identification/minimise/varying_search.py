@@ -5,7 +5,6 @@ No test shows the plain model alone then.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -13,31 +12,22 @@ from functools import partial
 import numpy as np
 
 from mrwork.base.values import Floats
+from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.commands import excerpts_of, refuse_few_levels, tested_commands
-from mrwork.identification.equivalent import Form, joint_box, plain_of, search_box
-from mrwork.identification.minimise.friction import examine_limit, friction_warning
-from mrwork.identification.minimise.multistart import EXCERPTS, minima_from, report_minima
-from mrwork.identification.minimise.plain_search import optimise
-from mrwork.identification.minimise.polish import StartingPoints
-from mrwork.identification.objective import up_to
+from mrwork.identification.equivalent import Form, joint_box, plain_of, search_box, widened
+from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, alone_doubt, evolved, optimise
+from mrwork.identification.minimise.polish import StartingPoints, no_simulation
+from mrwork.identification.minimise.race import Route, distinct_minima, draw_samples, race
 from mrwork.identification.problem import Problem
-from mrwork.identification.progress import Identifying, part_of
-from mrwork.identification.settings import Multistart
+from mrwork.identification.progress import EXCERPTS, Identifying, part_of
+from mrwork.identification.settings import Race
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
-from mrwork.search import EfficientGA, Optimiser, StopRules
+from mrwork.search import Optimiser
 
-# Points of the elite from which laws are fitted where every command varies.
-_SCALED_STARTS = 8
-# Generations of the default search. Local minimisations from its elite reached the same minimum after 10 to 80 in all
-# runs of normalised_bouc_wen, 6 seeds on 3 records, and in 23 of 24 of normalised_modified_bouc_wen.
-_GENERATIONS = 60
 # The starts have the nominal rate of the driver's lag times these factors, in turn.
 _RATES = (1.0, 0.2, 5.0)
-# Most sub-steps of a candidate in a shortest step of the parts, and the factor by which this limit is raised.
-_FIRST_SUBSTEPS = 8
-_RAISED = 4.0
 # Least force over the commands, relative to the largest.
 _LEAST_FORCE = 0.1
 
@@ -90,48 +80,65 @@ def relative_force(spec: DamperSpec, tests: tuple[DamperTest, ...], commands: Fl
 
 
 def points_from_scaled_forces(
-    problem: Problem, search: Multistart | Optimiser, *, call: Identifying
+    problem: Problem, search: Race | Optimiser, *, call: Identifying
 ) -> StartingPoints:
-    """Starting points by a search of plain parameters, with laws in proportion to the measured force.
+    """Starting points by a race of searches of plain parameters, with laws in proportion to the measured force.
 
-    The search and local minimisations from its elite, in one batch, compare the shortest parts of the tests that show
-    every level of the command, see `varied_excerpt`. Stiff candidates cost most and are rarely better: they are left
-    out by a limit of the sub-steps a second, which is raised while that pays. The final fit keeps it.
+    It compares the shortest parts of the tests that show every level of the command, see `varied_excerpt`.
     """
-    if isinstance(search, Multistart):
-        # It only has to find the basin of the minimum.
-        search = EfficientGA(stop=StopRules(max_generations=_GENERATIONS))
-    spec, tests = problem.form.spec, problem.objective.tests
+    spec, tests, rng = problem.form.spec, problem.objective.tests, problem.settings.rng
     objective = problem.objective.on(spec, excerpts_of(problem))
-    shortest = min(test.dt for test in objective.tests)
-    objective = up_to(objective, _FIRST_SUBSTEPS / shortest)
     commands = tested_commands(spec, tests)
     refuse_few_levels(spec, len(commands))
-    searched = search_box(*plain_of(problem.form), tests)
+    plain, box = plain_of(problem.form)
+    searched = search_box(plain, box, tests)
+    wide = widened(searched, box)
     form = replace(problem.form, box=joint_box(problem.form, tests, commands))
     laws_of = scaled_laws(form, tests, commands)
-    elite, trace = optimise(
-        search,
+    on_search = part_of(call.on_search, 0.0, 1.0, fitted=EXCERPTS)
+    settings = search if isinstance(search, Race) else Race(most_rounds=1)
+
+    def from_unit(ranges: Box, unit: Floats) -> Floats:
+        return laws_of(np.asarray(ranges.theta_from_unit(unit)))
+
+    def with_rates(starts: Floats) -> Floats:
+        if spec.lagged:
+            starts[:, -1] *= np.resize(_RATES, len(starts))
+        return starts
+
+    def draw_local(number: int) -> Floats:
+        laws = partial(from_unit, wide)
+        return with_rates(
+            draw_samples(objective, form.box, laws, len(wide.free), settings, rng=rng, number=number)
+        )
+
+    def draw_population(number: int) -> Floats:
+        laws, n_params = partial(from_unit, searched), len(searched.free)
+        if isinstance(search, Race):
+            return with_rates(
+                evolved(objective, laws, n_params, settings, rng=rng + number, on_search=on_search)
+            )
+        return with_rates(
+            optimise(search, objective, laws, n_params=n_params, rng=rng, on_search=on_search)[0]
+        )
+
+    routes = (Route(name=SAMPLES, draw=draw_local), Route(name=POPULATION, draw=draw_population))
+    raced = race(
         objective,
-        lambda unit: laws_of(np.asarray(searched.theta_from_unit(unit))),
-        n_params=len(searched.free),
-        rng=problem.settings.rng,
-        on_search=part_of(call.on_search, 0.0, 1.0, fitted=EXCERPTS),
+        form.box,
+        routes if isinstance(search, Race) else routes[1:],
+        settings,
+        searched=search_box(spec, form.box, tests),
+        rng=rng,
+        mirrored=form.mirrored,
+        on_search=on_search,
     )
-    starts = elite[:_SCALED_STARTS]
-    if spec.lagged:
-        starts[:, -1] *= np.resize(_RATES, len(starts))
-    on_iteration = partial(report_minima, call, EXCERPTS, trace)
-    starts = np.asarray(form.box.inside(starts))
-    theta = minima_from(objective, form.box, starts, mirrored=form.mirrored, on_iteration=on_iteration)
-    # Long records: only a share of the misfit pays for stiffer loops, whatever it is in points.
-    objective, theta = examine_limit(
-        objective, form, theta, raised=_RAISED, points=math.inf, on_iteration=on_iteration
-    )
+    if not len(raced.theta):
+        raise no_simulation(spec, objective.tally.simulations)
     return StartingPoints(
-        objective=objective,
+        objective=raced.objective,
         form=form,
-        theta=theta,
-        trace=trace,
-        warnings=friction_warning(objective, form, theta),
+        theta=distinct_minima(form.box, raced.theta, raced.misfit),
+        trace=raced.trace,
+        doubt=raced.doubt if isinstance(search, Race) else alone_doubt(search),
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from mrwork.base.numbers import format_fixed
 from mrwork.base.summary import list_names
-from mrwork.identification.fit import FINE, Fit, FitSpread
+from mrwork.identification.fit import FINE, STATUS_IN_WORDS, Fit, FitSpread
 from mrwork.plots.canvas import LOW, SMALL_HEIGHT, name_above, small_axes
 from mrwork.plots.of_fits import laws as draw_laws
 from mrwork.plots.of_tests import Motion
@@ -23,17 +23,12 @@ from mrwork.uncertainty.bands.held_out import median_place
 from mrwork.uncertainty.bands.prediction import LATER_CYCLES, UNSEEN, Prediction
 from mrwork.uncertainty.bands.predictions import spread_of
 
-_STATUS = {
-    "converged": "Converged",
-    "not_converged": "Not converged",
-    "interrupted": "Interrupted",
-    "stopped": "Stopped",
-}
 _BANNER = {
     "interrupted": "This identification was interrupted. The parameters are the best found until then, not the end of "
     "the search.",
     "stopped": "This identification was stopped on request. The parameters are the best found until then, not the end "
     "of the search.",
+    "lower_minimum_possible": "The search met this minimum by one route only, so a lower one is possible{reason}.",
     "not_converged": "The search stopped before it converged{reason}. The parameters may still improve.",
 }
 # Sentences, parameters with a law, those beside the loops, and tests that the front shows.
@@ -160,7 +155,12 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
             value="none" if bands is None else _tests(len(bands.calibration.tests)),
             note=f"{covered[:1].upper()}{covered[1:]}",
         ),
-        Number(title="Status", value=_STATUS[fit.status], note=reason, worse=fit.status != "converged"),
+        Number(
+            title="Status",
+            value=STATUS_IN_WORDS[fit.status].capitalize(),
+            note=reason,
+            worse=fit.status != "converged",
+        ),
     ]
     if evidence.drawn is not predictions:
         held_out = Number(

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from mrwork.base import numbers
 from mrwork.base.values import Floats
 from mrwork.identification.fit import Fit, SearchTrace
-from mrwork.identification.settings import Multistart
+from mrwork.identification.minimise.race import same_minimum
 from mrwork.plots import style
 from mrwork.plots.canvas import column_axes, draw_points, finish, finish_signed, legend, logarithmic
 from mrwork.report.section import Group, Panel, Section, panel
@@ -95,9 +95,7 @@ def waterfall_panel(fit: Fit) -> Panel | None:
 def _local_minimisations(fit: Fit) -> tuple[Floats, int]:
     """Final misfits of the local minimisations, best first, and the number that reached the least misfit."""
     ends = np.array([end for end in fit.trace.ends if np.isfinite(end)])
-    search = fit.settings.search
-    closeness = search.closeness if isinstance(search, Multistart) else Multistart().closeness
-    return ends, int(np.count_nonzero(ends <= (1.0 + closeness) * ends[0])) if ends.size else 0
+    return ends, int(np.count_nonzero(ends <= same_minimum(ends[0]))) if ends.size else 0
 
 
 def _note(count: int, reached: int) -> str:

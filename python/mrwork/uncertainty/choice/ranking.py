@@ -23,7 +23,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.laws import CommandLaw, LawName, law_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.identification.fit import NEGLIGIBLE
+from mrwork.identification.fit import NEGLIGIBLE, STATUS_IN_WORDS
 from mrwork.identification.result import MANY, BuildingCost
 from mrwork.records import DamperTest
 from mrwork.uncertainty.choice.objections import objections_to
@@ -172,7 +172,7 @@ class Standing:
         """The verdict, what makes it doubtful, and why the candidate failed."""
         parts = (
             "" if self.verdict == "behind" else self.verdict,
-            "not converged" if self.status == "not_converged" else "",
+            "" if self.status == "converged" else STATUS_IN_WORDS.get(self.status, ""),
             self.reason or self.objection,
             f"{len(self.not_predicted)} tests not predicted" if self.not_predicted else "",
             "costly" if self.is_costly else "",

@@ -1,4 +1,4 @@
-"""Multistart: minimisations of a batch are independent, reach one minimum, and are repeated until it is confirmed."""
+"""The race: minimisations of a batch are independent, and routes go on until two agree on the minimum."""
 
 from __future__ import annotations
 
@@ -11,11 +11,19 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from mrwork.dampers import Box, damper
-from mrwork.identification import Multistart, Objective, search_box
+from mrwork.identification import Objective, Race, search_box
 from mrwork.identification.candidates import CandidateObjective
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, find_minima
-from mrwork.identification.minimise.multistart import distinct_minima, search_starts
+from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, plain_routes
+from mrwork.identification.minimise.race import (
+    Raced,
+    Route,
+    distinct_minima,
+    race,
+    same_minimum,
+    with_best_forces,
+)
 from mrwork.identification.progress import Found
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import cut
@@ -111,32 +119,82 @@ def test_a_start_whose_derivatives_overflow_does_not_move(
     assert minima.misfit[1] < before[1]
 
 
+def raced(rng: int = 0, *, threads: int = 1, told: list[Found] | None = None, **settings: Any) -> Raced:
+    def tell(found: Found) -> None:
+        if told is not None:
+            told.append(found)
+
+    compared, chosen = objective(threads), Race(**settings)
+    routes = plain_routes(compared, FORM.box, chosen, rng=rng, on_search=tell)
+    return race(compared, FORM.box, routes, chosen, searched=SEARCHED, rng=rng, on_search=tell)
+
+
 def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
-    found = [search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=rng) for rng in range(2)]
+    found = [raced(rng) for rng in range(2)]
     least = min(each.misfit[0] for each in found)
     for each in found:
-        assert each.misfit[0] == pytest.approx(least, rel=Multistart().closeness)
-        assert each.trace.stop_reason == "found_again"
+        assert each.misfit[0] <= same_minimum(least)
+        assert each.trace.stop_reason == "agreed"
+        assert set(each.found_by) == {SAMPLES, POPULATION}
+        assert not each.doubt
         assert list(each.trace.evaluations) == sorted(each.trace.evaluations)
         assert list(each.trace.best) == sorted(each.trace.best, reverse=True)
-    again = search_starts(objective(threads=2), FORM.box, SEARCHED, Multistart(), rng=0)
-    np.testing.assert_array_equal(again.theta, found[0].theta)
+    np.testing.assert_array_equal(raced(threads=2).theta, found[0].theta)
     assert not np.array_equal(found[1].theta, found[0].theta)
 
 
-def test_rounds_continue_until_the_best_minimum_is_found_again() -> None:
-    once = replace(Multistart(), starts=4, most_rounds=4, found=2)
-    found = search_starts(objective(), FORM.box, SEARCHED, once, rng=3)
-    assert 8 <= len(found.misfit) <= 16
-    if found.trace.stop_reason == "found_again":
-        assert found.misfit[1] == pytest.approx(found.misfit[0], rel=once.closeness)
+def test_a_minimum_that_one_route_alone_has_met_is_doubted_and_what_was_tried_is_said() -> None:
+    compared, settings = objective(), Race(most_rounds=2)
+    at_minimum = raced().theta[:1]
+    far = np.asarray(SEARCHED.theta_from_unit(np.full((1, len(SEARCHED.free)), 0.5)))
+    # A route whose force is held far from the measured one never arrives.
+    rounds = []
+
+    def draw_far(number: int) -> NDArray[np.float64]:
+        rounds.append(number)
+        return far[:0]
+
+    routes = (Route(name="the one", draw=lambda number: at_minimum), Route(name="the other", draw=draw_far))
+    found = race(compared, FORM.box, routes, settings, searched=SEARCHED, rng=0)
+    assert rounds == [0, 1]
+    assert found.trace.stop_reason == "max_rounds"
+    assert found.found_by == ("the one",)
+    assert found.doubt.startswith(
+        "only the one met the least one, in 2 rounds of the one and the other, with "
+    )
 
 
-def test_what_is_found_so_far_has_its_misfit() -> None:
+def test_rounds_end_at_the_budget_of_steps() -> None:
+    assert raced(most_rounds=3, most_steps=1.0).trace.stop_reason in ("agreed", "max_steps")
+    far = Route(
+        name="none", draw=lambda number: SEARCHED.theta_from_unit(np.full((1, len(SEARCHED.free)), 0.4))
+    )
+    found = race(objective(), FORM.box, (far,), Race(most_steps=1.0), searched=SEARCHED, rng=0)
+    assert found.trace.stop_reason == "max_steps"
+    assert "only none met the least one, in 1 rounds" in found.doubt
+
+
+def test_what_is_found_so_far_has_its_misfit_and_its_route() -> None:
     told: list[Found] = []
-    search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=0, on_search=told.append)
-    for found in (told[1], told[3], told[-1]):
-        assert objective()(found.best()[None])[0] == found.trace.best[-1]
+    raced(told=told)
+    assert {SAMPLES, POPULATION} & {found.route for found in told}
+    for found in told:
+        assert objective()(found.best()[None])[0] >= found.trace.best[-1]
+
+
+def test_forces_of_points_are_those_of_the_best_fit() -> None:
+    spec = damper("viscous_dahl")
+    compared = Objective.of(spec, (TEST,))
+    box = Box.of(spec)
+    theta = np.array([[2e3, 500.0, 900.0, 10.0], [20.0, 5.0, 900.0, 0.1]])
+    moved, misfit = with_best_forces(compared, box, theta)
+    # The two differ by a factor on all forces only, and the force is linear in these.
+    np.testing.assert_allclose(moved[0], moved[1], rtol=1e-6)
+    np.testing.assert_allclose(compared(moved), misfit, rtol=1e-9)
+    assert np.all(misfit < compared(theta))
+    held = box.with_bounds({"k_w": (500.0, 500.0)})
+    inside, _ = with_best_forces(compared, held, theta)
+    np.testing.assert_array_equal(inside[:, 1], 500.0)
 
 
 def test_minima_that_are_close_count_once() -> None:

@@ -1,0 +1,452 @@
+"""Global search of starting points: a race of unlike routes, which goes on until two of them agree.
+
+A route draws starts, from which local minimisations (Levenberg-Marquardt) lead to minima. One route alone may return
+to a false minimum for ever, because all its starts come from one place. The least minimum is believed only where two
+routes that share neither starts nor bounds have met it and the last round has found none below it.
+
+Stiff candidates cost most and are rarely better, so minimisations first stay below a limit of stiffness. What ends at
+that limit, or on a bound of a shape, is looked past: minimisations go on from it without the limit, and others start
+from the best minimum with some of its parameters replaced.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.arguments import Seed
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.coordinates import ON_BOUND, Box
+from mrwork.identification.fit import SearchTrace
+from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
+from mrwork.identification.minimise.stiffness import (
+    is_at_stiffness_limit,
+    log_stiffness,
+    nearest_below_stiffness,
+)
+from mrwork.identification.objective import NormalEquations, Objective, friction_limit, up_to
+from mrwork.identification.progress import Found, Identifying, OnSearch
+from mrwork.identification.settings import Race
+from mrwork.search.unit_cube import Streams, latin_hypercube
+
+# Misfits of one minimum differ by less than this share of the least, within limits of 0.002 and 0.04 points.
+_SAME, _SAME_LEAST, _SAME_MOST = 0.02, 2e-5, 4e-4
+# After so many iterations the best starts that are still apart, in unit coordinates, go on: this share of them.
+_FIRST_ITERATIONS = 5
+_GO_ON = 0.2
+_APART = 1e-3
+# Where candidates take few time steps more starts take hardly longer: up to this multiple within so many steps.
+_MORE = 4
+_CHEAP = 4e5
+# Relative decrease of the squared misfit at which a local minimisation of the search ends; the final fit continues.
+_TOLERANCE = 1e-5
+_MOST_ITERATIONS = 60
+_BEHIND = Hopeless(after=8, factor=3.0, found=2, closeness=1e-3)
+# Points of a route that go on beyond the limit of stiffness, if their misfit is below this multiple of the least;
+# iterations and tolerance.
+_MOST_BEYOND = 2
+_MOST_STIFF = 2
+_PROMISING = 1.25
+_BEYOND_ITERATIONS = 16
+_BEYOND_TOLERANCE = 1e-4
+# Stiffer loops are worth their cost if the misfit falls by this with them, or by this share of it.
+_MEASURABLE = 4e-4
+_MEASURABLE_SHARE = 0.02
+# Starts from the best minimum, and the share of its parameters that are replaced.
+_CROSSED = 12
+_REPLACED = 0.3
+# A step to the best forces keeps this share of a force with a logarithmic scale.
+_LEAST_FORCE = 1e-3
+# Minima that differ by more than this in a unit coordinate are fitted too, up to this number and excess of the misfit.
+_DISTANT = 0.05
+_MOST_DISTINCT = 3
+_CLOSE = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Route:
+    """A route of a race: what it is in words, and the starts that it draws in a round, shape (n_starts, n_params)."""
+
+    name: str
+    draw: Callable[[int], Floats]
+
+
+@array_dataclass()
+class Raced:
+    """Minima of a race, best first, shape (n_minima, n_params), with misfits (n_minima,), and the trace.
+
+    `objective` has the limit of stiffness within which they were found: none where stiffer candidates are better.
+    `found_by` are the routes that have met the least minimum, and `tried` says what was tried.
+    """
+
+    objective: Objective
+    theta: Floats
+    misfit: Floats
+    trace: SearchTrace
+    found_by: tuple[str, ...]
+    tried: str
+
+    @property
+    def doubt(self) -> str:
+        """Why a lower minimum is possible, with what was tried; empty where two routes agree."""
+        if self.trace.stop_reason == "agreed":
+            return ""
+        if len(self.found_by) > 1:
+            return f"the last round found it below that of the rounds before, {self.tried}"
+        met = f"only {self.found_by[0]} met" if self.found_by else "only starts near it met"
+        return f"{met} the least one, {self.tried}"
+
+
+def race(
+    objective: Objective,
+    box: Box,
+    routes: Sequence[Route],
+    settings: Race,
+    *,
+    searched: Box,
+    rng: Seed,
+    mirrored: tuple[int, ...] = (),
+    on_search: OnSearch = lambda found: None,
+) -> Raced:
+    """Minima inside `box` by the routes, in rounds until two routes agree or the budget of steps is spent.
+
+    Replaced parameters are drawn from the `searched` ranges. `mirrored`: parameters whose signs can be changed together
+    with little effect, but across a barrier that no local minimisation crosses. Without any minimum `theta` is empty.
+    """
+    course = _Course(
+        objective=objective,
+        low=up_to(objective, min(friction_limit(objective.tests), objective.stiffest)),
+        box=box,
+        settings=settings,
+        on_search=on_search,
+        theta=np.empty((0, len(box.names))),
+        began=objective.tally.steps,
+    )
+    reason = "max_rounds"
+    for number in range(settings.most_rounds):
+        course.round = number
+        before = course.least
+        for route in routes:
+            course.descend(route.draw(number), route.name)
+        course.go_beyond()
+        if not course.misfit.size:
+            continue
+        course.look_past(searched, mirrored, np.random.default_rng([rng, number]))
+        lowered = number > 0 and same_minimum(course.least) < before
+        if len(course.found_by & {route.name for route in routes}) > 1 and not lowered:
+            reason = "agreed"
+            break
+        if course.spent > settings.most_steps:
+            reason = "max_steps"
+            break
+    course.come_below()
+    return course.result(reason, [route.name for route in routes])
+
+
+def same_minimum(least: float) -> float:
+    """The largest misfit of a point that has met the minimum of this misfit."""
+    return least + min(max(_SAME * least, _SAME_LEAST), _SAME_MOST)
+
+
+def minima_from(
+    objective: Objective,
+    box: Box,
+    starts: Floats,
+    *,
+    mirrored: tuple[int, ...] = (),
+    on_iteration: Callable[[LocalMinima], None] | None = None,
+) -> Floats:
+    """The `distinct_minima` that local minimisations from starts, (n_starts, n_params), reach in one batch.
+
+    `mirrored` as in `race`: a further minimisation starts from the mirror image of the best minimum.
+    """
+
+    def descend(starts: Floats) -> LocalMinima:
+        return find_minima(
+            objective,
+            box,
+            starts,
+            max_iterations=_MOST_ITERATIONS,
+            tolerance=_TOLERANCE,
+            hopeless=_BEHIND,
+            on_iteration=on_iteration,
+        )
+
+    minima = descend(starts)
+    theta, misfit = minima.theta, minima.misfit
+    if mirrored:
+        minima = descend(mirror(theta[int(np.argmin(misfit))], mirrored)[None])
+        theta, misfit = np.concatenate([theta, minima.theta]), np.concatenate([misfit, minima.misfit])
+    return distinct_minima(box, *best_first(theta, misfit))
+
+
+def mirror(theta: Floats, mirrored: tuple[int, ...]) -> Floats:
+    """Mirror image of a point, (n_params,): the `mirrored` parameters with opposite signs."""
+    image = theta.copy()
+    image[list(mirrored)] *= -1.0
+    return image
+
+
+def report_minima(call: Identifying, fitted: str, trace: SearchTrace, minima: LocalMinima) -> None:
+    """Report local minimisations of what is `fitted`, from starts that a search with this trace has found."""
+    best = minima.best
+    call.so_far = lambda: (best.theta, trace)
+    call.on_steps("screening", best.steps, best.misfit, fitted)
+
+
+def distinct_minima(box: Box, theta: Floats, misfit: Floats) -> Floats:
+    """The best minimum, and up to two distant ones whose misfit is at most 1 % larger, as rows, best first."""
+    unit = np.asarray(box.unit_from_theta(theta))
+    return theta[_apart(unit[misfit <= (1.0 + _CLOSE) * misfit[0]], _DISTANT, _MOST_DISTINCT)]
+
+
+def best_first(theta: Floats, misfit: Floats) -> tuple[Floats, Floats]:
+    """Minima, (n_minima, n_params), with their misfits, sorted by these."""
+    order = np.argsort(misfit, kind="stable")
+    return theta[order], misfit[order]
+
+
+def _apart(unit: Floats, distance: float, most: int) -> list[int]:
+    """Indices of at most so many rows, in their order, that differ by more than `distance` in a coordinate."""
+    taken: list[int] = []
+    for index, point in enumerate(unit):
+        if len(taken) < most and np.all(np.abs(unit[taken] - point).max(axis=1) > distance):
+            taken.append(index)
+    return taken
+
+
+def with_best_forces(objective: Objective, box: Box, theta: Floats) -> tuple[Floats, Floats]:
+    """Points, (n_points, n_params), with their forces at the best fit, and their misfits, which may be infinite.
+
+    The force is linear in most parameters whose unit contains the newton: one step of linear least squares finds them.
+    Candidates are thus compared by the shape of their loops. A point that is no better with the step keeps its own.
+    """
+    latent = np.asarray(box.latent_from_theta(box.inside(theta)))
+    inside = np.asarray(box.theta_from_latent(latent))
+    every = np.ones((len(theta), len(objective.compared)), dtype=np.bool_)
+    equations = NormalEquations.at(objective, box, latent, every)
+    shares = np.tile(objective.shares, (len(theta), 1))
+    before = np.sqrt(np.einsum("rt,rt->r", shares, equations.squared))
+    parameters = np.array(objective.spec.parameters, dtype=object)[list(box.free)]
+    held = np.tile([not parameter.scales_with_force for parameter in parameters], (len(theta), 1))
+    simulated = np.isfinite(before) & np.isfinite(equations.joint(shares)[1]).all(axis=(1, 2))
+    if held.all() or not simulated.any():
+        return inside, before
+    steps = equations[simulated].steps(shares[simulated], held[simulated])
+    moved = inside[simulated]
+    of_force = moved[:, list(box.free)]
+    reached = of_force + steps * np.exp(box.log_slope(latent[simulated]))
+    positive = np.array([parameter.is_positive for parameter in parameters])
+    moved[:, list(box.free)] = np.where(positive, np.maximum(reached, _LEAST_FORCE * of_force), reached)
+    moved = np.clip(moved, box.lower, box.upper)
+    after = objective(moved)
+    better = after < before[simulated]
+    rows = np.flatnonzero(simulated)[better]
+    inside[rows], before[rows] = moved[better], after[better]
+    return inside, before
+
+
+def draw_samples(
+    objective: Objective,
+    box: Box,
+    theta_of: Callable[[Floats], Floats],
+    n_params: int,
+    settings: Race,
+    *,
+    rng: Seed,
+    number: int = 0,
+) -> Floats:
+    """Starts of a round from samples of the unit cube, which `theta_of` maps to parameters, (n_starts, n_params).
+
+    Half are the best samples, the others any that can be simulated.
+    """
+    count, began = settings.samples * n_params, objective.tally.steps
+    unit = latin_hypercube(Streams(rng=rng, generation=number), count, n_params)
+    theta, misfit = with_best_forces(objective, box, np.asarray(theta_of(unit)))
+    order = np.argsort(misfit, kind="stable")[: np.count_nonzero(np.isfinite(misfit))]
+    steps = max(objective.tally.steps - began, 1) / count
+    half = int(np.clip(_CHEAP / steps, settings.starts, _MORE * settings.starts)) // 2
+    # Samples are in random order.
+    return theta[[*order[:half], *np.sort(order[half:])[:half]]]
+
+
+@dataclass(slots=True, kw_only=True)
+class _Course:
+    """A race that runs: minima so far with the routes that have met each, and the trace of their misfits.
+
+    `low` is the objective below the limit of stiffness, where minimisations start; `began` the steps before the race.
+    """
+
+    objective: Objective
+    low: Objective
+    box: Box
+    settings: Race
+    on_search: OnSearch
+    theta: Floats
+    began: int
+    misfit: Floats = field(default_factory=lambda: np.empty(0))
+    routes: list[str] = field(default_factory=list)
+    stiff: list[tuple[str, Floats]] = field(default_factory=list)
+    evaluations: list[int] = field(default_factory=list)
+    best: list[float] = field(default_factory=list)
+    median: list[float] = field(default_factory=list)
+    round: int = 0
+
+    @property
+    def spent(self) -> int:
+        """Time steps that the race has simulated."""
+        return self.objective.tally.steps - self.began
+
+    @property
+    def least(self) -> float:
+        """The least misfit, infinite without a minimum."""
+        return float(np.min(self.misfit, initial=math.inf))
+
+    @property
+    def found_by(self) -> frozenset[str]:
+        """Routes that have met the least minimum."""
+        same = np.flatnonzero(self.misfit <= same_minimum(self.least))
+        return frozenset(self.routes[index] for index in same)
+
+    def descend(self, starts: Floats, route: str) -> None:
+        """Keep the minima to which starts of a route lead below the limit of stiffness, and from those above it."""
+        if not len(starts):
+            return
+        starts = np.asarray(self.box.inside(starts))
+        stiff = log_stiffness(self.low.compared, starts).max(axis=1) > 0.0
+        if not stiff.all():
+            first = self._minimise(self.low, starts[~stiff], route, _FIRST_ITERATIONS)
+            theta, misfit = best_first(first.theta, first.misfit)
+            theta = theta[np.isfinite(misfit)]
+            if len(theta):
+                taken = _apart(
+                    np.asarray(self.box.unit_from_theta(theta)), _APART, max(5, int(_GO_ON * len(starts)))
+                )
+                last = self._minimise(self.low, theta[taken], route, self.settings.most_iterations)
+                self._keep(last, [route] * len(taken))
+        self.stiff.append((route, starts[stiff][:_MOST_STIFF]))
+
+    def look_past(self, searched: Box, mirrored: tuple[int, ...], random: np.random.Generator) -> None:
+        """Minimise from the best minimum with some of its parameters replaced, and from its mirror image."""
+        best = self.theta[int(np.argmin(self.misfit))]
+        starts = np.empty((0, best.size))
+        if self.round or self._is_on_shape_bound(best):
+            samples = np.asarray(searched.theta_from_unit(random.random((_CROSSED, len(searched.free)))))
+            crossed = np.where(random.random(samples.shape) < _REPLACED, samples, best)
+            starts, misfit = with_best_forces(self.low, self.box, crossed)
+            starts = starts[np.isfinite(misfit)]
+        if mirrored:
+            starts = np.concatenate([mirror(best, mirrored)[None], starts])
+        self.descend(starts, "the best minimum with other parameters")
+
+    def _is_on_shape_bound(self, theta: Floats) -> bool:
+        """Whether a parameter that is no force, and has a logarithmic scale, is on a bound."""
+        unit = np.asarray(self.box.unit_from_theta(theta))
+        shapes = [
+            column
+            for column, index in enumerate(self.box.free)
+            if self.box.log[index] and not self.objective.spec.parameters[index].scales_with_force
+        ]
+        return bool(on_bound(unit[shapes]).any())
+
+    def go_beyond(self) -> None:
+        """Minimise without the limit of stiffness from what each route has met at it, and from its stiff starts."""
+        if not self.misfit.size and not self.stiff:
+            return
+        at_limit = is_at_stiffness_limit(self.low.compared, self.theta)
+        promising = at_limit & (self.misfit <= _PROMISING * self.least)
+        for route in dict.fromkeys(self.routes):
+            mine = np.flatnonzero(promising & np.array([each == route for each in self.routes]))
+            mine = mine[np.argsort(self.misfit[mine], kind="stable")]
+            unit = np.asarray(self.box.unit_from_theta(self.theta[mine]))
+            self.stiff.append((route, self.theta[mine[_apart(unit, _DISTANT, _MOST_BEYOND)]]))
+        starts = np.concatenate([self.theta[:0], *(theta for _, theta in self.stiff)])
+        routes = [route for route, theta in self.stiff for _ in theta]
+        self.stiff = []
+        if not len(starts):
+            return
+        ended = find_minima(
+            self.objective,
+            self.box,
+            starts,
+            max_iterations=_BEYOND_ITERATIONS,
+            tolerance=_BEYOND_TOLERANCE,
+            hopeless=replace(_BEHIND, after=5, factor=1.5, earlier=(self.least, self.least)),
+            on_iteration=lambda minima: self._tell(minima.misfit, "stiffer loops"),
+        )
+        self._keep(ended, routes)
+
+    def come_below(self) -> None:
+        """Minimise below the limit of stiffness from the best minimum, where that is above it."""
+        if self.misfit.size:
+            best = self.theta[[int(np.argmin(self.misfit))]]
+            if log_stiffness(self.low.compared, best).max() > 0.0:
+                below = nearest_below_stiffness(self.low.compared, self.box, best)
+                self._keep(self._minimise(self.low, below, "", self.settings.most_iterations), [""])
+
+    def _minimise(self, objective: Objective, starts: Floats, route: str, iterations: int) -> LocalMinima:
+        return find_minima(
+            objective,
+            self.box,
+            starts,
+            max_iterations=iterations,
+            tolerance=_TOLERANCE,
+            hopeless=replace(_BEHIND, earlier=(self.least,) if self.misfit.size else ()),
+            on_iteration=lambda minima: self._tell(minima.misfit, route),
+        )
+
+    def _keep(self, minima: LocalMinima, routes: list[str]) -> None:
+        fine = np.flatnonzero(np.isfinite(minima.misfit))
+        self.theta = np.concatenate([self.theta, minima.theta[fine]])
+        self.misfit = np.concatenate([self.misfit, minima.misfit[fine]])
+        self.routes += [routes[index] for index in fine]
+
+    def _tell(self, misfit: Floats, route: str) -> None:
+        """Note the misfits of an iteration, and report what is found so far."""
+        finite = misfit[np.isfinite(misfit)]
+        if finite.size:
+            self.evaluations.append(self.objective.tally.simulations)
+            self.best.append(min([*self.best[-1:], float(finite.min())]))
+            self.median.append(float(np.median(finite)))
+        if self.misfit.size:
+            best = self.theta[int(np.argmin(self.misfit))]
+            share = min((self.round + 0.5) / self.settings.most_rounds, 1.0)
+            self.on_search(Found(best=lambda: best, trace=self._trace(""), share=share, route=route))
+
+    def _trace(self, reason: str) -> SearchTrace:
+        return SearchTrace(
+            evaluations=tuple(self.evaluations),
+            best=tuple(self.best),
+            median=tuple(self.median),
+            stop_reason=reason,
+            ends=tuple(np.sort(self.misfit).tolist()),
+        )
+
+    def result(self, reason: str, routes: Sequence[str]) -> Raced:
+        """The minima, without those beyond the limit of stiffness where these are hardly better."""
+        below = log_stiffness(self.low.compared, self.theta).max(axis=1, initial=-math.inf) <= 0.0
+        least_below = float(np.min(self.misfit[below], initial=math.inf))
+        objective = self.objective
+        if least_below - self.least <= min(_MEASURABLE, _MEASURABLE_SHARE * self.least):
+            objective, self.theta, self.misfit = self.low, self.theta[below], self.misfit[below]
+            self.routes = [route for route, each in zip(self.routes, below, strict=True) if each]
+        found_by = tuple(route for route in routes if route in self.found_by)
+        theta, misfit = best_first(self.theta, self.misfit)
+        tried = f"in {self.round + 1} rounds of {' and '.join(routes)}, with {self.spent:.2g} time steps"
+        return Raced(
+            objective=objective,
+            theta=theta,
+            misfit=misfit,
+            trace=self._trace(reason),
+            found_by=found_by,
+            tried=tried,
+        )
+
+
+def on_bound(unit: Floats) -> NDArray[np.bool_]:
+    """Whether each unit coordinate is within `ON_BOUND` of 0 or 1, same shape."""
+    return np.asarray((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND))
