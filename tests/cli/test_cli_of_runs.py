@@ -31,13 +31,13 @@ def profiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def valley(profiled: Path) -> Path:
-    """The run with delta and x_s halved, which the force hardly shows: the fit is at a bound of delta."""
+    """The run with delta and x_s a fifth less, which the force hardly shows."""
     place = profiled.parent / "valley"
     shutil.copytree(profiled, place)
     opened = reopen(place)
     problem = Problem.of_fit(opened.fit, opened.tests)
-    halves = [0.5 if each.name in ("delta", "x_s") else 1.0 for each in opened.fit.estimates]
-    theta = problem.inside(np.array(opened.fit.theta) * halves)
+    nearer = [0.8 if each.name in ("delta", "x_s") else 1.0 for each in opened.fit.estimates]
+    theta = problem.inside(np.array(opened.fit.theta) * nearer)
     covariance = Covariance.of(Slopes.at(problem.objective, problem.form, theta))
     estimates, directions = fitted_parameters(problem, theta, covariance)
     fit = replace(opened.fit, estimates=estimates, directions=directions)
@@ -55,6 +55,29 @@ def test_a_profile_says_what_the_data_settle(valley: Path) -> None:
     assert "delta/x_s is better identifiable" in text
     document = json.loads((valley / "profiles.json").read_text())
     assert [each["name"] for each in document["profiles"]] == [*mr.damper("static_hysteretic").names]
+
+
+def test_a_better_fit_that_a_profile_finds_replaces_that_of_the_run(profiled: Path, tmp_path: Path) -> None:
+    place = tmp_path / "short"
+    shutil.copytree(profiled, place)
+    fit = reopen(place).fit
+    short = [
+        replace(each, value=(1.2 if each.name == "alpha" else 1.0) * each.value) for each in fit.estimates
+    ]
+    add_to_run(place, {"fit.json": fit_content(replace(fit, estimates=tuple(short), nrmse=2.0 * fit.nrmse))})
+    assert "replaces the profiled one" in printed("profile", place, "--parameter", "f0", "--quiet")
+    better = reopen(place).fit
+    assert better.nrmse == pytest.approx(fit.nrmse, rel=1e-3)
+    assert (
+        better.status
+        == json.loads((place / "manifest.json").read_text())["status"]
+        == "lower_minimum_possible"
+    )
+    assert (
+        "a profile of its parameters found it" in printed("report", place, "--quiet") + better.status_in_words
+    )
+    # What was found is profiled without a further replacement.
+    assert "replaces" not in printed("profile", place, "--parameter", "f0", "--quiet")
 
 
 def test_json_is_one_object_and_what_is_written(valley: Path) -> None:

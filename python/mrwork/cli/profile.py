@@ -20,8 +20,9 @@ from mrwork.cli.output import (
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import Interrupted, RecordError
+from mrwork.identification.fit_file import fit_content, manifest_of
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import PROFILES, REPORT, RunFolder
+from mrwork.store.run_folder import FIT, PROFILES, REPORT, RunFolder
 from mrwork.store.run_writer import add_to_run, adding
 from mrwork.uncertainty.identifiability.profile import Profiles, profile
 
@@ -62,7 +63,12 @@ def _profile(options: argparse.Namespace) -> int:
             )
     except Interrupted as interrupt:
         return _write_interrupted(opened.run, interrupt.result, options)
-    add_to_run(path, {PROFILES: json_document(profiles.document()).encode()})
+    contents = {PROFILES: json_document(profiles.document()).encode()}
+    facts: dict[str, object] = {}
+    if profiles.better is not None:
+        contents[FIT] = fit_content(profiles.better)
+        facts = manifest_of(profiles.better, profiles.better.status)
+    add_to_run(path, contents, facts=facts)
     fit = load(path, StoredRun).fit
     more = {"directions": [asdict(direction) for direction in fit.informative], "findings": findings}
     below = [

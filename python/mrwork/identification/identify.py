@@ -137,12 +137,13 @@ def identify_with(
     warns: bool = True,
     examines: bool = True,
     searched: tuple[Box, SearchTrace] | None = None,
+    doubt: str = "",
 ) -> Fit:
     """`identify` with its settings as one value.
 
     Without `warns` its warnings are with the fit only. Without `examines` nothing is looked for that speaks against a
     fit which has converged. Where the search was made before, `searched` are the box of the final fit and the trace
-    that led to the first start of the settings, from which it begins.
+    that led to the first start of the settings, from which it begins, and `doubt` says why a lower minimum is possible.
     """
     spec = damper(model) if isinstance(model, str) else model
     problem = Problem.of(spec, as_tests(tests), settings, threads=threads, journal=journal)
@@ -162,10 +163,30 @@ def identify_with(
             return starting_points(problem, call).with_given(spec, settings.starts)
         start = problem.inside([settings.starts[0][name] for name in spec.names])
         return StartingPoints(
-            objective=problem.objective, form=problem.form, theta=start[None], trace=searched[1]
+            objective=problem.objective,
+            form=problem.form,
+            theta=start[None],
+            trace=searched[1],
+            doubt=doubt,
         )
 
     return _Identification(problem=problem, call=call, examines=examines).fit(find_points)
+
+
+def moved_to(fit: Fit, tests: Sequence[DamperTest], theta: Floats, *, found_by: str, threads: int = 0) -> Fit:
+    """The fit to its tests anew from a point of less misfit, (n_params,), that what is named has found."""
+    names = fit.spec.names
+    start = dict(zip(names, theta.tolist(), strict=True))
+    moved = identify_with(
+        fit.spec,
+        tests,
+        replace(fit.settings, starts=(start,)),
+        threads=threads,
+        warns=False,
+        searched=(Problem.of_fit(fit, tuple(tests)).form.box, fit.trace),
+        doubt=f"{found_by} found it, and no route of the search",
+    )
+    return replace(moved, provenance=fit.provenance)
 
 
 @dataclass(slots=True, kw_only=True)

@@ -16,6 +16,7 @@ from contextlib import AbstractContextManager, ExitStack, closing, contextmanage
 from functools import partial
 from itertools import chain
 from pathlib import Path, PurePath
+from types import MappingProxyType
 from typing import Final
 
 from mrwork.base.numbers import counted
@@ -313,15 +314,24 @@ def addition_journal(
             raise
 
 
-def add_to_run(path: str | Path, contents: Mapping[str, bytes], *, grown: Collection[str] = ()) -> None:
-    """Add files to a run, or write some of them again, by path in its folder; `grown` are there as NAME.new."""
+def add_to_run(
+    path: str | Path,
+    contents: Mapping[str, bytes],
+    *,
+    grown: Collection[str] = (),
+    facts: Mapping[str, object] = MappingProxyType({}),
+) -> None:
+    """Add files to a run, or write some of them again, by path in its folder; `grown` are there as NAME.new.
+
+    `facts` replace those of the same name in the manifest.
+    """
     folder = real_path(path)
     with _lock_of(folder), _explained(path):
         run = RunFolder.open(folder).settled()
         paths = {name: folder / (name + NEW) for name in grown}
         listed = {name: digest_at(name, path) for name, path in paths.items() if path.is_file()}
         replaced = {name: run.files.get(name) for name in (*contents, *listed)}
-        stated = _stated(run.manifest, run.kind)
+        stated = _stated({**run.manifest, **facts}, run.kind)
         commit(folder, stated, contents, grown={**run.files, **listed}, replaced=replaced, flush=False)
 
 

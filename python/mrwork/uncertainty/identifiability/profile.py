@@ -6,11 +6,11 @@ A profile is the least misfit with one parameter held; its confidence interval l
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field, replace
 from math import nan
 from operator import attrgetter
 from statistics import NormalDist
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.identification.covariance import Slopes, covariance
 from mrwork.identification.fit import Fit, Interval, Intervals, Verdict
+from mrwork.identification.identify import moved_to
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.problem import Problem
 from mrwork.identification.verdicts import Scale, judge_interval, scales_of
@@ -107,7 +108,8 @@ _ALONG = {
 class Profiles(Plotted, WithAxes, Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
 
-    `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`.
+    `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`. `better`
+    replaces the profiled fit where a better one was found on the way; the profiles are about it.
     """
 
     _made_by: ClassVar[str] = "mr.profile(fit, tests)"
@@ -123,6 +125,11 @@ class Profiles(Plotted, WithAxes, Summarised):
     remark: str
     evaluations: Whole
     seconds: NotNegative
+    better: Fit | None = field(default=None, compare=False)
+
+    def document(self) -> dict[str, Any]:
+        """The fields, without the fit: it has a file of its own."""
+        return {name: value for name, value in asdict(replace(self, better=None)).items() if name != "better"}
 
     @property
     def intervals(self) -> Intervals:
@@ -382,8 +389,8 @@ def profile(
             status=status,
             remark=""
             if improvement < _BETTER
-            else f"a better fit was found on the way: NRMSE {np.sqrt(least):.6g} after {fit.nrmse:.6g}; "
-            "the profiles are about that one, identify again",
+            else "a better fit was found on the way, which replaces the profiled one: NRMSE "
+            f"{np.sqrt(least):.6g} after {fit.nrmse:.6g}; the profiles are about it",
             evaluations=objective.tally.simulations,
             seconds=call.seconds,
         )
@@ -414,7 +421,17 @@ def profile(
             better = box.theta_from_unit(best.position[None])
             minimum = find_minima(objective, box, better, max_iterations=_MOST_STEPS).best
             origin = Point(position=box.unit_from_theta(minimum.theta), squared=minimum.misfit**2)
-    return result(sides, "finished")
+        better = None
+        if origin is not start:
+            found = problem.form.to_model(box.theta_from_unit(origin.position))
+            better = moved_to(
+                fit,
+                objective.tests,
+                np.asarray(found),
+                found_by="a profile of its parameters",
+                threads=threads,
+            )
+    return replace(result(sides, "finished"), better=better)
 
 
 def _profiled_indices(box: Box, parameters: Sequence[str]) -> list[int]:
