@@ -178,8 +178,9 @@ def test_what_is_found_so_far_has_its_misfit_and_its_route() -> None:
     told: list[Found] = []
     raced(told=told)
     assert {SAMPLES, POPULATION} & {found.route for found in told}
-    for found in told:
-        assert objective()(found.best()[None])[0] >= found.trace.best[-1]
+    local = [found for found in told if found.route]
+    for found in (local[0], local[len(local) // 2], local[-1]):
+        assert objective()(found.best()[None])[0] == pytest.approx(found.trace.best[-1], rel=1e-9)
 
 
 def test_forces_of_points_are_those_of_the_best_fit() -> None:

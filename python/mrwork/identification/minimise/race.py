@@ -279,6 +279,8 @@ class _Course:
     """A race that runs: minima so far with the routes that have met each, and the trace of their misfits.
 
     `low` is the objective below the limit of stiffness, where minimisations start; `began` the steps before the race.
+    `stiff` are starts above the limit by route, `n_examined` the minima of which some have gone on beyond it, and
+    `leader` is the best point of the trace.
     """
 
     objective: Objective
@@ -291,6 +293,8 @@ class _Course:
     misfit: Floats = field(default_factory=lambda: np.empty(0))
     routes: list[str] = field(default_factory=list)
     stiff: list[tuple[str, Floats]] = field(default_factory=list)
+    n_examined: int = 0
+    leader: Floats | None = None
     evaluations: list[int] = field(default_factory=list)
     best: list[float] = field(default_factory=list)
     median: list[float] = field(default_factory=list)
@@ -359,11 +363,13 @@ class _Course:
             return
         at_limit = is_at_stiffness_limit(self.low.compared, self.theta)
         promising = at_limit & (self.misfit <= _PROMISING * self.least)
+        promising[: self.n_examined] = False
         for route in dict.fromkeys(self.routes):
             mine = np.flatnonzero(promising & np.array([each == route for each in self.routes]))
             mine = mine[np.argsort(self.misfit[mine], kind="stable")]
             unit = np.asarray(self.box.unit_from_theta(self.theta[mine]))
             self.stiff.append((route, self.theta[mine[_apart(unit, _DISTANT, _MOST_BEYOND)]]))
+        self.n_examined = len(self.misfit)
         starts = np.concatenate([self.theta[:0], *(theta for _, theta in self.stiff)])
         routes = [route for route, theta in self.stiff for _ in theta]
         self.stiff = []
@@ -376,7 +382,7 @@ class _Course:
             max_iterations=_BEYOND_ITERATIONS,
             tolerance=_BEYOND_TOLERANCE,
             hopeless=replace(_BEHIND, after=5, factor=1.5, earlier=(self.least, self.least)),
-            on_iteration=lambda minima: self._tell(minima.misfit, "stiffer loops"),
+            on_iteration=lambda minima: self._tell(minima, "stiffer loops"),
         )
         self._keep(ended, routes)
 
@@ -396,7 +402,7 @@ class _Course:
             max_iterations=iterations,
             tolerance=_TOLERANCE,
             hopeless=replace(_BEHIND, earlier=(self.least,) if self.misfit.size else ()),
-            on_iteration=lambda minima: self._tell(minima.misfit, route),
+            on_iteration=lambda minima: self._tell(minima, route),
         )
 
     def _keep(self, minima: LocalMinima, routes: list[str]) -> None:
@@ -405,17 +411,19 @@ class _Course:
         self.misfit = np.concatenate([self.misfit, minima.misfit[fine]])
         self.routes += [routes[index] for index in fine]
 
-    def _tell(self, misfit: Floats, route: str) -> None:
+    def _tell(self, minima: LocalMinima, route: str) -> None:
         """Note the misfits of an iteration, and report what is found so far."""
-        finite = misfit[np.isfinite(misfit)]
-        if finite.size:
-            self.evaluations.append(self.objective.tally.simulations)
-            self.best.append(min([*self.best[-1:], float(finite.min())]))
-            self.median.append(float(np.median(finite)))
-        if self.misfit.size:
-            best = self.theta[int(np.argmin(self.misfit))]
-            share = min((self.round + 0.5) / self.settings.most_rounds, 1.0)
-            self.on_search(Found(best=lambda: best, trace=self._trace(""), share=share, route=route))
+        best, finite = minima.best, minima.misfit[np.isfinite(minima.misfit)]
+        if not finite.size:
+            return
+        if self.leader is None or best.misfit < self.best[-1]:
+            self.leader = best.theta
+        leader = self.leader
+        self.evaluations.append(self.objective.tally.simulations)
+        self.best.append(min([*self.best[-1:], best.misfit]))
+        self.median.append(float(np.median(finite)))
+        share = min((self.round + 0.5) / self.settings.most_rounds, 1.0)
+        self.on_search(Found(best=lambda: leader, trace=self._trace(""), share=share, route=route))
 
     def _trace(self, reason: str) -> SearchTrace:
         return SearchTrace(
