@@ -171,7 +171,7 @@ def test_rounds_end_at_the_budget_of_steps() -> None:
     )
     found = race(objective(), FORM.box, (far,), Race(most_steps=1.0), searched=SEARCHED, rng=0)
     assert found.trace.stop_reason == "max_steps"
-    assert "only none met the least one, in 1 rounds" in found.doubt
+    assert "met the least one, in 1 round of none, with " in found.doubt
 
 
 def test_what_is_found_so_far_has_its_misfit_and_its_route() -> None:

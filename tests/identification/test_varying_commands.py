@@ -126,11 +126,10 @@ def test_laws_and_lag_are_recovered(fit: Fit) -> None:
     assert float(np.std(predicted.residual)) == pytest.approx(NOISE_N, rel=0.1)
 
 
-def test_the_default_search_finds_the_laws_and_the_lag_in_few_simulations() -> None:
-    """It gives starts of local minimisations: 300 generations were 10 000 simulations, with and without the lag."""
+def test_the_default_search_finds_the_laws_and_the_lag() -> None:
     fit = mr.identify(SPEC, record(random_steps), bounds=FIXED)
     assert_recovered(fit)
-    assert fit.trace.evaluations[-1] < 6000
+    assert fit.trace.evaluations[-1] < 20_000
 
 
 def test_laws_of_more_coefficients_than_levels_are_refused(refused: Refused) -> None:

@@ -19,6 +19,8 @@ from mrwork.records.window import cut, settling_samples
 # Cycles for a settled loop, and samples per cycle that resolve its knees.
 _EXCERPT_CYCLES = 3
 _EXCERPT_PER_CYCLE = 400
+# Least range of a cycle, as a share of the largest, of a motion of which a few cycles are enough.
+_SAME_RANGE = 0.9
 # A record keeps so many samples, if it has them: the corners of a triangle are sharper than its frequency shows.
 _FEW_SAMPLES = 1500
 # Longest step of an excerpt from the middle [s]: with longer ones a stiff loop wants more than the most sub-steps, a
@@ -42,7 +44,7 @@ _STRETCH_SHARE = 0.1
 def excerpt(test: DamperTest) -> DamperTest:
     """The first cycles of a cyclic test, decimated to a resolution that shows the loop, sufficient for a search.
 
-    A motion of a wide band keeps its length, and so does a test whose command varies.
+    A motion of a wide band keeps its length, and so do one whose cycles differ and a test whose command varies.
     """
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0:
@@ -53,10 +55,22 @@ def excerpt(test: DamperTest) -> DamperTest:
         return _thinned(test, min(max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))), most))
     if test.has_varying_command:
         return _thinned(test, thin)
-    seconds = _excerpt_seconds(test, motion.dominant)
-    if not _shows_motion(test, slice(0, int(seconds / test.dt) + 1)):
+    if not _repeats(test, motion.dominant):
         return _thinned(test, thin)
-    return cut(test, end=test.start_time + seconds, every=thin)
+    return cut(test, end=test.start_time + _excerpt_seconds(test, motion.dominant), every=thin)
+
+
+def _repeats(test: DamperTest, frequency: float) -> bool:
+    """Whether all periods of the motion have the same range, of displacement and velocity, within a tenth."""
+    period = round(1.0 / (frequency * test.dt))
+    count = test.n_time // period
+    if count == 0:
+        return False
+    ranges = [
+        np.ptp(signal[: count * period].reshape(count, period), axis=1)
+        for signal in (test.displacement, test.velocity)
+    ]
+    return all(np.min(each) >= _SAME_RANGE * np.max(each) for each in ranges)
 
 
 def _thinned(test: DamperTest, every: int) -> DamperTest:
@@ -148,7 +162,7 @@ def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
     """
     motion = spectrum(test.displacement, test.dt)
     is_cyclic = motion.dominant > 0.0 and motion.band_edge <= _CYCLIC_BAND * motion.dominant
-    if not is_cyclic or test.has_varying_command:
+    if not is_cyclic or test.has_varying_command or not _repeats(test, motion.dominant):
         return excerpt(test)
     length = _excerpt_seconds(test, motion.dominant)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_type_hints
 
-from mrwork.base.arguments import Count, Positive, Seed, checked
+from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError
@@ -38,6 +38,8 @@ class Race:
         so.
     most_iterations
         Largest number of iterations of a local minimisation.
+    sure_steps
+        Where fewer time steps than this were simulated, a second round confirms what the routes agreed on in the first.
     most_steps
         Time steps of all simulations together after which no further round begins.
     """
@@ -49,6 +51,7 @@ class Race:
     generations: Count = 50
     most_rounds: Count = 3
     most_iterations: Count = 40
+    sure_steps: NotNegative = 5e7
     most_steps: Positive = 2e8
 
 

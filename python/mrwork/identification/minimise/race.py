@@ -136,7 +136,7 @@ def race(
         if not course.misfit.size:
             continue
         course.look_past(searched, mirrored, np.random.default_rng([rng, number]))
-        lowered = number > 0 and same_minimum(course.least) < before
+        lowered = same_minimum(course.least) < before and (number > 0 or course.spent < settings.sure_steps)
         if len(course.found_by & {route.name for route in routes}) > 1 and not lowered:
             reason = "agreed"
             break
@@ -338,7 +338,7 @@ class _Course:
         """Minimise from the best minimum with some of its parameters replaced, and from its mirror image."""
         best = self.theta[int(np.argmin(self.misfit))]
         starts = np.empty((0, best.size))
-        if self.round or self._is_on_shape_bound(best):
+        if self.spent < self.settings.sure_steps or self.round or self._is_on_shape_bound(best):
             samples = np.asarray(searched.theta_from_unit(random.random((_CROSSED, len(searched.free)))))
             crossed = np.where(random.random(samples.shape) < _REPLACED, samples, best)
             starts, misfit = with_best_forces(self.low, self.box, crossed)
@@ -444,7 +444,8 @@ class _Course:
             self.routes = [route for route, each in zip(self.routes, below, strict=True) if each]
         found_by = tuple(route for route in routes if route in self.found_by)
         theta, misfit = best_first(self.theta, self.misfit)
-        tried = f"in {self.round + 1} rounds of {' and '.join(routes)}, with {self.spent:.2g} time steps"
+        rounds = f"{self.round + 1} round{'s' if self.round else ''}"
+        tried = f"in {rounds} of {' and '.join(routes)}, with {self.spent:.2g} time steps"
         return Raced(
             objective=objective,
             theta=theta,
