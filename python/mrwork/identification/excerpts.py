@@ -21,6 +21,8 @@ _EXCERPT_CYCLES = 3
 _EXCERPT_PER_CYCLE = 400
 # Least range of a cycle, as a share of the largest, of a motion of which a few cycles are enough.
 _SAME_RANGE = 0.9
+# Shares of the samples between which the range of a cycle is taken.
+_INNER = (0.1, 0.9)
 # A record keeps so many samples, if it has them: the corners of a triangle are sharper than its frequency shows.
 _FEW_SAMPLES = 1500
 # Longest step of an excerpt from the middle [s]: with longer ones a stiff loop wants more than the most sub-steps, a
@@ -61,13 +63,13 @@ def excerpt(test: DamperTest) -> DamperTest:
 
 
 def _repeats(test: DamperTest, frequency: float) -> bool:
-    """Whether all periods of the motion have the same range, of displacement and velocity, within a tenth."""
+    """Whether all periods of the motion have the same range of displacement and velocity, but for single samples."""
     period = round(1.0 / (frequency * test.dt))
     count = test.n_time // period
     if count == 0:
         return False
     ranges = [
-        np.ptp(signal[: count * period].reshape(count, period), axis=1)
+        np.ptp(np.quantile(signal[: count * period].reshape(count, period), _INNER, axis=1), axis=0)
         for signal in (test.displacement, test.velocity)
     ]
     return all(np.min(each) >= _SAME_RANGE * np.max(each) for each in ranges)
