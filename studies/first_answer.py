@@ -1,8 +1,8 @@
 """How often is the first fit the best one, on dampers that are no model of the package, and does it say where not?
 
 Three hundred records of ten dampers under six motions, each fitted with one of six models by `identify` as it is typed.
-The best fit known of each record comes from all searches together with ten times the budget (`--best`, hours). Some
-ten minutes of one core, the quick form ten seconds; ten thousand starts on three records (`--starts`) another hour.
+The best fit known of each record comes from all searches together with ten times the budget (`--best`, hours). Twenty
+minutes of one core, the quick form ten seconds; ten thousand starts on three records (`--starts`) another hour.
 """
 
 import csv
