@@ -308,7 +308,7 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
 
 @array_dataclass()
 class NormalEquations:
-    """Squared NRMSE of tests, (n_rows, n_tests), half its gradient by latent coordinates, (..., n_free), and J'J.
+    """Squared NRMSE of tests, (n_rows, n_tests), half its gradient by the free parameters, (..., n_free), and J'J.
 
     Where a row leaves a test out, or a simulation fails, the squared NRMSE is infinite and the rest zero.
     """
@@ -319,13 +319,11 @@ class NormalEquations:
 
     @classmethod
     def at(
-        cls, objective: Objective, box: Box, latent: Floats, included: NDArray[np.bool_]
+        cls, objective: Objective, box: Box, theta: Floats, included: NDArray[np.bool_]
     ) -> NormalEquations:
-        """Simulate rows of `latent`, (n_rows, n_free), with derivatives, on the tests that each `included` row has."""
-        objective.tally.simulations += len(latent)
-        theta = np.asarray(box.theta_from_latent(latent))
-        slope = np.exp(box.log_slope(latent))
-        n_free = latent.shape[1]
+        """Simulate rows of `theta`, (n_rows, n_params), with derivatives, on the tests that each `included` row has."""
+        objective.tally.simulations += len(theta)
+        n_free = len(box.free)
         squared = np.full(included.shape, np.inf)
         gradient = np.zeros((*included.shape, n_free))
         matrix = np.zeros((*included.shape, n_free, n_free))
@@ -340,7 +338,7 @@ class NormalEquations:
                 # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
                 with np.errstate(over="ignore", invalid="ignore"):
                     residuals *= scale
-                    jacobian *= scale * slope[some][..., None]
+                    jacobian *= scale
                     squares = np.einsum("bt,bt->b", residuals, residuals)
                     gradient[some, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
                     matrix[some, index] = jacobian @ jacobian.transpose(0, 2, 1)
@@ -354,6 +352,15 @@ class NormalEquations:
         return NormalEquations(
             squared=self.squared[rows], gradient=self.gradient[rows], matrix=self.matrix[rows]
         )
+
+    def by(self, slope: Floats) -> NormalEquations:
+        """The equations by other coordinates: derivatives of the free parameters by them, (n_rows, n_free, n_free)."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return NormalEquations(
+                squared=self.squared,
+                gradient=np.einsum("rtp,rpq->rtq", self.gradient, slope),
+                matrix=slope.transpose(0, 2, 1)[:, None] @ self.matrix @ slope[:, None],
+            )
 
     def joint(self, shares: Floats, held: NDArray[np.bool_] | None = None) -> tuple[Floats, Floats]:
         """Gradient and J'J of the squared misfit of each row with these shares of the tests, (n_rows, n_tests).

@@ -39,16 +39,17 @@ class Race:
     most_iterations
         Largest number of iterations of a local minimisation.
     sure_steps
-        Where fewer time steps than this were simulated, a second round confirms what the routes agreed on in the first.
+        Where the first round took fewer time steps than this, another confirms what its routes agree on, unless most
+        of its minima do.
     most_steps
         Time steps of all simulations together after which no further round begins.
     """
 
     name: ClassVar[str] = "race"
-    samples: Count = 12
-    starts: Count = 16
+    samples: Count = 8
+    starts: Count = 8
     population: Annotated[int, Within(least=5, most=LARGEST_POPULATION)] = 60
-    generations: Count = 50
+    generations: Count = 20
     most_rounds: Count = 3
     most_iterations: Count = 40
     sure_steps: NotNegative = 5e7

@@ -44,8 +44,9 @@ def _minimise(objective: Objective, box: Box, start: Floats, on_step: OnStep | N
     origin = np.asarray(box.latent_from_theta(box.inside(start)))
     # Units of the coordinates in which they have equal effects on the residuals, as in Marquardt's scaling.
     every = np.ones((1, len(objective.compared)), dtype=np.bool_)
-    equations = NormalEquations.at(objective, box, origin[None], every)
+    equations = NormalEquations.at(objective, box, np.asarray(box.theta_from_latent(origin))[None], every)
     sensitivity = np.sqrt(np.diagonal(equations.joint(objective.shares[None])[1][0]))
+    sensitivity = sensitivity * np.exp(box.log_slope(origin))
     scale = 1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300))
     position, steps, converged = minimise((jnp.asarray(origin), jnp.asarray(scale), arrays_of(objective)))
     objective.tally.simulations += int(steps)

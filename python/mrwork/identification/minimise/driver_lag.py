@@ -86,7 +86,7 @@ def polish_with_wanted_lag(problem: Problem, points: StartingPoints, *, on_step:
         return lagged
     objective = points.objective.on(plain.form.spec, points.objective.tests)
     candidates = np.array([lagged.theta, *points.theta])[:, :-1]
-    starts = minima_from(objective, plain.form.box, candidates, mirrored=plain.form.mirrored)
+    starts = minima_from(objective, plain.form.box, candidates)
     if _is_clear(lagged, points.objective, objective, starts[0]):
         return lagged
     without = polish(plain, starts, on_step=on_step)

@@ -38,7 +38,7 @@ from mrwork.identification.equivalent import (
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.plain_search import evolved, optimise, plain_routes
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
-from mrwork.identification.minimise.race import Raced, Route, best_first, distinct_minima, race
+from mrwork.identification.minimise.race import Raced, Route, best_first, distinct_minima, in_round, race
 from mrwork.identification.minimise.varying_search import scaled_laws
 from mrwork.identification.objective import Objective, up_to
 from mrwork.identification.problem import Problem
@@ -198,18 +198,20 @@ class _LevelSearch:
         fitted = EXCERPTS if self.on_searched is self.on_tests else f"{EXCERPTS} of some tests"
         on_search = self._part(fitted, lambda theta: self._in_own_laws(theta[None])[0])
         objective, box = self.on_searched, self.joint.box
-        searched = search_box(*plain_of(self.problem.form), objective.tests)
+        plain, plain_box = plain_of(self.problem.form)
+        searched = search_box(plain, plain_box, objective.tests)
         laws_of = scaled_laws(self.joint, objective.tests, self.commands)
         settings = replace(self.settings, generations=min(self.settings.generations, _GENERATIONS))
 
         def draw_scaled(number: int) -> Floats:
             return evolved(
                 objective,
-                lambda unit: laws_of(np.asarray(searched.theta_from_unit(unit))),
-                len(searched.free),
-                settings,
+                plain_box,
+                searched,
+                in_round(settings, number),
                 rng=seed + number,
                 on_search=on_search,
+                laws_of=laws_of,
             )
 
         return race(
@@ -219,7 +221,6 @@ class _LevelSearch:
             settings,
             searched=search_box(self.joint.spec, box, self.on_tests.tests),
             rng=seed,
-            mirrored=self.joint.mirrored,
             on_search=on_search,
         )
 

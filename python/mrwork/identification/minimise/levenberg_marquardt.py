@@ -22,6 +22,7 @@ from mrwork.base.arguments import Count
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.minimise.stiffness import is_at_stiffness_limit, within_stiffness
+from mrwork.identification.minimise.straight import Straight
 from mrwork.identification.objective import NormalEquations, Objective
 
 # Convergence: relative decrease of the squared misfit in a step, also at the limit of stiffness.
@@ -129,7 +130,7 @@ def find_minima(
     iteration with the present points.
     """
     state = _initial(objective, box, starts, shares, damping)
-    held = np.zeros(state.latent.shape, dtype=np.bool_) if held is None else held
+    held = np.zeros(state.still.shape, dtype=np.bool_) if held is None else held
     iterations = 0
     courses = [state.misfit]
     while iterations < max_iterations and state.running.any():
@@ -142,7 +143,7 @@ def find_minima(
             shares,
             held,
             box,
-            state.latent,
+            state.theta,
             state.misfit,
             state.damping,
             state.running,
@@ -152,40 +153,42 @@ def find_minima(
             given_up = hopeless.of(courses, state.arrived, max_iterations - iterations)
             state = replace(state, running=state.running & ~given_up)
         if on_iteration is not None:
-            on_iteration(_minima(box, state, iterations))
-    return _minima(box, state, iterations)
+            on_iteration(_minima(state, iterations))
+    return _minima(state, iterations)
 
 
 @array_dataclass()
 class _State:
     """State of the batch, one row for each start, as it is recorded in the journal.
 
-    `normal` (matrix) and `gradient` are of the last linearisation; `moved` starts have accepted a step since.
+    `normal` (matrix) and `gradient` are of the last linearisation, at which the parameters in `still` were held, or on
+    a bound that the misfit falls across; `moved` starts have accepted a step since.
     """
 
-    latent: Floats
+    theta: Floats
     misfit: Floats
     damping: Floats
     sensitivity: Floats
     normal: Floats
     gradient: Floats
+    still: NDArray[np.bool_]
     moved: NDArray[np.bool_]
     arrived: NDArray[np.bool_]
     running: NDArray[np.bool_]
 
 
 def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | None, damping: float) -> _State:
-    latent = np.asarray(box.latent_from_theta(box.inside(starts)))
-    theta = np.asarray(box.theta_from_latent(latent))
+    theta = np.clip(starts, box.lower, box.upper)
     misfit = objective(theta, shares)
-    n_starts, n_free = latent.shape
+    n_starts, n_free = len(theta), len(box.free)
     return _State(
-        latent=latent,
+        theta=theta,
         misfit=misfit,
         damping=np.full(n_starts, damping),
         sensitivity=np.zeros((n_starts, n_free)),
         normal=np.zeros((n_starts, n_free, n_free)),
         gradient=np.zeros((n_starts, n_free)),
+        still=np.zeros((n_starts, n_free), dtype=np.bool_),
         moved=np.ones(n_starts, dtype=np.bool_),
         arrived=np.zeros(n_starts, dtype=np.bool_),
         running=np.isfinite(misfit),
@@ -202,15 +205,25 @@ def _iterate_once(
 ) -> _State:
     """Linearise at the points that have moved, then try several dampings for every running start.
 
-    Equations of held parameters have zeros, so that their steps are zero.
+    Equations of parameters that stand still have zeros, so that their steps are zero.
     """
     new = deepcopy(state)
-    latent, misfit, damping, normal, gradient = new.latent, new.misfit, new.damping, new.normal, new.gradient
-    sensitivity, moved, arrived, running = new.sensitivity, new.moved, new.arrived, new.running
-    own_shares = np.tile(objective.shares, (len(latent), 1)) if shares is None else shares
+    theta, misfit, damping, normal, gradient = new.theta, new.misfit, new.damping, new.normal, new.gradient
+    sensitivity, still, moved, arrived, running = (
+        new.sensitivity,
+        new.still,
+        new.moved,
+        new.arrived,
+        new.running,
+    )
+    own_shares = np.tile(objective.shares, (len(theta), 1)) if shares is None else shares
+    coordinates = Straight(objective.spec, box)
     fresh = np.flatnonzero(running & moved)
-    equations = NormalEquations.at(objective, box, latent[fresh], own_shares[fresh] > 0.0)
-    gradient[fresh], normal[fresh] = equations.joint(own_shares[fresh], held[fresh])
+    equations = NormalEquations.at(objective, box, theta[fresh], own_shares[fresh] > 0.0)
+    by_theta, _ = equations.joint(own_shares[fresh])
+    still[fresh] = held[fresh] | coordinates.outward(theta[fresh], by_theta)
+    equations = equations.by(coordinates.slope(theta[fresh], still[fresh]))
+    gradient[fresh], normal[fresh] = equations.joint(own_shares[fresh], still[fresh])
     running[fresh] = np.isfinite(normal[fresh]).all(axis=(1, 2)) & np.isfinite(gradient[fresh]).all(axis=1)
     if not running.any():
         return replace(state, running=running)
@@ -222,24 +235,23 @@ def _iterate_once(
     dampings = damping[active, None] * np.array(_DAMPING_FACTORS)
     # (active, factor, free, free)
     damped = normal[active, None] + dampings[..., None, None] * (
-        scale[:, None, :, None] * np.eye(latent.shape[1])
+        scale[:, None, :, None] * np.eye(gradient.shape[1])
     )
     step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
     step = within_stiffness(
-        objective.compared, box, latent[active], step, damped, gradient[active], held[active]
+        objective.compared, coordinates, theta[active], step, damped, gradient[active], still[active]
     )
-    tried = latent[active, None] + step
     before = misfit[active]
-    theta = np.asarray(box.theta_from_latent(tried.reshape(-1, latent.shape[1])))
+    tried = coordinates.after(theta[active], still[active], step)
     n_tried = len(_DAMPING_FACTORS)
     tried_shares = None if shares is None else np.repeat(shares[active], n_tried, axis=0)
-    after = objective(theta, tried_shares).reshape(-1, n_tried)
+    after = objective(tried.reshape(-1, theta.shape[1]), tried_shares).reshape(-1, n_tried)
     best = np.argmin(after, axis=1)
     rows = np.arange(active.size)
     better = after[rows, best] < before
     moved[active] = better
     accepted = active[better]
-    latent[accepted] = tried[rows, best][better]
+    theta[accepted] = tried[rows, best][better]
     misfit[accepted] = after[rows, best][better]
     # A third of the best damping; ten times the largest that was tried where none lowered the misfit.
     factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
@@ -248,17 +260,12 @@ def _iterate_once(
     decrease = 1.0 - (misfit[active] / np.maximum(before, 1e-300)) ** 2
     enough = np.full(active.size, tolerance)
     # What lies beyond the limit is negligible, and so is the rest of a slow way along it.
-    at_limit = is_at_stiffness_limit(objective.compared, np.asarray(box.theta_from_latent(latent[active])))
+    at_limit = is_at_stiffness_limit(objective.compared, theta[active])
     enough[at_limit] = max(tolerance, _TOLERANCE_AT_LIMIT)
     arrived[active] = np.where(better, decrease < enough, damping[active] > _MOST_DAMPING)
     running[active] = ~arrived[active]
     return new
 
 
-def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
-    return LocalMinima(
-        theta=np.asarray(box.theta_from_latent(state.latent)),
-        misfit=state.misfit,
-        converged=state.arrived,
-        iterations=iterations,
-    )
+def _minima(state: _State, iterations: int) -> LocalMinima:
+    return LocalMinima(theta=state.theta, misfit=state.misfit, converged=state.arrived, iterations=iterations)

@@ -26,6 +26,7 @@ from mrwork.identification.minimise.race import (
     Route,
     distinct_minima,
     draw_samples,
+    in_round,
     minima_from,
     race,
     report_minima,
@@ -37,11 +38,12 @@ from mrwork.identification.settings import Race
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult
+    from mrwork.search.course import State
 
 # Largest number of starting points of an optimiser.
 _STARTS = 16
 # Multiple of the limit of stiffness up to which a population is simulated; minimisations go beyond it.
-_STIFFER = 8.0
+_STIFFER = 3.0
 # Nested starts are moved off the faces of the box, by this share of its ranges: on a face a parameter has no slope.
 _OFF_FACES = 5e-3
 # Samples per parameter and least starts of a simpler model, whose fit is only a start.
@@ -67,7 +69,6 @@ def points_from_race(problem: Problem, search: Race, *, call: Identifying) -> St
         search,
         searched=search_box(form.spec, form.box, objective.tests),
         rng=rng,
-        mirrored=form.mirrored,
         on_search=on_search,
     )
     if not len(raced.theta):
@@ -100,50 +101,71 @@ def plain_routes(
     wide = widened(searched, box)
 
     def draw_local(number: int) -> Floats:
-        samples = draw_samples(
-            low, box, wide.theta_from_unit, len(wide.free), settings, rng=rng, number=number
-        )
-        if not len(samples):
-            # Fixed parameters may make every candidate stiff.
+        for each in (low, objective):
             samples = draw_samples(
-                objective, box, wide.theta_from_unit, len(wide.free), settings, rng=rng, number=number
+                each,
+                box,
+                wide.theta_from_unit,
+                len(wide.free),
+                in_round(settings, number),
+                rng=rng,
+                number=number,
             )
+            # Fixed parameters may make every candidate stiff.
+            if len(samples):
+                break
         if number:
             return samples
         first = nested_starts(low, box, settings, rng) if near is None else near
         return np.concatenate([first, samples])
 
     def draw_population(number: int) -> Floats:
-        return evolved(
-            mid,
-            searched.theta_from_unit,
-            len(searched.free),
-            settings,
-            rng=rng + number,
-            on_search=on_search,
-        )
+        for each in (mid if number else low, objective):
+            grown = in_round(settings, number)
+            elite = evolved(each, box, searched, grown, rng=rng + number, on_search=on_search)
+            if len(elite):
+                break
+        return elite
 
     return Route(name=SAMPLES, draw=draw_local), Route(name=POPULATION, draw=draw_population)
 
 
 def evolved(
     objective: Objective,
-    theta_of: Callable[[Floats], Floats],
-    n_params: int,
+    box: Box,
+    searched: Box,
     settings: Race,
     *,
     rng: int,
     on_search: OnSearch,
+    laws_of: Callable[[Floats], Floats] = lambda theta: theta,
 ) -> Floats:
-    """Elite of differential evolution over the unit cube, which `theta_of` maps to parameters, (n_elite, n_params)."""
+    """Elite of differential evolution, (n_elite, n_params), half of whose first members are in the `searched` ranges.
+
+    The others are in ranges ten times as wide within `box`, and so is what evolves. `laws_of` maps parameters of the
+    box to those of the objective.
+    """
     from mrwork.search.evolution import DifferentialEvolution
     from mrwork.search.rules import StopRules
 
     search = DifferentialEvolution(
         population=settings.population, stop=StopRules(max_generations=settings.generations)
     )
+    wide = widened(searched, box)
+    first = search.start(len(wide.free), rng)
+    unit = first.population.copy()
+    within = np.asarray(wide.unit_from_theta(np.asarray(searched.theta_from_unit(unit[::2]))))
+    unit[::2] = np.clip(within, 0.0, 1.0)
     try:
-        return optimise(search, objective, theta_of, n_params=n_params, rng=rng, on_search=on_search)[0]
+        return optimise(
+            search,
+            objective,
+            lambda unit: laws_of(np.asarray(wide.theta_from_unit(unit))),
+            n_params=len(wide.free),
+            rng=rng,
+            on_search=on_search,
+            state=replace(first, population=unit),
+        )[0]
     except SimulationError:
         return np.empty((0, len(objective.spec.names)))
 
@@ -189,7 +211,6 @@ def points_from_optimiser(problem: Problem, search: Optimiser, *, call: Identify
         objective,
         form.box,
         elite[:_STARTS],
-        mirrored=form.mirrored,
         on_iteration=partial(report_minima, call, "", trace),
     )
     return StartingPoints(objective=objective, form=form, theta=theta, trace=trace, doubt=alone_doubt(search))
@@ -208,6 +229,7 @@ def optimise(
     n_params: int,
     rng: int,
     on_search: OnSearch,
+    state: State | None = None,
 ) -> tuple[Floats, SearchTrace]:
     """The elite of a search over unit vectors, (n_elite, n_params), which `theta_of` maps to parameters, and its trace.
 
@@ -239,6 +261,7 @@ def optimise(
         lambda unit: objective(theta_of(unit)),
         rng=rng,
         n_params=n_params,
+        state=state,
         on_generation=on_generation,
         journal=objective.journal,
     )

@@ -5,8 +5,8 @@ to a false minimum for ever, because all its starts come from one place. The lea
 routes that share neither starts nor bounds have met it and the last round has found none below it.
 
 Stiff candidates cost most and are rarely better, so minimisations first stay below a limit of stiffness. What ends at
-that limit, or on a bound of a shape, is looked past: minimisations go on from it without the limit, and others start
-from the best minimum with some of its parameters replaced.
+that limit is looked past: minimisations go on from it without the limit. Others start from the best minimum with some
+of its parameters replaced, so that one on a bound is left if a better one is beyond.
 """
 
 from __future__ import annotations
@@ -16,11 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.arguments import Seed
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.coordinates import ON_BOUND, Box
+from mrwork.dampers.coordinates import Box
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.minimise.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.minimise.stiffness import (
@@ -28,6 +27,7 @@ from mrwork.identification.minimise.stiffness import (
     log_stiffness,
     nearest_below_stiffness,
 )
+from mrwork.identification.minimise.straight import Straight
 from mrwork.identification.objective import NormalEquations, Objective, friction_limit, up_to
 from mrwork.identification.progress import Found, Identifying, OnSearch
 from mrwork.identification.settings import Race
@@ -56,11 +56,12 @@ _BEYOND_TOLERANCE = 1e-4
 # Stiffer loops are worth their cost if the misfit falls by this with them, or by this share of it.
 _MEASURABLE = 4e-4
 _MEASURABLE_SHARE = 0.02
+# Share of the minima of a first round that makes it sure, unless it took fewer time steps than this.
+_SURE = 0.5
+_LEAST_STEPS = 5e6
 # Starts from the best minimum, and the share of its parameters that are replaced.
 _CROSSED = 12
 _REPLACED = 0.3
-# A step to the best forces keeps this share of a force with a logarithmic scale.
-_LEAST_FORCE = 1e-3
 # Minima that differ by more than this in a unit coordinate are fitted too, up to this number and excess of the misfit.
 _DISTANT = 0.05
 _MOST_DISTINCT = 3
@@ -101,6 +102,17 @@ class Raced:
         return f"{met} the least one, {self.tried}"
 
 
+def in_round(settings: Race, number: int) -> Race:
+    """The settings of a round, counted from 0: samples, starts and generations double with each."""
+    times = 2**number
+    return replace(
+        settings,
+        samples=times * settings.samples,
+        starts=times * settings.starts,
+        generations=times * settings.generations,
+    )
+
+
 def race(
     objective: Objective,
     box: Box,
@@ -109,13 +121,11 @@ def race(
     *,
     searched: Box,
     rng: Seed,
-    mirrored: tuple[int, ...] = (),
     on_search: OnSearch = lambda found: None,
 ) -> Raced:
     """Minima inside `box` by the routes, in rounds until two routes agree or the budget of steps is spent.
 
-    Replaced parameters are drawn from the `searched` ranges. `mirrored`: parameters whose signs can be changed together
-    with little effect, but across a barrier that no local minimisation crosses. Without any minimum `theta` is empty.
+    Replaced parameters are drawn from the `searched` ranges. Without any minimum `theta` is empty.
     """
     course = _Course(
         objective=objective,
@@ -135,9 +145,8 @@ def race(
         course.go_beyond()
         if not course.misfit.size:
             continue
-        course.look_past(searched, mirrored, np.random.default_rng([rng, number]))
-        lowered = same_minimum(course.least) < before and (number > 0 or course.spent < settings.sure_steps)
-        if len(course.found_by & {route.name for route in routes}) > 1 and not lowered:
+        course.look_past(searched, np.random.default_rng([rng, number]))
+        if course.is_agreed([route.name for route in routes], before):
             reason = "agreed"
             break
         if course.spent > settings.most_steps:
@@ -157,38 +166,19 @@ def minima_from(
     box: Box,
     starts: Floats,
     *,
-    mirrored: tuple[int, ...] = (),
     on_iteration: Callable[[LocalMinima], None] | None = None,
 ) -> Floats:
-    """The `distinct_minima` that local minimisations from starts, (n_starts, n_params), reach in one batch.
-
-    `mirrored` as in `race`: a further minimisation starts from the mirror image of the best minimum.
-    """
-
-    def descend(starts: Floats) -> LocalMinima:
-        return find_minima(
-            objective,
-            box,
-            starts,
-            max_iterations=_MOST_ITERATIONS,
-            tolerance=_TOLERANCE,
-            hopeless=_BEHIND,
-            on_iteration=on_iteration,
-        )
-
-    minima = descend(starts)
-    theta, misfit = minima.theta, minima.misfit
-    if mirrored:
-        minima = descend(mirror(theta[int(np.argmin(misfit))], mirrored)[None])
-        theta, misfit = np.concatenate([theta, minima.theta]), np.concatenate([misfit, minima.misfit])
-    return distinct_minima(box, *best_first(theta, misfit))
-
-
-def mirror(theta: Floats, mirrored: tuple[int, ...]) -> Floats:
-    """Mirror image of a point, (n_params,): the `mirrored` parameters with opposite signs."""
-    image = theta.copy()
-    image[list(mirrored)] *= -1.0
-    return image
+    """The `distinct_minima` that local minimisations from starts, (n_starts, n_params), reach in one batch."""
+    minima = find_minima(
+        objective,
+        box,
+        starts,
+        max_iterations=_MOST_ITERATIONS,
+        tolerance=_TOLERANCE,
+        hopeless=_BEHIND,
+        on_iteration=on_iteration,
+    )
+    return distinct_minima(box, *best_first(minima.theta, minima.misfit))
 
 
 def report_minima(call: Identifying, fitted: str, trace: SearchTrace, minima: LocalMinima) -> None:
@@ -225,29 +215,24 @@ def with_best_forces(objective: Objective, box: Box, theta: Floats) -> tuple[Flo
     The force is linear in most parameters whose unit contains the newton: one step of linear least squares finds them.
     Candidates are thus compared by the shape of their loops. A point that is no better with the step keeps its own.
     """
-    latent = np.asarray(box.latent_from_theta(box.inside(theta)))
-    inside = np.asarray(box.theta_from_latent(latent))
+    theta = np.clip(theta, box.lower, box.upper)
     every = np.ones((len(theta), len(objective.compared)), dtype=np.bool_)
-    equations = NormalEquations.at(objective, box, latent, every)
+    equations = NormalEquations.at(objective, box, theta, every)
     shares = np.tile(objective.shares, (len(theta), 1))
     before = np.sqrt(np.einsum("rt,rt->r", shares, equations.squared))
-    parameters = np.array(objective.spec.parameters, dtype=object)[list(box.free)]
-    held = np.tile([not parameter.scales_with_force for parameter in parameters], (len(theta), 1))
+    coordinates = Straight(objective.spec, box)
+    held = np.tile(~coordinates.of_force, (len(theta), 1))
+    equations = equations.by(coordinates.slope(theta, held))
     simulated = np.isfinite(before) & np.isfinite(equations.joint(shares)[1]).all(axis=(1, 2))
     if held.all() or not simulated.any():
-        return inside, before
+        return theta, before
     steps = equations[simulated].steps(shares[simulated], held[simulated])
-    moved = inside[simulated]
-    of_force = moved[:, list(box.free)]
-    reached = of_force + steps * np.exp(box.log_slope(latent[simulated]))
-    positive = np.array([parameter.is_positive for parameter in parameters])
-    moved[:, list(box.free)] = np.where(positive, np.maximum(reached, _LEAST_FORCE * of_force), reached)
-    moved = np.clip(moved, box.lower, box.upper)
+    moved = coordinates.after(theta[simulated], held[simulated], steps[:, None])[:, 0]
     after = objective(moved)
     better = after < before[simulated]
     rows = np.flatnonzero(simulated)[better]
-    inside[rows], before[rows] = moved[better], after[better]
-    return inside, before
+    theta[rows], before[rows] = moved[better], after[better]
+    return theta, before
 
 
 def draw_samples(
@@ -266,12 +251,14 @@ def draw_samples(
     """
     count, began = settings.samples * n_params, objective.tally.steps
     unit = latin_hypercube(Streams(rng=rng, generation=number), count, n_params)
-    theta, misfit = with_best_forces(objective, box, np.asarray(theta_of(unit)))
+    drawn = np.asarray(theta_of(unit))
+    theta, misfit = with_best_forces(objective, box, drawn)
     order = np.argsort(misfit, kind="stable")[: np.count_nonzero(np.isfinite(misfit))]
     steps = max(objective.tally.steps - began, 1) / count
     half = int(np.clip(_CHEAP / steps, settings.starts, _MORE * settings.starts)) // 2
-    # Samples are in random order.
-    return theta[[*order[:half], *np.sort(order[half:])[:half]]]
+    # Samples are in random order. Some with the forces that were drawn lead elsewhere than those with the best ones.
+    others = np.sort(order[half:])[:half]
+    return np.concatenate([theta[order[:half]], theta[others[::2]], drawn[others[1::2]]])
 
 
 @dataclass(slots=True, kw_only=True)
@@ -316,6 +303,16 @@ class _Course:
         same = np.flatnonzero(self.misfit <= same_minimum(self.least))
         return frozenset(self.routes[index] for index in same)
 
+    def is_agreed(self, routes: Sequence[str], before: float) -> bool:
+        """Whether two of the routes have met the least minimum, and again after it was found, or with most minima."""
+        mine = np.isin(self.routes, routes)
+        met = self.misfit <= same_minimum(self.least)
+        sure = self.spent > self.settings.sure_steps or (
+            self.spent > _LEAST_STEPS and np.mean(met[mine]) >= _SURE
+        )
+        again = before <= same_minimum(self.least)
+        return len(self.found_by & {*routes}) > 1 and bool(again or sure)
+
     def descend(self, starts: Floats, route: str) -> None:
         """Keep the minima to which starts of a route lead below the limit of stiffness, and from those above it."""
         if not len(starts):
@@ -334,28 +331,13 @@ class _Course:
                 self._keep(last, [route] * len(taken))
         self.stiff.append((route, starts[stiff][:_MOST_STIFF]))
 
-    def look_past(self, searched: Box, mirrored: tuple[int, ...], random: np.random.Generator) -> None:
-        """Minimise from the best minimum with some of its parameters replaced, and from its mirror image."""
+    def look_past(self, searched: Box, random: np.random.Generator) -> None:
+        """Minimise from the best minimum with some of its parameters replaced."""
         best = self.theta[int(np.argmin(self.misfit))]
-        starts = np.empty((0, best.size))
-        if self.spent < self.settings.sure_steps or self.round or self._is_on_shape_bound(best):
-            samples = np.asarray(searched.theta_from_unit(random.random((_CROSSED, len(searched.free)))))
-            crossed = np.where(random.random(samples.shape) < _REPLACED, samples, best)
-            starts, misfit = with_best_forces(self.low, self.box, crossed)
-            starts = starts[np.isfinite(misfit)]
-        if mirrored:
-            starts = np.concatenate([mirror(best, mirrored)[None], starts])
-        self.descend(starts, "the best minimum with other parameters")
-
-    def _is_on_shape_bound(self, theta: Floats) -> bool:
-        """Whether a parameter that is no force, and has a logarithmic scale, is on a bound."""
-        unit = np.asarray(self.box.unit_from_theta(theta))
-        shapes = [
-            column
-            for column, index in enumerate(self.box.free)
-            if self.box.log[index] and not self.objective.spec.parameters[index].scales_with_force
-        ]
-        return bool(on_bound(unit[shapes]).any())
+        samples = np.asarray(searched.theta_from_unit(random.random((_CROSSED, len(searched.free)))))
+        crossed = np.where(random.random(samples.shape) < _REPLACED, samples, best)
+        starts, misfit = with_best_forces(self.low, self.box, crossed)
+        self.descend(starts[np.isfinite(misfit)], "the best minimum with other parameters")
 
     def go_beyond(self) -> None:
         """Minimise without the limit of stiffness from what each route has met at it, and from its stiff starts."""
@@ -454,8 +436,3 @@ class _Course:
             found_by=found_by,
             tried=tried,
         )
-
-
-def on_bound(unit: Floats) -> NDArray[np.bool_]:
-    """Whether each unit coordinate is within `ON_BOUND` of 0 or 1, same shape."""
-    return np.asarray((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND))

@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import MOST_SUBSTEPS
+from mrwork.identification.minimise.straight import Straight
 from mrwork.identification.residual import ObservedTest
 
 # Distance from the limit that a step along it keeps, in the logarithm of the stiffness: the limit is curved.
 _MARGIN = 0.02
 # Distance within which a minimum is at the limit.
 _AT_LIMIT = 0.1
-# Step in latent coordinates of the differences.
+# Relative step of the differences.
 _SMALL = 1e-4
 # Most tests whose limits a step may meet at once.
 _MOST_MET = 8
@@ -31,29 +32,30 @@ _NOT_FAR_ABOVE = 0.7
 
 def within_stiffness(
     tests: Sequence[ObservedTest],
-    box: Box,
-    latent: Floats,
+    coordinates: Straight,
+    theta: Floats,
     step: Floats,
     damped: Floats,
     gradient: Floats,
-    held: NDArray[np.bool_],
+    still: NDArray[np.bool_],
 ) -> Floats:
     """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
 
-    `step`, shape (n_rows, n_dampings, n_free), from `latent`, (n_rows, n_free), minimises the quadratic functions of
-    `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free); `held` parameters have no step.
+    `step`, shape (n_rows, n_dampings, n_free), from `theta`, (n_rows, n_params), minimises the quadratic functions of
+    `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free); what is `still` has no step.
     """
-    ends = np.asarray(box.theta_from_latent(latent[:, None] + step))
+    ends = coordinates.after(theta, still, step)
     stiffness = log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
     beyond = np.any(stiffness > 0.0, axis=2)
     if not beyond.any():
         return step
     step = step.copy()
+    slopes = coordinates.slope(theta, still)
     for row in np.flatnonzero(np.any(beyond, axis=1)):
-        value, slope = stiffness_and_slope(tests, box, latent[row])
+        value, slope = stiffness_and_slope(tests, coordinates.box, theta[row])
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             continue
-        slope[:, held[row]] = 0.0
+        slope = np.where(still[row], 0.0, slope @ slopes[row])
         room = np.maximum(-_MARGIN - value, 0.0)
         for factor in np.flatnonzero(beyond[row]):
             step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)
@@ -71,7 +73,8 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
     for row in np.flatnonzero((excess > 0.0) & (excess < most)):
         latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
         for _ in range(_STEPS_BELOW):
-            value, slope = stiffness_and_slope(tests, box, latent)
+            value, slope = stiffness_and_slope(tests, box, np.asarray(box.theta_from_latent(latent)))
+            slope = slope * np.exp(box.log_slope(latent))
             if not (np.isfinite(value).all() and np.isfinite(slope).all()) or value.max() <= 0.0:
                 break
             latent = latent + _minimise_within(
@@ -92,11 +95,14 @@ def is_at_stiffness_limit(tests: Sequence[ObservedTest], theta: Floats) -> NDArr
     return np.asarray(log_stiffness(limited, theta).max(axis=1) > -_AT_LIMIT)
 
 
-def stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, latent: Floats) -> tuple[Floats, Floats]:
-    """Logarithm of the stiffness at a point, shape (n_tests,), and its derivative, shape (n_tests, n_free)."""
-    nearby = np.concatenate([latent[None], latent + _SMALL * np.eye(latent.size)])
-    value, *moved = log_stiffness(tests, np.asarray(box.theta_from_latent(nearby)))
-    return value, (np.array(moved) - value).T / _SMALL
+def stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, theta: Floats) -> tuple[Floats, Floats]:
+    """Logarithm of the stiffness at a point, (n_tests,), and its derivative by the free parameters, (..., n_free)."""
+    free = list(box.free)
+    sizes = _SMALL * np.where(theta[free] == 0.0, 1.0, theta[free])
+    nearby = np.tile(theta, (len(free) + 1, 1))
+    nearby[np.arange(1, len(free) + 1), free] += sizes
+    value, *moved = log_stiffness(tests, nearby)
+    return value, ((np.array(moved) - value) / sizes[:, None]).T
 
 
 def log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:

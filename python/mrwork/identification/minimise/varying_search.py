@@ -18,7 +18,7 @@ from mrwork.identification.commands import excerpts_of, refuse_few_levels, teste
 from mrwork.identification.equivalent import Form, joint_box, plain_of, search_box, widened
 from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, alone_doubt, evolved, optimise
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
-from mrwork.identification.minimise.race import Route, distinct_minima, draw_samples, race
+from mrwork.identification.minimise.race import Route, distinct_minima, draw_samples, in_round, race
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import EXCERPTS, Identifying, part_of
 from mrwork.identification.settings import Race
@@ -109,14 +109,24 @@ def points_from_scaled_forces(
     def draw_local(number: int) -> Floats:
         laws = partial(from_unit, wide)
         return with_rates(
-            draw_samples(objective, form.box, laws, len(wide.free), settings, rng=rng, number=number)
+            draw_samples(
+                objective, form.box, laws, len(wide.free), in_round(settings, number), rng=rng, number=number
+            )
         )
 
     def draw_population(number: int) -> Floats:
         laws, n_params = partial(from_unit, searched), len(searched.free)
         if isinstance(search, Race):
             return with_rates(
-                evolved(objective, laws, n_params, settings, rng=rng + number, on_search=on_search)
+                evolved(
+                    objective,
+                    box,
+                    searched,
+                    in_round(settings, number),
+                    rng=rng + number,
+                    on_search=on_search,
+                    laws_of=laws_of,
+                )
             )
         return with_rates(
             optimise(search, objective, laws, n_params=n_params, rng=rng, on_search=on_search)[0]
@@ -130,7 +140,6 @@ def points_from_scaled_forces(
         settings,
         searched=search_box(spec, form.box, tests),
         rng=rng,
-        mirrored=form.mirrored,
         on_search=on_search,
     )
     if not len(raced.theta):

@@ -114,7 +114,9 @@ class LawFolds:
         here = np.asarray(box.latent_from_theta(box.inside(self._curves(spec, theta))))
         n_rows, n_levels, n_model = here.shape
         included = np.tile(levels == np.arange(n_levels)[:, None], (n_rows, 1))
-        every = NormalEquations.at(self.excerpts, box, here.reshape(-1, n_model), included)
+        latent = here.reshape(-1, n_model)
+        every = NormalEquations.at(self.excerpts, box, np.asarray(box.theta_from_latent(latent)), included)
+        every = every.by(np.exp(box.log_slope(latent))[:, :, None] * np.eye(n_model))
         own = n_levels * np.arange(n_rows)[:, None] + levels, np.arange(levels.size)
         normal = NormalEquations(
             squared=every.squared[own], gradient=every.gradient[own], matrix=every.matrix[own]
