@@ -38,7 +38,7 @@ from mrwork.identification.equivalent import (
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.plain_search import evolved, optimise, plain_routes
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
-from mrwork.identification.minimise.race import Raced, Route, best_first, distinct_minima, in_round, race
+from mrwork.identification.minimise.race import Raced, Route, best_first, distinct_minima, race
 from mrwork.identification.minimise.varying_search import scaled_laws
 from mrwork.identification.objective import Objective, up_to
 from mrwork.identification.problem import Problem
@@ -55,8 +55,6 @@ if TYPE_CHECKING:
 _PER_COMMAND = 4
 # Minima of the plain model that are kept at each command.
 _MINIMA = 4
-# Generations of the population of laws: each candidate is simulated on all tests.
-_GENERATIONS = 30
 # What the routes of the joint fit are, in words.
 _LEVELS = "local minimisations from fits at each command"
 _SCALED = "a population of laws in proportion to the measured force"
@@ -201,15 +199,15 @@ class _LevelSearch:
         plain, plain_box = plain_of(self.problem.form)
         searched = search_box(plain, plain_box, objective.tests)
         laws_of = scaled_laws(self.joint, objective.tests, self.commands)
-        settings = replace(self.settings, generations=min(self.settings.generations, _GENERATIONS))
 
         def draw_scaled(number: int) -> Floats:
             return evolved(
                 objective,
                 plain_box,
                 searched,
-                in_round(settings, number),
-                rng=seed + number,
+                self.settings,
+                rng=seed,
+                number=number,
                 on_search=on_search,
                 laws_of=laws_of,
             )
@@ -218,7 +216,7 @@ class _LevelSearch:
             objective,
             box,
             (Route(name=_LEVELS, draw=starts), Route(name=_SCALED, draw=draw_scaled)),
-            settings,
+            self.settings,
             searched=search_box(self.joint.spec, box, self.on_tests.tests),
             rng=seed,
             on_search=on_search,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 
 # Largest number of starting points of an optimiser.
 _STARTS = 16
-# Multiple of the limit of stiffness up to which a population is simulated; minimisations go beyond it.
+# Multiple of the limit of stiffness up to which a population of a later round is simulated; minimisations go beyond it.
 _STIFFER = 3.0
 # Nested starts are moved off the faces of the box, by this share of its ranges: on a face a parameter has no slope.
 _OFF_FACES = 5e-3
@@ -96,7 +97,6 @@ def plain_routes(
     The first also starts at points that are given, `near`, (n_near, n_params), else near the simpler model.
     """
     low = up_to(objective, min(friction_limit(objective.tests), objective.stiffest))
-    mid = up_to(objective, min(_STIFFER * friction_limit(objective.tests), objective.stiffest))
     searched = search_box(objective.spec, box, objective.tests)
     wide = widened(searched, box)
 
@@ -120,12 +120,7 @@ def plain_routes(
         return np.concatenate([first, samples])
 
     def draw_population(number: int) -> Floats:
-        for each in (mid if number else low, objective):
-            grown = in_round(settings, number)
-            elite = evolved(each, box, searched, grown, rng=rng + number, on_search=on_search)
-            if len(elite):
-                break
-        return elite
+        return evolved(objective, box, searched, settings, rng=rng, number=number, on_search=on_search)
 
     return Route(name=SAMPLES, draw=draw_local), Route(name=POPULATION, draw=draw_population)
 
@@ -137,37 +132,38 @@ def evolved(
     settings: Race,
     *,
     rng: int,
+    number: int,
     on_search: OnSearch,
     laws_of: Callable[[Floats], Floats] = lambda theta: theta,
 ) -> Floats:
-    """Elite of differential evolution, (n_elite, n_params), half of whose first members are in the `searched` ranges.
+    """Elite of differential evolution in a round, (n_elite, n_params); half of its first members are in `searched`.
 
     The others are in ranges ten times as wide within `box`, and so is what evolves. `laws_of` maps parameters of the
-    box to those of the objective.
+    box to those of the objective. Stiff candidates cost most, so that few are simulated, unless all are stiff.
     """
     from mrwork.search.evolution import DifferentialEvolution
     from mrwork.search.rules import StopRules
 
-    search = DifferentialEvolution(
-        population=settings.population, stop=StopRules(max_generations=settings.generations)
-    )
+    stop = StopRules(max_generations=in_round(settings, number).generations)
+    search = DifferentialEvolution(population=settings.population, stop=stop)
     wide = widened(searched, box)
-    first = search.start(len(wide.free), rng)
+    first = search.start(len(wide.free), rng + number)
     unit = first.population.copy()
     within = np.asarray(wide.unit_from_theta(np.asarray(searched.theta_from_unit(unit[::2]))))
     unit[::2] = np.clip(within, 0.0, 1.0)
-    try:
-        return optimise(
-            search,
-            objective,
-            lambda unit: laws_of(np.asarray(wide.theta_from_unit(unit))),
-            n_params=len(wide.free),
-            rng=rng,
-            on_search=on_search,
-            state=replace(first, population=unit),
-        )[0]
-    except SimulationError:
-        return np.empty((0, len(objective.spec.names)))
+    limit = (_STIFFER if number else 1.0) * friction_limit(objective.tests)
+    for limited in (up_to(objective, min(limit, objective.stiffest)), objective):
+        with suppress(SimulationError):
+            return optimise(
+                search,
+                limited,
+                lambda unit: laws_of(np.asarray(wide.theta_from_unit(unit))),
+                n_params=len(wide.free),
+                rng=rng + number,
+                on_search=on_search,
+                state=replace(first, population=unit),
+            )[0]
+    return np.empty((0, len(objective.spec.names)))
 
 
 def nested_starts(objective: Objective, box: Box, settings: Race, rng: int) -> Floats:

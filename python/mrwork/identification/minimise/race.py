@@ -50,7 +50,7 @@ _BEHIND = Hopeless(after=8, factor=3.0, found=2, closeness=1e-3)
 # iterations and tolerance.
 _MOST_BEYOND = 2
 _MOST_STIFF = 2
-_PROMISING = 1.25
+_PROMISING = 2.0
 _BEYOND_ITERATIONS = 16
 _BEYOND_TOLERANCE = 1e-4
 # Stiffer loops are worth their cost if the misfit falls by this with them, or by this share of it.

@@ -122,8 +122,9 @@ def points_from_scaled_forces(
                     objective,
                     box,
                     searched,
-                    in_round(settings, number),
-                    rng=rng + number,
+                    settings,
+                    rng=rng,
+                    number=number,
                     on_search=on_search,
                     laws_of=laws_of,
                 )
