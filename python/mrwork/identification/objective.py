@@ -216,7 +216,7 @@ class Objective(Summarised):
         squared = np.full(included.shape, np.inf)
 
         def fill(index: int, threads: int) -> int:
-            """Simulate a test; the time steps that it took, which are counted where they are known."""
+            """Simulate a test; the time steps that it took."""
             test, rows = self.compared[index], np.flatnonzero(included[:, index])
             if not rows.size:
                 return 0
@@ -228,7 +228,7 @@ class Objective(Summarised):
                 residuals, failed = test.residuals(theta[some], threads=threads)
                 sums = np.einsum("bt,bt->b", residuals, residuals) / (test.variance * test.measured.size)
                 squared[some, index] = np.where(failed, np.inf, sums)
-            return 0
+            return test.steps(theta[rows])
 
         self.tally.steps += sum(self._on_every_test(fill))
         return squared
@@ -328,7 +328,7 @@ class NormalEquations:
         gradient = np.zeros((*included.shape, n_free))
         matrix = np.zeros((*included.shape, n_free, n_free))
 
-        def fill(index: int, threads: int) -> None:
+        def fill(index: int, threads: int) -> int:
             test = objective.compared[index]
             rows = np.flatnonzero(included[:, index])
             at_once = max(1, _BLOCK_SIZE // (test.measured.size * max(n_free, 1)))
@@ -343,8 +343,9 @@ class NormalEquations:
                     gradient[some, index] = np.einsum("bpt,bt->bp", jacobian, residuals)
                     matrix[some, index] = jacobian @ jacobian.transpose(0, 2, 1)
                 squared[some, index] = np.where(failed, np.inf, squares)
+            return test.steps(theta[rows])
 
-        on_every_test(len(objective.compared), objective.threads, fill)
+        objective.tally.steps += sum(on_every_test(len(objective.compared), objective.threads, fill))
         return cls(squared=squared, gradient=gradient, matrix=matrix)
 
     def __getitem__(self, rows: NDArray[Any]) -> NormalEquations:

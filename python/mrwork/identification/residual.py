@@ -346,6 +346,12 @@ class ObservedTest:
         most = min(self.stiffest * self.test.dt / MOST_SUBSTEPS, 1.0)
         return stiffness_shares(self.spec, self.tie(theta), self.history) / most
 
+    def steps(self, theta: Floats) -> int:
+        """Time steps that a simulation of all rows of `theta` takes; a row that wants too many takes none."""
+        shares = stiffness_shares(self.spec, self.tie(theta), self.history)
+        substeps = np.exp2(np.ceil(np.log2(np.maximum(MOST_SUBSTEPS * shares[shares <= 1.0], 1.0))))
+        return int(substeps.sum()) * self.test.n_time
+
     @classmethod
     def of(cls, spec: DamperSpec, test: DamperTest, nuisances: Sequence[NuisanceName] = ()) -> ObservedTest:
         """Compute the splines of the test's motion."""

@@ -52,8 +52,8 @@ class Race:
     generations: Count = 20
     most_rounds: Count = 3
     most_iterations: Count = 40
-    sure_steps: NotNegative = 5e7
-    most_steps: Positive = 2e8
+    sure_steps: NotNegative = 1e8
+    most_steps: Positive = 4e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,7 +41,7 @@ _GO_ON = 0.2
 _APART = 1e-3
 # Where candidates take few time steps more starts take hardly longer: up to this multiple within so many steps.
 _MORE = 4
-_CHEAP = 4e5
+_CHEAP = 6e5
 # Relative decrease of the squared misfit at which a local minimisation of the search ends; the final fit continues.
 _TOLERANCE = 1e-5
 _MOST_ITERATIONS = 60
@@ -58,7 +58,7 @@ _MEASURABLE = 4e-4
 _MEASURABLE_SHARE = 0.02
 # Share of the minima of a first round that makes it sure, unless it took fewer time steps than this.
 _SURE = 0.5
-_LEAST_STEPS = 5e6
+_LEAST_STEPS = 8e6
 # Starts from the best minimum, and the share of its parameters that are replaced.
 _CROSSED = 12
 _REPLACED = 0.3
