@@ -103,7 +103,7 @@ def _note(count: int, reached: int) -> str:
         return "A single local minimisation cannot show whether there are other minima."
     share = f"{reached} of {count} local minimisations ended at the least misfit (blue)."
     if reached == 1:
-        return f"{share} No other local minimisation confirms it as the global minimum: run again with another seed."
+        return f"{share} No other local minimisation confirms it as the global minimum."
     if reached == count:
         return f"{share} No other minimum was found."
     return f"{share} The others ended in other minima, or before they had converged."
