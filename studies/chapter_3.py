@@ -2,7 +2,7 @@
 
 It does but for its dynamic range: 197 kN for 200, 47 W for less than 50, a range of 8.9 for 10.1. Parallel plates are
 the annulus to 0.11 % even at a gap of 0.3 radii, the sum of a viscous and a yield part errs by 2.2 %. On the test of
-the prototype damper, whose truth is Bouc-Wen, Bingham fits 88.95 %, extended Bingham 97.63 %, Bouc-Wen and modified
+the prototype damper, whose truth is Bouc-Wen, Bingham fits 88.95 %, extended Bingham 97.87 %, Bouc-Wen and modified
 Bouc-Wen 99.41 %. Ten seconds of one core, the quick form five. `chapter_3_design.py` sizes dampers for a frame.
 """
 

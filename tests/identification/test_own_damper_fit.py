@@ -52,7 +52,7 @@ def test_estimates_are_those_of_the_model() -> None:
     own, model = own_dampers.bounded_loop, own_dampers.LOOP
     ours, theirs = (mr.identify(spec, TEST, rng=1) for spec in (own, model))
     errors = np.array([each.standard_error for each in theirs.estimates], dtype=float)
-    assert (np.abs(np.array(ours.theta) - np.array(theirs.theta)) <= 1e-6 * errors).all()
+    assert (np.abs(np.array(ours.theta) - np.array(theirs.theta)) <= 1e-4 * errors).all()
     assert ours.half_step_percent is None or ours.half_step_percent < 0.01
     again = built(mr.Fit, json.loads(json_document(ours.as_dict())))
     assert again.spec == own

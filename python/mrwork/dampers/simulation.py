@@ -180,7 +180,7 @@ def simulate_misfits(
     """
     if spec.own is not None:
         run = simulate_forces(spec, theta, history, threads=threads)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             squared_error = np.sum((run.force - force)[:, first:] ** 2, axis=1)
         squared_error[run.outcome != Outcome.FINISHED] = np.inf
         steps = run.substeps.astype(np.uint64) * (history.n_time - 1)

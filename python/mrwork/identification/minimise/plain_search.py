@@ -92,7 +92,7 @@ def plain_routes(
     on_search: OnSearch,
     near: Floats | None = None,
 ) -> tuple[Route, Route]:
-    """The routes of a plain model: from samples of wide ranges, and by a population in those that suit the tests.
+    """The routes of a plain model: from samples of wide ranges, and by a population that half starts in narrower ones.
 
     The first also starts at points that are given, `near`, (n_near, n_params), else near the simpler model.
     """
