@@ -132,13 +132,13 @@ def find_minima(
     state = _initial(objective, box, starts, shares, damping)
     held = np.zeros(state.still.shape, dtype=np.bool_) if held is None else held
     iterations = 0
-    courses = [state.misfit]
+    courses, coordinates = [state.misfit], Straight(objective.spec, box)
     while iterations < max_iterations and state.running.any():
         iterations += 1
         state = objective.once(
             "iteration",
             _State,
-            partial(_iterate_once, objective, box, state, tolerance, shares, held),
+            partial(_iterate_once, objective, coordinates, state, tolerance, shares, held),
             tolerance,
             shares,
             held,
@@ -197,7 +197,7 @@ def _initial(objective: Objective, box: Box, starts: Floats, shares: Floats | No
 
 def _iterate_once(
     objective: Objective,
-    box: Box,
+    coordinates: Straight,
     state: _State,
     tolerance: float,
     shares: Floats | None,
@@ -217,9 +217,8 @@ def _iterate_once(
         new.running,
     )
     own_shares = np.tile(objective.shares, (len(theta), 1)) if shares is None else shares
-    coordinates = Straight(objective.spec, box)
     fresh = np.flatnonzero(running & moved)
-    equations = NormalEquations.at(objective, box, theta[fresh], own_shares[fresh] > 0.0)
+    equations = NormalEquations.at(objective, coordinates.box, theta[fresh], own_shares[fresh] > 0.0)
     by_theta, _ = equations.joint(own_shares[fresh])
     still[fresh] = held[fresh] | coordinates.outward(theta[fresh], by_theta)
     equations = equations.by(coordinates.slope(theta[fresh], still[fresh]))
