@@ -129,6 +129,10 @@ def _check_calls(function: Any, name: str, owner: type | None = None) -> Any:
     """The function with its arguments checked; a constructor takes the fields of its class, the `owner`."""
     signature = inspect.signature(function)
     parameters = signature.parameters
+    by_place = [name for name, entry in parameters.items() if entry.kind is entry.POSITIONAL_OR_KEYWORD]
+    is_plain = all(
+        entry.kind in (entry.POSITIONAL_OR_KEYWORD, entry.KEYWORD_ONLY) for entry in parameters.values()
+    )
     required = [
         parameter
         for parameter, entry in parameters.items()
@@ -149,15 +153,18 @@ def _check_calls(function: Any, name: str, owner: type | None = None) -> Any:
     def checking(*args: Any, **kwargs: Any) -> Any:
         if not declared:
             read_annotations()
+        values = dict(zip(by_place, args, strict=False)) | kwargs
+        # The binding of the standard library takes longer than many a call.
+        binds = is_plain and len(values) == len(args) + len(kwargs) and values.keys() <= parameters.keys()
         try:
-            call = signature.bind_partial(*args, **kwargs)
+            call = None if binds else signature.bind_partial(*args, **kwargs)
         except TypeError as reason:
             known = [parameter for parameter in parameters if parameter not in ("self", "cls")]
             if unknown := [word for word in kwargs if word not in parameters]:
                 named = suggestion(unknown[0], known, otherwise="it takes")
                 raise ArgumentError(f"{name} has no argument `{unknown[0]}`{named}") from None
             raise ArgumentError(f"{name} has {reason}; give each argument once, by name") from None
-        values = call.arguments
+        values = values if call is None else call.arguments
         for parameter, value in values.items():
             if parameter in declared:
                 try:
@@ -168,7 +175,7 @@ def _check_calls(function: Any, name: str, owner: type | None = None) -> Any:
             raise ArgumentError(f"{name} lacks {', '.join(missing)}; give {'them' if missing[1:] else 'it'}")
         if shapes:
             _check_shapes(shapes, name, values)
-        return function(*call.args, **call.kwargs)
+        return function(**values) if call is None else function(*call.args, **call.kwargs)
 
     checking.__doc__ = documented(function, declared)
     return checking

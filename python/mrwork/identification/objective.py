@@ -135,14 +135,6 @@ class Objective(Summarised):
         """The same misfit, on the same motions, for the same model with other laws, or without any."""
         return replace(self, spec=spec, compared=tuple(replace(test, spec=spec) for test in self.compared))
 
-    @checked
-    def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
-        """Result of `compute` for these inputs, a dataclass `kind`; recalled where the journal has recorded it."""
-        if self.journal is None:
-            return compute()
-        names = [test.name for test in self.tests]
-        return self.journal.once(step, digest_of(self.spec.name, names, *inputs), kind, compute)
-
     @property
     def tests(self) -> tuple[DamperTest, ...]:
         """The measured tests, in the order of `compared`, `shares` and the columns of `squared_nrmse`."""
@@ -274,6 +266,14 @@ class Objective(Summarised):
         return np.concatenate(self._on_every_test(part), axis=1)
 
 
+def once(objective: Objective, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
+    """Result of `compute` for these inputs, a dataclass `kind`; recalled where the journal has recorded it."""
+    if objective.journal is None:
+        return compute()
+    names = [test.name for test in objective.tests]
+    return objective.journal.once(step, digest_of(objective.spec.name, names, *inputs), kind, compute)
+
+
 def up_to(objective: Objective, stiffest: float) -> Objective:
     """The same misfit, infinite for candidates that want more sub-steps a second than `stiffest` [1/s]."""
     if stiffest == objective.stiffest:
@@ -370,18 +370,23 @@ class NormalEquations:
         """
         gradient = np.einsum("rt,rtp->rp", shares, self.gradient)
         matrix = np.einsum("rt,rtpq->rpq", shares, self.matrix)
-        if held is None:
-            return gradient, matrix
-        return np.where(held, 0.0, gradient), np.where(held[:, :, None] | held[:, None], 0.0, matrix)
+        return (gradient, matrix) if held is None else _without(held, gradient, matrix)
 
-    def steps(self, shares: Floats, held: NDArray[np.bool_]) -> Floats:
-        """Gauss-Newton steps of each row, (n_rows, n_free), with these shares of the tests and `held` parameters."""
-        gradient, matrix = self.joint(shares, held)
+    def steps(self, shares: Floats, held: NDArray[np.bool_], taken: Floats | None = None) -> Floats:
+        """Gauss-Newton steps of each row, (n_rows, n_free), with these shares of the tests and `held` parameters.
+
+        Steps that held ones have `taken`, zero elsewhere, are in the result, and the others are the best beside them.
+        """
+        gradient, matrix = self.joint(shares)
+        if taken is not None:
+            gradient = gradient + np.einsum("rpq,rq->rp", matrix, taken)
+        gradient, matrix = _without(held, gradient, matrix)
         size = np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
         size[size < SMALLEST] = np.inf
         scaled = matrix / size[:, :, None] / size[:, None]
         inverse = np.linalg.pinv(scaled, rcond=_INSENSITIVE, hermitian=True)
-        return np.asarray(-np.einsum("rpq,rq->rp", inverse, gradient / size) / size)
+        steps = -np.einsum("rpq,rq->rp", inverse, gradient / size) / size
+        return np.asarray(steps if taken is None else steps + taken)
 
     def after(self, steps: Floats) -> Floats:
         """Squared NRMSE of the tests after steps, (n_rows, n_tests, n_free), where residuals are linear."""
@@ -390,3 +395,8 @@ class NormalEquations:
             + 2.0 * np.einsum("rtp,rtp->rt", self.gradient, steps)
             + np.einsum("rtp,rtpq,rtq->rt", steps, self.matrix, steps)
         )
+
+
+def _without(held: NDArray[np.bool_], gradient: Floats, matrix: Floats) -> tuple[Floats, Floats]:
+    """Gradient and J'J of rows, with zeros where a parameter is `held`."""
+    return np.where(held, 0.0, gradient), np.where(held[:, :, None] | held[:, None], 0.0, matrix)

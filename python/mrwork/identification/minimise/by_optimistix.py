@@ -16,7 +16,7 @@ from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.minimise.levenberg_marquardt import LocalMinimum, OnStep
-from mrwork.identification.objective import NormalEquations, Objective
+from mrwork.identification.objective import NormalEquations, Objective, once
 from mrwork.identification.traced import Residuals, arrays_of
 from mrwork.twins.models import on_processor
 
@@ -34,8 +34,8 @@ def find_minimum_by_optimistix(
 
     `on_step` is called at its end with the number of steps and the misfit; not if it is recalled from a journal.
     """
-    return objective.once(
-        "refinement", LocalMinimum, lambda: _minimise(objective, box, start, on_step), box, start
+    return once(
+        objective, "refinement", LocalMinimum, lambda: _minimise(objective, box, start, on_step), box, start
     )
 
 

@@ -11,8 +11,7 @@ Steps follow the limit of stiffness, above which a candidate is not simulated.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 
 import numpy as np
@@ -23,7 +22,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.minimise.stiffness import is_at_stiffness_limit, within_stiffness
 from mrwork.identification.minimise.straight import Straight
-from mrwork.identification.objective import NormalEquations, Objective
+from mrwork.identification.objective import NormalEquations, Objective, once
 
 # Convergence: relative decrease of the squared misfit in a step, also at the limit of stiffness.
 TOLERANCE = 1e-7
@@ -135,7 +134,8 @@ def find_minima(
     courses, coordinates = [state.misfit], Straight(objective.spec, box)
     while iterations < max_iterations and state.running.any():
         iterations += 1
-        state = objective.once(
+        state = once(
+            objective,
             "iteration",
             _State,
             partial(_iterate_once, objective, coordinates, state, tolerance, shares, held),
@@ -207,7 +207,7 @@ def _iterate_once(
 
     Equations of parameters that stand still have zeros, so that their steps are zero.
     """
-    new = deepcopy(state)
+    new = _State(**{entry.name: getattr(state, entry.name).copy() for entry in fields(state)})
     theta, misfit, damping, normal, gradient = new.theta, new.misfit, new.damping, new.normal, new.gradient
     sensitivity, still, moved, arrived, running = (
         new.sensitivity,

@@ -22,6 +22,7 @@ from mrwork.errors import SimulationError
 from mrwork.identification.commands import excerpts_of
 from mrwork.identification.equivalent import bounds_of, half_ranges, identifiable_form, search_box, widened
 from mrwork.identification.fit import SearchTrace
+from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
 from mrwork.identification.minimise.race import (
     Route,
@@ -47,9 +48,10 @@ _STARTS = 16
 _STIFFER = 3.0
 # Nested starts are moved off the faces of the box, by this share of its ranges: on a face a parameter has no slope.
 _OFF_FACES = 5e-3
-# Samples per parameter and least starts of a simpler model, whose fit is only a start.
+# Samples per parameter, least starts, iterations and tolerance of a simpler model, whose fit is only a start.
 _NESTED_SAMPLES = 8
 _NESTED_STARTS = 4
+_NESTED_ITERATIONS, _NESTED_TOLERANCE = 12, 1e-4
 
 
 SAMPLES = "local minimisations from samples"
@@ -182,7 +184,10 @@ def nested_starts(objective: Objective, box: Box, settings: Race, rng: int) -> F
     starts = np.concatenate([nested_starts(rough, form.box, settings, rng), samples])
     if not len(starts):
         return np.empty((0, len(spec.names)))
-    theta = minima_from(rough, form.box, starts)[0]
+    minima = find_minima(
+        rough, form.box, starts, max_iterations=_NESTED_ITERATIONS, tolerance=_NESTED_TOLERANCE
+    )
+    theta = minima.best.theta
     values = dict(zip(simpler.names, theta.tolist(), strict=True))
     points = nesting.points(values, half_ranges(objective.tests))
     whole = np.array([[point[name] for name in spec.names] for point in points])

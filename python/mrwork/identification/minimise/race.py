@@ -12,10 +12,11 @@ of its parameters replaced, so that one on a bound is left if a better one is be
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.base.arguments import Seed
 from mrwork.base.values import Floats, array_dataclass
@@ -140,8 +141,7 @@ def race(
     for number in range(settings.most_rounds):
         course.round = number
         before = course.least
-        for route in routes:
-            course.descend(route.draw(number), route.name)
+        course.descend({route.name: route.draw(number) for route in routes})
         course.go_beyond()
         if not course.misfit.size:
             continue
@@ -226,8 +226,12 @@ def with_best_forces(objective: Objective, box: Box, theta: Floats) -> tuple[Flo
     simulated = np.isfinite(before) & np.isfinite(equations.joint(shares)[1]).all(axis=(1, 2))
     if held.all() or not simulated.any():
         return theta, before
-    steps = equations[simulated].steps(shares[simulated], held[simulated])
-    moved = coordinates.after(theta[simulated], held[simulated], steps[:, None])[:, 0]
+    equations, shares, held = equations[simulated], shares[simulated], held[simulated]
+    steps = equations.steps(shares, held)
+    down, least = coordinates.far_down(theta[simulated], steps)
+    if down.any():
+        steps = equations.steps(shares, held | down, least)
+    moved = coordinates.after(theta[simulated], held, steps[:, None])[:, 0]
     after = objective(moved)
     better = after < before[simulated]
     rows = np.flatnonzero(simulated)[better]
@@ -313,31 +317,47 @@ class _Course:
         again = before <= same_minimum(self.least)
         return len(self.found_by & {*routes}) > 1 and bool(again or sure)
 
-    def descend(self, starts: Floats, route: str) -> None:
-        """Keep the minima to which starts of a route lead below the limit of stiffness, and from those above it."""
-        if not len(starts):
+    def descend(self, drawn: Mapping[str, Floats]) -> None:
+        """Keep the minima to which starts of each route lead below the limit of stiffness, and starts above it."""
+        starts, routes = np.empty((0, len(self.box.names))), []
+        for route, theta in drawn.items():
+            theta = np.asarray(self.box.inside(theta)) if len(theta) else theta
+            stiff = log_stiffness(self.low.compared, theta).max(axis=1, initial=-math.inf) > 0.0
+            self.stiff.append((route, theta[stiff][:_MOST_STIFF]))
+            starts = np.concatenate([starts, theta[~stiff]])
+            routes += [route] * int(np.count_nonzero(~stiff))
+        if not routes:
             return
-        starts = np.asarray(self.box.inside(starts))
-        stiff = log_stiffness(self.low.compared, starts).max(axis=1) > 0.0
-        if not stiff.all():
-            first = self._minimise(self.low, starts[~stiff], route, _FIRST_ITERATIONS)
-            theta, misfit = best_first(first.theta, first.misfit)
-            theta = theta[np.isfinite(misfit)]
-            if len(theta):
-                taken = _apart(
-                    np.asarray(self.box.unit_from_theta(theta)), _APART, max(5, int(_GO_ON * len(starts)))
-                )
-                last = self._minimise(self.low, theta[taken], route, self.settings.most_iterations)
-                self._keep(last, [route] * len(taken))
-        self.stiff.append((route, starts[stiff][:_MOST_STIFF]))
+        label = " and ".join(dict.fromkeys(routes))
+        first = self._minimise(self.low, starts, label, _FIRST_ITERATIONS)
+        taken = [
+            row for route in dict.fromkeys(routes) for row in self._to_go_on(first, np.equal(routes, route))
+        ]
+        if taken:
+            last = self._minimise(self.low, first.theta[taken], label, self.settings.most_iterations)
+            self._keep(last, [routes[row] for row in taken])
+
+    def _to_go_on(self, first: LocalMinima, mine: NDArray[np.bool_]) -> list[int]:
+        """Rows of a route that go on after the first iterations: the best that are still apart."""
+        rows = np.flatnonzero(mine & np.isfinite(first.misfit))
+        rows = rows[np.argsort(first.misfit[rows], kind="stable")]
+        if not rows.size:
+            return []
+        most = max(5, int(_GO_ON * np.count_nonzero(mine)))
+        unit = np.asarray(self.box.unit_from_theta(first.theta[rows]))
+        return [int(row) for row in rows[_apart(unit, _APART, most)]]
 
     def look_past(self, searched: Box, random: np.random.Generator) -> None:
         """Minimise from the best minimum with some of its parameters replaced."""
         best = self.theta[int(np.argmin(self.misfit))]
         samples = np.asarray(searched.theta_from_unit(random.random((_CROSSED, len(searched.free)))))
         crossed = np.where(random.random(samples.shape) < _REPLACED, samples, best)
-        starts, misfit = with_best_forces(self.low, self.box, crossed)
-        self.descend(starts[np.isfinite(misfit)], "the best minimum with other parameters")
+        starts, misfit = with_best_forces(
+            self.low,
+            self.box,
+            np.concatenate([crossed, Straight(self.low.spec, self.box).limits(best, random)]),
+        )
+        self.descend({"the best minimum with other parameters": starts[np.isfinite(misfit)]})
 
     def go_beyond(self) -> None:
         """Minimise without the limit of stiffness from what each route has met at it, and from its stiff starts."""

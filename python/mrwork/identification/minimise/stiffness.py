@@ -50,12 +50,12 @@ def within_stiffness(
     if not beyond.any():
         return step
     step = step.copy()
-    slopes = coordinates.slope(theta, still)
-    for row in np.flatnonzero(np.any(beyond, axis=1)):
-        value, slope = stiffness_and_slope(tests, coordinates.box, theta[row])
+    rows = np.flatnonzero(beyond.any(axis=1))
+    values, slopes = stiffness_and_slope(tests, coordinates.box, theta[rows])
+    slopes = np.where(still[rows, None], 0.0, slopes @ coordinates.slope(theta[rows], still[rows]))
+    for row, value, slope in zip(rows, values, slopes, strict=True):
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             continue
-        slope = np.where(still[row], 0.0, slope @ slopes[row])
         room = np.maximum(-_MARGIN - value, 0.0)
         for factor in np.flatnonzero(beyond[row]):
             step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)
@@ -73,7 +73,9 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
     for row in np.flatnonzero((excess > 0.0) & (excess < most)):
         latent = np.asarray(box.latent_from_theta(box.inside(theta[[row]])))[0]
         for _ in range(_STEPS_BELOW):
-            value, slope = stiffness_and_slope(tests, box, np.asarray(box.theta_from_latent(latent)))
+            (value,), (slope,) = stiffness_and_slope(
+                tests, box, np.asarray(box.theta_from_latent(latent[None]))
+            )
             slope = slope * np.exp(box.log_slope(latent))
             if not (np.isfinite(value).all() and np.isfinite(slope).all()) or value.max() <= 0.0:
                 break
@@ -96,13 +98,15 @@ def is_at_stiffness_limit(tests: Sequence[ObservedTest], theta: Floats) -> NDArr
 
 
 def stiffness_and_slope(tests: Sequence[ObservedTest], box: Box, theta: Floats) -> tuple[Floats, Floats]:
-    """Logarithm of the stiffness at a point, (n_tests,), and its derivative by the free parameters, (..., n_free)."""
+    """Logarithm of the stiffness, (n_rows, n_tests), and its derivative by the free parameters, (..., n_free)."""
     free = list(box.free)
-    sizes = _SMALL * np.where(theta[free] == 0.0, 1.0, theta[free])
-    nearby = np.tile(theta, (len(free) + 1, 1))
-    nearby[np.arange(1, len(free) + 1), free] += sizes
-    value, *moved = log_stiffness(tests, nearby)
-    return value, ((np.array(moved) - value) / sizes[:, None]).T
+    sizes = _SMALL * np.where(theta[:, free] == 0.0, 1.0, theta[:, free])
+    nearby = np.repeat(theta[:, None], len(free) + 1, axis=1)
+    nearby[:, np.arange(1, len(free) + 1), free] += sizes
+    stiffness = log_stiffness(tests, nearby.reshape(-1, theta.shape[1])).reshape(*nearby.shape[:2], -1)
+    with np.errstate(invalid="ignore"):
+        slopes = (stiffness[:, 1:] - stiffness[:, :1]) / sizes[:, :, None]
+    return stiffness[:, 0], slopes.transpose(0, 2, 1)
 
 
 def log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:

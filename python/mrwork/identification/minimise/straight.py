@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from mrwork.dampers.spec import DamperSpec
 _LEAST_SHARE = 0.1
 # Share of its value, and of its range, within which a parameter is on a bound.
 _ON_BOUND = 1e-12
+# Multiples of rates and shapes that are far from them.
+_FAR = (1e-3, 1.0 / 30.0, 30.0, 1e3)
+_A_LITTLE = 0.3
 
 
 @dataclass(frozen=True)
@@ -71,6 +75,27 @@ class Straight:
         if self._spring is not None:
             of_force[self._spring[1]] = True
         return of_force
+
+    def limits(self, theta: Floats, random: np.random.Generator) -> Floats:
+        """Points far from one, (n_params,), towards the limits of the model, (n_points, n_params), inside the box.
+
+        Each logarithmic coordinate alone, and all together, are far smaller or larger: there a loop is a spring, a
+        dashpot or dry friction. All are then moved a little at random.
+        """
+        columns = self._free[self._log]
+        groups = [[column] for column in columns] + ([[*columns]] if len(columns) > 1 else [])
+        points = np.tile(theta, (len(_FAR) * len(groups), 1))
+        for row, (group, factor) in enumerate(product(groups, _FAR)):
+            points[row, group] *= factor
+        points[:, columns] *= np.exp(_A_LITTLE * random.standard_normal((len(points), len(columns))))
+        return np.clip(points, self.box.lower, self.box.upper)
+
+    def far_down(self, theta: Floats, steps: Floats) -> tuple[NDArray[np.bool_], Floats]:
+        """Which steps, (n_rows, n_free), take a positive force too far down at once, and the ones it takes."""
+        positive = self._positive & ~self._log
+        least = np.where(positive, (_LEAST_SHARE - 1.0) * theta[:, self._free], -np.inf)
+        down = steps < least
+        return down, np.where(down, least, 0.0)
 
     def outward(self, theta: Floats, gradient: Floats) -> NDArray[np.bool_]:
         """Which free parameters are on a bound that the misfit falls across, from its gradient by them, same shape."""
