@@ -47,9 +47,9 @@ _CHEAP = 6e5
 _TOLERANCE = 1e-5
 _MOST_ITERATIONS = 60
 _BEHIND = Hopeless(after=8, factor=3.0, found=2, closeness=1e-3)
-# Points of a route that go on beyond the limit of stiffness, if their misfit is below this multiple of the least;
+# Points of a round that go on beyond the limit of stiffness, if their misfit is below this multiple of the least;
 # iterations and tolerance.
-_MOST_BEYOND = 2
+_MOST_BEYOND = 3
 _MOST_STIFF = 2
 _PROMISING = 2.0
 _BEYOND_ITERATIONS = 16
@@ -63,6 +63,7 @@ _LEAST_STEPS = 8e6
 # Starts from the best minimum, and the share of its parameters that are replaced.
 _CROSSED = 12
 _REPLACED = 0.3
+_PAST = "the best minimum with other parameters"
 # Minima that differ by more than this in a unit coordinate are fitted too, up to this number and excess of the misfit.
 _DISTANT = 0.05
 _MOST_DISTINCT = 3
@@ -105,7 +106,7 @@ class Raced:
 
 def in_round(settings: Race, number: int) -> Race:
     """The settings of a round, counted from 0: samples, starts and generations double with each."""
-    times = 2**number
+    times = 2 ** max(number - 1, 0)
     return replace(
         settings,
         samples=times * settings.samples,
@@ -137,23 +138,22 @@ def race(
         theta=np.empty((0, len(box.names))),
         began=objective.tally.steps,
     )
-    reason = "max_rounds"
+    random = np.random.default_rng([rng, len(routes)])
+    names = [route.name for route in routes]
     for number in range(settings.most_rounds):
         course.round = number
         before = course.least
-        course.descend({route.name: route.draw(number) for route in routes})
+        course.descend({route.name: route.draw(number) for route in routes} | course.past(searched, random))
         course.go_beyond()
-        if not course.misfit.size:
-            continue
-        course.look_past(searched, np.random.default_rng([rng, number]))
-        if course.is_agreed([route.name for route in routes], before):
-            reason = "agreed"
+        agreed, spent = course.is_agreed(names, before), course.spent > settings.most_steps
+        if agreed or spent or number + 1 == settings.most_rounds:
+            course.descend(course.past(searched, random))
+            agreed = course.is_agreed(names, before)
+        if agreed or spent:
             break
-        if course.spent > settings.most_steps:
-            reason = "max_steps"
-            break
+    reason = "agreed" if agreed else "max_steps" if spent else "max_rounds"
     course.come_below()
-    return course.result(reason, [route.name for route in routes])
+    return course.result(reason, names)
 
 
 def same_minimum(least: float) -> float:
@@ -270,8 +270,9 @@ class _Course:
     """A race that runs: minima so far with the routes that have met each, and the trace of their misfits.
 
     `low` is the objective below the limit of stiffness, where minimisations start; `began` the steps before the race.
-    `stiff` are starts above the limit by route, `n_examined` the minima of which some have gone on beyond it, and
-    `leader` is the best point of the trace.
+    `stiff` are starts above the limit by route, `left` the unit coordinates of points that have gone on beyond it, and
+    `beyond` where each has led, with its misfit and the routes that have met it. `leader` is the best point of the
+    trace.
     """
 
     objective: Objective
@@ -284,12 +285,16 @@ class _Course:
     misfit: Floats = field(default_factory=lambda: np.empty(0))
     routes: list[str] = field(default_factory=list)
     stiff: list[tuple[str, Floats]] = field(default_factory=list)
-    n_examined: int = 0
+    left: Floats = field(init=False)
+    beyond: list[tuple[Floats, float, set[str]]] = field(default_factory=list)
     leader: Floats | None = None
     evaluations: list[int] = field(default_factory=list)
     best: list[float] = field(default_factory=list)
     median: list[float] = field(default_factory=list)
     round: int = 0
+
+    def __post_init__(self) -> None:
+        self.left = np.empty((0, len(self.box.free)))
 
     @property
     def spent(self) -> int:
@@ -335,7 +340,7 @@ class _Course:
         ]
         if taken:
             last = self._minimise(self.low, first.theta[taken], label, self.settings.most_iterations)
-            self._keep(last, [routes[row] for row in taken])
+            self._keep(last.theta, last.misfit, [routes[row] for row in taken])
 
     def _to_go_on(self, first: LocalMinima, mine: NDArray[np.bool_]) -> list[int]:
         """Rows of a route that go on after the first iterations: the best that are still apart."""
@@ -347,46 +352,54 @@ class _Course:
         unit = np.asarray(self.box.unit_from_theta(first.theta[rows]))
         return [int(row) for row in rows[_apart(unit, _APART, most)]]
 
-    def look_past(self, searched: Box, random: np.random.Generator) -> None:
-        """Minimise from the best minimum with some of its parameters replaced."""
+    def past(self, searched: Box, random: np.random.Generator) -> dict[str, Floats]:
+        """Starts from the best minimum, if any, with some of its parameters replaced, or near a limit of the model."""
+        if not self.misfit.size:
+            return {}
         best = self.theta[int(np.argmin(self.misfit))]
         samples = np.asarray(searched.theta_from_unit(random.random((_CROSSED, len(searched.free)))))
         crossed = np.where(random.random(samples.shape) < _REPLACED, samples, best)
-        starts, misfit = with_best_forces(
-            self.low,
-            self.box,
-            np.concatenate([crossed, Straight(self.low.spec, self.box).limits(best, random)]),
-        )
-        self.descend({"the best minimum with other parameters": starts[np.isfinite(misfit)]})
+        limits = Straight(self.low.spec, self.box).limits(best, random)
+        starts, misfit = with_best_forces(self.low, self.box, np.concatenate([crossed, limits]))
+        return {_PAST: starts[np.isfinite(misfit)]}
 
     def go_beyond(self) -> None:
-        """Minimise without the limit of stiffness from what each route has met at it, and from its stiff starts."""
-        if not self.misfit.size and not self.stiff:
-            return
+        """Minimise without the limit of stiffness from minima at it, and from stiff starts.
+
+        Routes that have met one minimum at the limit have met where it leads.
+        """
         at_limit = is_at_stiffness_limit(self.low.compared, self.theta)
-        promising = at_limit & (self.misfit <= _PROMISING * self.least)
-        promising[: self.n_examined] = False
-        for route in dict.fromkeys(self.routes):
-            mine = np.flatnonzero(promising & np.array([each == route for each in self.routes]))
-            mine = mine[np.argsort(self.misfit[mine], kind="stable")]
-            unit = np.asarray(self.box.unit_from_theta(self.theta[mine]))
-            self.stiff.append((route, self.theta[mine[_apart(unit, _DISTANT, _MOST_BEYOND)]]))
-        self.n_examined = len(self.misfit)
-        starts = np.concatenate([self.theta[:0], *(theta for _, theta in self.stiff)])
-        routes = [route for route, theta in self.stiff for _ in theta]
+        rows = np.flatnonzero(at_limit & (self.misfit <= _PROMISING * self.least))
+        rows = rows[np.argsort(self.misfit[rows], kind="stable")]
+        starts = np.concatenate([self.theta[rows], *(theta for _, theta in self.stiff)])
+        routes = [self.routes[row] for row in rows] + [route for route, theta in self.stiff for _ in theta]
         self.stiff = []
-        if not len(starts):
+        if not routes:
             return
-        ended = find_minima(
-            self.objective,
-            self.box,
-            starts,
-            max_iterations=_BEYOND_ITERATIONS,
-            tolerance=_BEYOND_TOLERANCE,
-            hopeless=replace(_BEHIND, after=5, factor=1.5, earlier=(self.least, self.least)),
-            on_iteration=lambda minima: self._tell(minima, "stiffer loops"),
-        )
-        self._keep(ended, routes)
+        unit = np.asarray(self.box.unit_from_theta(starts))
+        n_before = len(self.left)
+        taken = _apart(np.concatenate([self.left, unit]), _DISTANT, n_before + _MOST_BEYOND)[n_before:]
+        new = np.array(taken, dtype=np.intp) - n_before
+        if new.size:
+            ended = find_minima(
+                self.objective,
+                self.box,
+                starts[new],
+                max_iterations=_BEYOND_ITERATIONS,
+                tolerance=_BEYOND_TOLERANCE,
+                hopeless=replace(_BEHIND, after=5, factor=1.5, earlier=(self.least, self.least)),
+                on_iteration=lambda minima: self._tell(minima, "stiffer loops"),
+            )
+            self.left = np.concatenate([self.left, unit[new]])
+            self.beyond += [
+                (theta, misfit, set()) for theta, misfit in zip(ended.theta, ended.misfit, strict=True)
+            ]
+        for point, route in zip(unit, routes, strict=True):
+            for index in np.flatnonzero(np.abs(self.left - point).max(axis=1) <= _DISTANT):
+                theta, misfit, met_by = self.beyond[index]
+                if route not in met_by and np.isfinite(misfit):
+                    met_by.add(route)
+                    self._keep(theta[None], np.array([misfit]), [route])
 
     def come_below(self) -> None:
         """Minimise below the limit of stiffness from the best minimum, where that is above it."""
@@ -394,7 +407,8 @@ class _Course:
             best = self.theta[[int(np.argmin(self.misfit))]]
             if log_stiffness(self.low.compared, best).max() > 0.0:
                 below = nearest_below_stiffness(self.low.compared, self.box, best)
-                self._keep(self._minimise(self.low, below, "", self.settings.most_iterations), [""])
+                ended = self._minimise(self.low, below, "", self.settings.most_iterations)
+                self._keep(ended.theta, ended.misfit, [""])
 
     def _minimise(self, objective: Objective, starts: Floats, route: str, iterations: int) -> LocalMinima:
         return find_minima(
@@ -407,10 +421,10 @@ class _Course:
             on_iteration=lambda minima: self._tell(minima, route),
         )
 
-    def _keep(self, minima: LocalMinima, routes: list[str]) -> None:
-        fine = np.flatnonzero(np.isfinite(minima.misfit))
-        self.theta = np.concatenate([self.theta, minima.theta[fine]])
-        self.misfit = np.concatenate([self.misfit, minima.misfit[fine]])
+    def _keep(self, theta: Floats, misfit: Floats, routes: list[str]) -> None:
+        fine = np.flatnonzero(np.isfinite(misfit))
+        self.theta = np.concatenate([self.theta, theta[fine]])
+        self.misfit = np.concatenate([self.misfit, misfit[fine]])
         self.routes += [routes[index] for index in fine]
 
     def _tell(self, minima: LocalMinima, route: str) -> None:
