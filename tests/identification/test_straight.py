@@ -50,6 +50,17 @@ def test_a_positive_force_stays_positive_and_within_its_bounds() -> None:
     np.testing.assert_array_equal(COORDINATES.after(THETA, FREE, step)[:, 0, 6], SPEC.parameters[6].upper)
 
 
+def test_limits_of_a_model_have_far_rates_and_the_same_forces() -> None:
+    points = COORDINATES.limits(THETA[0], np.random.default_rng(0))
+    rates = np.isin(SPEC.names, ("rho", "sigma"))
+    np.testing.assert_array_equal(points[:, ~rates], np.tile(THETA[0, ~rates], (len(points), 1)))
+    far = np.abs(np.log10(points[:, rates] / THETA[0, rates])) > 0.9
+    # Each alone and both together.
+    assert {tuple(row) for row in far.tolist()} == {(True, False), (False, True), (True, True)}
+    assert np.all(points >= COORDINATES.box.lower)
+    assert np.all(points <= COORDINATES.box.upper)
+
+
 def stroke_that_never_comes_back() -> mr.DamperTest:
     """A sliding spring beside a spring and a dashpot, on a stroke with a swing: no model of the package."""
     time = np.linspace(0.0, 3.0, 400)

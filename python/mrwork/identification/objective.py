@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.base.arguments import AnyNumbers, Shape, Threads, checked
+from mrwork.base.arguments import AnyNumbers, Shape, Threads, checked, unchecked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.summary import Summarised
 from mrwork.base.values import Floats, array_dataclass
@@ -32,6 +32,8 @@ _MOST_A_SECOND = 4000.0
 _MOST_A_RADIAN = 640.0
 # Number of rows whose residuals are in memory at once where a misfit needs the whole history.
 _ROWS = 64
+
+_simulate_misfits = unchecked(simulate_misfits)
 
 T = TypeVar("T")
 _Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
@@ -184,7 +186,7 @@ class Objective(Summarised):
         if self.stiffest < np.inf:
             below = [test.stiffness(theta) <= 1.0 for test in self.compared]
             included = has_share & np.all(below, axis=0)[:, None]
-        squared = self.squared_nrmse(theta, included)
+        squared = self._squared(theta, included)
         total = np.zeros(len(theta))
         # One test after the other: NumPy sums a single column in another order than several.
         for index in range(n_tests):
@@ -204,6 +206,9 @@ class Objective(Summarised):
         """
         if included is None:
             included = np.ones((len(theta), len(self.compared)), dtype=np.bool_)
+        return self._squared(theta, included)
+
+    def _squared(self, theta: Floats, included: NDArray[np.bool_]) -> Floats:
         self.tally.simulations += int(np.count_nonzero(included.any(axis=1)))
         squared = np.full(included.shape, np.inf)
 
@@ -239,7 +244,7 @@ class Objective(Summarised):
 
     def _simulate_test(self, index: int, theta: Floats, *, threads: int) -> Misfits:
         test = self.compared[index]
-        return simulate_misfits(
+        return _simulate_misfits(
             self.spec,
             test.tie(theta),
             test.history,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.base.arguments import AnyArray
+from mrwork.base.arguments import AnyArray, unchecked
 from mrwork.base.hints import SMALLEST
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats, array_dataclass
@@ -34,6 +34,9 @@ from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET, half_range, mean_over_travel
 from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.damper_test import AS_IT_IS, delay_signal, loading_of
+
+_stiffness_shares = unchecked(stiffness_shares)
+_simulate_forces, _simulate_sensitivities = unchecked(simulate_forces), unchecked(simulate_sensitivities)
 
 NuisanceName = Literal["offset", "level", "delay"]
 LateForce = Literal["lag", "delay"]
@@ -344,11 +347,11 @@ class ObservedTest:
     def stiffness(self, theta: Floats) -> Floats:
         """Sub-steps that each row of `theta` wants, as a share of the most that it may have, shape (n_batch,)."""
         most = min(self.stiffest * self.test.dt / MOST_SUBSTEPS, 1.0)
-        return stiffness_shares(self.spec, self.tie(theta), self.history) / most
+        return _stiffness_shares(self.spec, self.tie(theta), self.history) / most
 
     def steps(self, theta: Floats) -> int:
         """Time steps that a simulation of all rows of `theta` takes; a row that wants too many takes none."""
-        shares = stiffness_shares(self.spec, self.tie(theta), self.history)
+        shares = _stiffness_shares(self.spec, self.tie(theta), self.history)
         substeps = np.exp2(np.ceil(np.log2(np.maximum(MOST_SUBSTEPS * shares[shares <= 1.0], 1.0))))
         return int(substeps.sum()) * self.test.n_time
 
@@ -394,7 +397,7 @@ class ObservedTest:
 
         For a row that failed, the observation model is applied to a force of zero.
         """
-        run = simulate_forces(self.spec, self.tie(theta), self.history, threads=threads)
+        run = _simulate_forces(self.spec, self.tie(theta), self.history, threads=threads)
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         return self._observe(run.force, theta), failed
@@ -415,7 +418,9 @@ class ObservedTest:
         tied = () if self.ties is None else self.ties.indices
         own = [column for column in columns if self.late is None or column < theta.shape[1] - 1]
         every = [*own, *(tie for tie in tied if tie not in own)]
-        run = simulate_sensitivities(self.spec, self.tie(theta), self.history, columns=every, threads=threads)
+        run = _simulate_sensitivities(
+            self.spec, self.tie(theta), self.history, columns=every, threads=threads
+        )
         failed = run.outcome != Outcome.FINISHED
         run.force[failed] = 0.0
         run.jacobian[failed] = 0.0

@@ -39,8 +39,7 @@ class Race:
     most_iterations
         Largest number of iterations of a local minimisation.
     sure_steps
-        Where the first round took fewer time steps than this, another confirms what its routes agree on, unless most
-        of its minima do.
+        Where the first round took fewer time steps than this, another confirms what its routes agree on.
     most_steps
         Time steps of all simulations together after which no further round begins.
     """
@@ -52,7 +51,7 @@ class Race:
     generations: Count = 20
     most_rounds: Count = 3
     most_iterations: Count = 40
-    sure_steps: NotNegative = 1e8
+    sure_steps: NotNegative = 1e7
     most_steps: Positive = 4e8
 
 

@@ -76,8 +76,8 @@ def linear_warning(
         return ()
     return (
         f"the fit, {100.0 * (1.0 - nrmse):.2f} %, is no better than that of a linear spring and dashpot, "
-        f"{100.0 * (1.0 - linear):.2f} %: the minimum is false, or this model cannot describe the tests; "
-        "try another seed or another model",
+        f"{100.0 * (1.0 - linear):.2f} %: this model cannot describe the tests, or the minimum is false; try another "
+        "model (--model all)",
     )
 
 
@@ -129,4 +129,4 @@ def far_worse_sentence(
             f"{'this test' if len(worse) == 1 else 'these tests'}; else let more parameters follow the command, give "
             f"laws of a higher degree (--law auto tries both), or {other}"
         )
-    return f"false minimum suspected: {tests_shown}; try another seed, other laws (--law auto), or {other}"
+    return f"false minimum suspected: {tests_shown}; try other laws (--law auto), or {other}"

@@ -57,9 +57,6 @@ _BEYOND_TOLERANCE = 1e-4
 # Stiffer loops are worth their cost if the misfit falls by this with them, or by this share of it.
 _MEASURABLE = 4e-4
 _MEASURABLE_SHARE = 0.02
-# Share of the minima of a first round that makes it sure, unless it took fewer time steps than this.
-_SURE = 0.5
-_LEAST_STEPS = 8e6
 # Starts from the best minimum, and the share of its parameters that are replaced.
 _CROSSED = 12
 _REPLACED = 0.3
@@ -83,25 +80,14 @@ class Raced:
     """Minima of a race, best first, shape (n_minima, n_params), with misfits (n_minima,), and the trace.
 
     `objective` has the limit of stiffness within which they were found: none where stiffer candidates are better.
-    `found_by` are the routes that have met the least minimum, and `tried` says what was tried.
+    `doubt` says why a lower minimum is possible, with what was tried; it is empty where two routes agree.
     """
 
     objective: Objective
     theta: Floats
     misfit: Floats
     trace: SearchTrace
-    found_by: tuple[str, ...]
-    tried: str
-
-    @property
-    def doubt(self) -> str:
-        """Why a lower minimum is possible, with what was tried; empty where two routes agree."""
-        if self.trace.stop_reason == "agreed":
-            return ""
-        if len(self.found_by) > 1:
-            return f"the last round found it below that of the rounds before, {self.tried}"
-        met = f"only {self.found_by[0]} met" if self.found_by else "only starts near it met"
-        return f"{met} the least one, {self.tried}"
+    doubt: str
 
 
 def in_round(settings: Race, number: int) -> Race:
@@ -313,14 +299,9 @@ class _Course:
         return frozenset(self.routes[index] for index in same)
 
     def is_agreed(self, routes: Sequence[str], before: float) -> bool:
-        """Whether two of the routes have met the least minimum, and again after it was found, or with most minima."""
-        mine = np.isin(self.routes, routes)
-        met = self.misfit <= same_minimum(self.least)
-        sure = self.spent > self.settings.sure_steps or (
-            self.spent > _LEAST_STEPS and np.mean(met[mine]) >= _SURE
-        )
-        again = before <= same_minimum(self.least)
-        return len(self.found_by & {*routes}) > 1 and bool(again or sure)
+        """Whether two of the routes have met the least minimum, and none lower than in the rounds before."""
+        is_sure = before <= same_minimum(self.least) or self.spent > self.settings.sure_steps
+        return is_sure and len(self.found_by & {*routes}) > 1
 
     def descend(self, drawn: Mapping[str, Floats]) -> None:
         """Keep the minima to which starts of each route lead below the limit of stiffness, and starts above it."""
@@ -458,15 +439,19 @@ class _Course:
         if least_below - self.least <= min(_MEASURABLE, _MEASURABLE_SHARE * self.least):
             objective, self.theta, self.misfit = self.low, self.theta[below], self.misfit[below]
             self.routes = [route for route, each in zip(self.routes, below, strict=True) if each]
-        found_by = tuple(route for route in routes if route in self.found_by)
         theta, misfit = best_first(self.theta, self.misfit)
-        rounds = f"{self.round + 1} round{'s' if self.round else ''}"
-        tried = f"in {rounds} of {' and '.join(routes)}, with {self.spent:.2g} time steps"
         return Raced(
             objective=objective,
             theta=theta,
             misfit=misfit,
             trace=self._trace(reason),
-            found_by=found_by,
-            tried=tried,
+            doubt="" if reason == "agreed" else self._doubt(routes),
         )
+
+    def _doubt(self, routes: Sequence[str]) -> str:
+        rounds = f"{self.round + 1} round{'s' if self.round else ''}"
+        tried = f"in {rounds} of {' and '.join(routes)}, with {self.spent:.2g} time steps"
+        met = [route for route in routes if route in self.found_by]
+        if len(met) > 1:
+            return f"the last round found it below that of the rounds before, {tried}"
+        return f"only {met[0] if met else 'starts near it'} met the least one, {tried}"

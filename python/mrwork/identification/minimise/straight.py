@@ -22,8 +22,9 @@ from mrwork.dampers.spec import DamperSpec
 _LEAST_SHARE = 0.1
 # Share of its value, and of its range, within which a parameter is on a bound.
 _ON_BOUND = 1e-12
-# Multiples of rates and shapes that are far from them.
-_FAR = (1e-3, 1.0 / 30.0, 30.0, 1e3)
+# Factors on rates and shapes that are far from them, and the most points that are far.
+_FAR = (30.0, 1e3)
+_MOST_LIMITS = 16
 _A_LITTLE = 0.3
 
 
@@ -79,15 +80,19 @@ class Straight:
     def limits(self, theta: Floats, random: np.random.Generator) -> Floats:
         """Points far from one, (n_params,), towards the limits of the model, (n_points, n_params), inside the box.
 
-        Each logarithmic coordinate alone, and all together, are far smaller or larger: there a loop is a spring, a
-        dashpot or dry friction. All are then moved a little at random.
+        Some logarithmic coordinates are far smaller and others far larger, in any combination: there a loop is a
+        spring, a dashpot or dry friction. All are then moved a little at random.
         """
         columns = self._free[self._log]
-        groups = [[column] for column in columns] + ([[*columns]] if len(columns) > 1 else [])
-        points = np.tile(theta, (len(_FAR) * len(groups), 1))
-        for row, (group, factor) in enumerate(product(groups, _FAR)):
-            points[row, group] *= factor
-        points[:, columns] *= np.exp(_A_LITTLE * random.standard_normal((len(points), len(columns))))
+        powers = np.array([ways for ways in product((-1, 0, 1), repeat=len(columns)) if any(ways)])
+        if not powers.size:
+            return np.empty((0, len(theta)))
+        powers = random.permutation(np.concatenate([powers * np.log(factor) for factor in _FAR]))[
+            :_MOST_LIMITS
+        ]
+        powers += _A_LITTLE * random.standard_normal(powers.shape)
+        points = np.tile(theta, (len(powers), 1))
+        points[:, columns] *= np.exp(powers)
         return np.clip(points, self.box.lower, self.box.upper)
 
     def far_down(self, theta: Floats, steps: Floats) -> tuple[NDArray[np.bool_], Floats]:

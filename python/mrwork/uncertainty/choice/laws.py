@@ -24,10 +24,11 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.batch import JournalOf, with_journal
 from mrwork.identification.fit import Fit, FitStatus
 from mrwork.identification.identify import identify_with
+from mrwork.identification.minimise.race import same_minimum
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
-from mrwork.identification.settings import FitSettings, Fold
+from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.identification.suspicious import structure_warning
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
@@ -41,7 +42,7 @@ from mrwork.uncertainty.choice.choose import (
     refuse_unknown,
     select_known,
 )
-from mrwork.uncertainty.choice.law_search import FittedLaws, LawSearch, prepare_search
+from mrwork.uncertainty.choice.law_search import FittedLaws, Laws, LawSearch, prepare_search
 from mrwork.uncertainty.choice.objections import dying_laws, fastest_at_commands
 from mrwork.uncertainty.choice.ranking import RULES, RULES_OF_LAWS, Ranking, Standing
 
@@ -69,7 +70,7 @@ class _ChoosingLaws(Choosing):
     def evaluate(self, search: LawSearch) -> None:
         """Fit the first laws of a model, then try their neighbours; one of several models may fail."""
         with self._failing_alone(search):
-            first = with_journal(self.journal_of, f"{search.name}/first", partial(self._first_fit, search))
+            first = self._fit_alone(search, search.first_laws, "first laws")
             self.firsts[search.name] = first
             if search.folds.model.lagged and not first.spec.lagged:
                 search.leave_lag_out()
@@ -104,18 +105,47 @@ class _ChoosingLaws(Choosing):
         """Records why one of several models cannot be fitted; errors of the only model are raised."""
         return nullcontext() if len(self.searches) == 1 else self.recording_failure(search.name)
 
-    def _first_fit(self, search: LawSearch, journal: Journal | None) -> Fit:
-        spec, _ = search.model(search.first_laws)
-        return identify_with(
-            spec,
-            search.tests,
-            search.excerpt_settings,
-            threads=self.threads,
-            on_progress=partial(self._report, search, "first laws"),
-            journal=journal,
-            warns=False,
-            examines=False,
-        )
+    def _fit_alone(self, search: LawSearch, laws: Laws, what: str) -> Fit:
+        """The fit of laws to the excerpts by a search of their own."""
+        spec, _ = search.model(laws)
+
+        def fit(journal: Journal | None) -> Fit:
+            return identify_with(
+                spec,
+                search.tests,
+                search.excerpt_settings,
+                threads=self.threads,
+                on_progress=partial(self._report, search, what),
+                journal=journal,
+                warns=False,
+                examines=False,
+            )
+
+        return with_journal(self.journal_of, f"{search.name}/{what.split()[0]}", fit)
+
+    def _confirmed(self, search: LawSearch, laws: FittedLaws) -> tuple[Start, str]:
+        """The chosen laws as they fit the excerpts best, and why a lower minimum is possible, empty if none is.
+
+        The laws were reached from neighbours, which may all be in one false minimum; a search of their own is not.
+        """
+        alone = self.firsts[search.name]
+        doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
+        if laws.laws == search.first_laws:
+            return laws.start, doubt
+        alone = self._fit_alone(search, laws.laws, "chosen laws")
+        doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
+        near, own = 0.0, np.inf
+        if alone.spec.names == laws.spec.names:
+            objective = search.folds.excerpts.with_laws(laws.spec)
+            near, own = objective(np.array([laws.fit.theta[0], alone.theta])).tolist()
+        if max(near, own) <= same_minimum(min(near, own)):
+            return laws.start, ""
+        if near < own:
+            return (
+                laws.start,
+                "only fits from other laws met the least one, and a search of these laws did not",
+            )
+        return dict(zip(laws.spec.names, alone.theta, strict=True)), doubt
 
     def _try_laws(self, search: LawSearch, journal: Journal | None) -> None:
         search.report = partial(self._report, search)
@@ -129,15 +159,17 @@ class _ChoosingLaws(Choosing):
 
     def _final_fit(self, search: LawSearch, laws: FittedLaws, journal: Journal | None) -> Fit:
         """The fit of laws to the whole tests, from their fit to the excerpts."""
+        start, doubt = self._confirmed(search, laws)
         return identify_with(
             laws.spec,
             self.tests,
-            replace(search.settings, starts=(laws.start,)),
+            replace(search.settings, starts=(start,)),
             threads=self.threads,
             on_progress=partial(self._report, search, "all tests"),
             journal=journal,
             warns=False,
             searched=(laws.box, self.firsts[search.name].trace),
+            doubt=doubt,
         )
 
     def _fit_to_excerpts(self, search: LawSearch, laws: FittedLaws, status: FitStatus = "converged") -> Fit:
