@@ -39,7 +39,8 @@ class Race:
     most_iterations
         Largest number of iterations of a local minimisation.
     sure_steps
-        Where the first round took fewer time steps than this, another confirms what its routes agree on.
+        Where the first round took fewer time steps than this, in proportion to its minima that are the least one,
+        another round confirms what its routes agree on.
     most_steps
         Time steps of all simulations together after which no further round begins.
     """
@@ -51,7 +52,7 @@ class Race:
     generations: Count = 20
     most_rounds: Count = 3
     most_iterations: Count = 40
-    sure_steps: NotNegative = 1e7
+    sure_steps: NotNegative = 8e6
     most_steps: Positive = 4e8
 
 

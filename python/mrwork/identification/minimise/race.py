@@ -299,9 +299,11 @@ class _Course:
         return frozenset(self.routes[index] for index in same)
 
     def is_agreed(self, routes: Sequence[str], before: float) -> bool:
-        """Whether two of the routes have met the least minimum, and none lower than in the rounds before."""
-        is_sure = before <= same_minimum(self.least) or self.spent > self.settings.sure_steps
-        return is_sure and len(self.found_by & {*routes}) > 1
+        """Whether two of the routes have met the least minimum, for sure or again after the rounds before."""
+        met = self.misfit[np.isin(self.routes, routes)] <= same_minimum(self.least)
+        is_sure = self.spent * np.count_nonzero(met) > self.settings.sure_steps * met.size
+        again = before <= same_minimum(self.least)
+        return len(self.found_by & {*routes}) > 1 and bool(again or is_sure)
 
     def descend(self, drawn: Mapping[str, Floats]) -> None:
         """Keep the minima to which starts of each route lead below the limit of stiffness, and starts above it."""
