@@ -195,7 +195,7 @@ def find_rates(number):
 
 if script.options.starts:
     figure = Figure(figsize=(7.0, 2.6), layout="constrained")
-    for axes, number in zip(figure.subplots(1, 3), (10, 42, 88), strict=True):
+    for axes, number in zip(figure.subplots(1, 3), (1, 10, 255), strict=True):
         test, model = record(number)
         objective = mr.objective(model, test, coordinates="unit", threads=1)
         points = np.random.default_rng(script.seed).random((script.options.starts, len(objective.names)))

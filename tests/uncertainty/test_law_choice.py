@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from mrwork.dampers.spec import hidden_extrema, law_values
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.equivalent import identifiable_form, joint_box, with_other_laws
 from mrwork.identification.excerpts import middle_excerpt
+from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.result import BuildingCost
 from mrwork.records import DamperTest
@@ -72,6 +74,31 @@ def test_the_laws_that_made_the_data_are_chosen(choice: Choice) -> None:
     assert values["k_x"] == pytest.approx(800.0, rel=0.05)
     # Noise of 2 % is all that is left.
     assert chosen.left_out_percent == pytest.approx(98.0, abs=0.4)
+    assert choice.best.status == "converged"
+
+
+def test_chosen_laws_that_their_own_search_does_not_meet_are_doubted(
+    tests: tuple[DamperTest, ...], settings: FitSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alone = list[mr.Fit]()
+
+    def go_astray(*arguments: Any, **named: Any) -> mr.Fit:
+        fit = identify_with(*arguments, **named)
+        if not named.get("examines", True):
+            alone.append(fit)
+            if len(alone) == 2:
+                return replace(
+                    fit, estimates=tuple(replace(each, value=1.1 * each.value) for each in fit.estimates)
+                )
+        return fit
+
+    monkeypatch.setattr("mrwork.uncertainty.choice.laws.identify_with", go_astray)
+    best = choose_laws("viscous_dahl", tests, settings=settings, threads=1).best
+    first, own = alone
+    assert len(own.spec.names) < len(first.spec.names)
+    assert own.spec.names == best.spec.names
+    assert best.status == "lower_minimum_possible"
+    assert best.status_reason.startswith("only fits from other laws met the least one")
 
 
 def test_laws_with_the_force_of_simpler_ones_are_not_listed(settings: FitSettings) -> None:
