@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import measured_data
+import numpy as np
 import pytest
 
 from mrwork import identify
@@ -63,8 +64,15 @@ def test_a_fit_no_better_than_a_linear_one_is_named() -> None:
     # Without a dashpot the model of Dahl cannot follow this force.
     fit = identify("dahl", linear(TEST))
     (warning,) = fit.warnings
-    assert "linear spring and dashpot" in warning
+    assert "the damper is linear" in warning
     assert not identify("viscous_dahl", TEST).warnings
+
+
+def test_a_fit_no_better_than_a_linear_one_of_a_damper_that_is_not_linear_is_of_a_wrong_model() -> None:
+    # The power of the velocity is in no Bingham model without friction.
+    power = replace(TEST, force=3e3 * np.sign(TEST.velocity) * np.abs(TEST.velocity) ** 1.8)
+    (warning,) = identify("bingham", power, bounds={"f_c": (1e-3, 2e-3)}).warnings
+    assert "this model cannot describe the tests" in warning
 
 
 def test_the_minimum_of_one_search_alone_is_doubted() -> None:

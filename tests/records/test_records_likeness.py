@@ -17,6 +17,7 @@ from mrwork.records.likeness import (
     alike_groups,
     likeness,
     likest,
+    motion_likeness,
 )
 from mrwork.store.codec import built
 
@@ -205,3 +206,14 @@ def test_what_is_stored_is_small_and_survives_json() -> None:
     assert len(stored) < 28000
     assert built(RecordedMotion, json.loads(stored)) == motion
     assert max(motion.displacement) == pytest.approx(1e3 * RANDOM.displacement.max(), rel=0.02)
+
+
+def test_a_ramp_of_the_same_speed_and_twice_the_stroke_is_another_motion() -> None:
+    def triangle(stroke: float) -> NDArray[np.float64]:
+        # At 10 mm/s, out and back once.
+        out = np.arange(0.0, stroke, 0.01 * DT)
+        return np.concatenate([out, stroke - out])
+
+    short, long = (RecordedMotion.of(recorded(triangle(stroke), current=None)) for stroke in (0.01, 0.02))
+    assert motion_likeness(long, short) is None
+    assert likest(short, [short]) is not None

@@ -67,6 +67,10 @@ def temperature_warning(tests: Sequence[DamperTest]) -> tuple[str, ...]:
     )
 
 
+# Multiple of the noise of the force from which on a residual is structure.
+_STRUCTURE = 3.0
+
+
 def linear_warning(
     nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
 ) -> tuple[str, ...]:
@@ -74,6 +78,13 @@ def linear_warning(
     linear = linear_misfit(tests, follows_command=follows_command)
     if nrmse < LINEAR_SHARE * linear:
         return ()
+    deviation = float(np.sqrt(np.mean([np.var(test.force[test.counted]) for test in tests])))
+    if linear * deviation <= _STRUCTURE * force_noise(tests):
+        return (
+            f"a linear spring and dashpot describe the tests to within their noise, {100.0 * (1.0 - linear):.2f} % for "
+            f"{100.0 * (1.0 - nrmse):.2f} % of the fit: as far as the tests show, the damper is linear, and the "
+            "parameters of its hysteresis mean nothing",
+        )
     return (
         f"the fit, {100.0 * (1.0 - nrmse):.2f} %, is no better than that of a linear spring and dashpot, "
         f"{100.0 * (1.0 - linear):.2f} %: this model cannot describe the tests, or the minimum is false; try another "
@@ -81,15 +92,18 @@ def linear_warning(
     )
 
 
-# Multiple of the noise of the force from which on a residual is structure.
-_STRUCTURE = 3.0
+def force_noise(tests: Sequence[DamperTest]) -> float:
+    """Standard deviation of the noise of the forces [N], from third differences.
+
+    Those of white noise have twenty times its variance, and those of a force between its corners none.
+    """
+    rough = np.concatenate([np.diff(test.force, 3) for test in tests])
+    return float(np.median(np.abs(rough))) / NormalDist().inv_cdf(0.75) / float(np.sqrt(20.0))
 
 
 def structure_warning(rmse: float, tests: Sequence[DamperTest]) -> tuple[str, ...]:
     """Warning that a residual of this root mean square [N] is far above the noise of the forces; empty if not."""
-    # Third differences of white noise have twenty times its variance, and those of a force between its corners none.
-    rough = np.concatenate([np.diff(test.force, 3) for test in tests])
-    noise = float(np.median(np.abs(rough))) / NormalDist().inv_cdf(0.75) / np.sqrt(20.0)
+    noise = force_noise(tests)
     if rmse <= _STRUCTURE * noise:
         return ()
     return (

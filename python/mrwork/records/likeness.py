@@ -42,6 +42,8 @@ _FORCE: Final = 0.2
 # Least correlation of displacements, and share of a motion that the other must contain. Of a periodic motion: a sine
 # and a triangle have 0.993. Smoothed versions of any other have lost its fastest part.
 _LEAST: Final = {True: (0.995, 0.9), False: (0.98, 0.5)}
+# Least share of its whole stroke that a motion has in what it shares with another.
+_STROKE: Final = 0.8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,6 +286,9 @@ def _find_pattern(pattern: Floats, record: Floats, *, least: float, limit: float
     # `_correlations` has the shifts with enough overlap.
     shift = n_least - n_pattern + best
     first, last = max(0, shift), min(n_record, shift + n_pattern)
+    # Ramps of one speed are equal for a part of their stroke.
+    if np.ptp(pattern[0, first - shift : last - shift]) < _STROKE * np.ptp(pattern[0]):
+        return None
     return _Alignment(
         correlation=min(float(correlations[best]), 1.0),
         one=pattern[:, first - shift : last - shift],
