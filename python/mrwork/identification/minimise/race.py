@@ -37,8 +37,8 @@ from mrwork.search.unit_cube import Streams, latin_hypercube
 # Misfits of one minimum differ by less than this share of the least, within limits of 0.002 and 0.04 points.
 _SAME, _SAME_LEAST, _SAME_MOST = 0.02, 2e-5, 4e-4
 # After so many iterations the best starts that are still apart, in unit coordinates, go on: this share of them.
-_FIRST_ITERATIONS = 5
-_GO_ON = 0.2
+_FIRST_ITERATIONS = 3
+_GO_ON = 0.4
 _APART = 1e-3
 # Where candidates take few time steps more starts take hardly longer: up to this multiple within so many steps.
 _MORE = 4
@@ -134,6 +134,7 @@ def race(
         agreed, spent = course.is_agreed(names, before), course.spent > settings.most_steps
         if agreed or spent or number + 1 == settings.most_rounds:
             course.descend(course.past(searched, random))
+            course.go_beyond()
             agreed = course.is_agreed(names, before)
         if agreed or spent:
             break
