@@ -1,20 +1,17 @@
-"""Relations between models: exact conversions between equivalent forms, and the simpler model that a model contains.
+"""Exact conversions between equivalent forms of a model.
 
-A conversion accepts NumPy and JAX arrays, its Jacobian NumPy arrays only. A nested model is a limit of the other;
-`Nesting` gives points near it.
+A conversion accepts NumPy and JAX arrays, its Jacobian NumPy arrays only.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from mrwork.base.arguments import AnyArray, checked
-from mrwork.base.units import unit_of
 from mrwork.base.values import Floats
 from mrwork.errors import SettingError
 
@@ -141,114 +138,3 @@ def of_modified(plain: Conversion) -> Conversion:
         return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)
 
     return Conversion(convert)
-
-
-Values = Mapping[str, float]
-
-# Distances from the limit, in the scale of the tests: the nearest has the simpler model's force within a few per cent,
-# from the others a local minimisation sees the parameters of the larger model.
-_DISTANCES = (3.0, 10.0, 30.0, 100.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scales:
-    """Half ranges of the tests: `stroke` [m], `speed` [m/s], `force` [N]."""
-
-    stroke: float
-    speed: float
-    force: float
-
-    def of_unit(self, unit: str) -> float | None:
-        """Size of a parameter of this unit in SI, as force/speed^3 of N s3/m3; `None` if it is not of kg, m and s."""
-        read = unit_of(unit)
-        if read is None or not read.powers.keys() <= {"kg", "m", "s"}:
-            return None
-        mass, length, time = (read.powers.get(base, 0) for base in ("kg", "m", "s"))
-        # A force is kg m/s2, a speed m/s: what is left of m and s is that of the speed, then of the stroke.
-        of_speed = -(time + 2 * mass)
-        powers = ((self.force, mass), (self.stroke, length - mass - of_speed), (self.speed, of_speed))
-        over = math.prod(size**power for size, power in powers if power > 0)
-        return over / math.prod(size**-power for size, power in powers if power < 0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Nesting:
-    """A simpler `model` in the limit of a larger one, with the parameters that they share.
-
-    `near`: the other parameters of the larger one, from the parameters of the simpler one in the scales of the tests,
-    as a distance of at least 1 grows.
-    """
-
-    model: str
-    shared: tuple[str, ...]
-    near: Callable[[Values, Scales, float], Values]
-
-    def points(self, simpler: Values, scales: Scales) -> tuple[Values, ...]:
-        """Points of the larger model near the simpler one with these parameters, farthest first."""
-        return tuple(
-            {**{name: simpler[name] for name in self.shared}, **self.near(simpler, scales, distance)}
-            for distance in _DISTANCES
-        )
-
-
-_NORMALISED = ("c", "k", "x0", "k_w", "rho", "sigma", "n")
-
-
-def _small_shift(side: str, width: Callable[[Scales], float]) -> Callable[[Values, Scales, float], Values]:
-    return lambda _, scales, distance: {
-        "mu": 0.1 * scales.speed / distance,
-        "share": 0.5,
-        side: 0.1 * width(scales),
-    }
-
-
-def _series_dashpot(p: Values, scales: Scales, distance: float) -> Values:
-    """A dashpot c1 in series that hardly moves; the stiffness in parallel is divided between k0 and k1."""
-    k0 = 0.1 * scales.force / scales.stroke
-    k1 = p["k"] - k0
-    x0 = p["k"] * p["x0"] / k1 if k1 else p["x0"]
-    return {"c0": p["c"], "k0": k0, "c1": distance * scales.force / scales.speed, "k1": k1, "x0": x0}
-
-
-def _exponential_knee(p: Values, scales: Scales, distance: float) -> Values:
-    """The loop of Dahl; a small stiffness carries the offset of the force."""
-    k = scales.force / scales.stroke / distance
-    return {"c": p["k_x"], "k": k, "x0": -p["f0"] / k, "sigma": 1.0, "n": 1.0 + 1.0 / distance}
-
-
-NESTINGS: Mapping[str, Nesting] = {
-    "viscous_dahl": Nesting(model="dahl", shared=("k_w", "rho", "f0"), near=lambda _, scales, distance: {
-        "k_x": scales.force / scales.speed / distance}),
-    "lugre": Nesting(model="viscous_dahl", shared=("f0",), near=lambda p, scales, distance: {
-        "sigma_0": p["k_w"] * p["rho"], "a0": p["rho"], "sigma_1": 0.1 * scales.force / scales.speed / distance,
-        "sigma_2": p["k_x"]}),
-    "normalised_bouc_wen": Nesting(model="viscous_dahl", shared=("k_w", "rho"), near=_exponential_knee),
-    "backlash_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED, near=lambda _, scales, distance: {
-        "g": 0.3 * scales.stroke / distance}),
-    "normalised_modified_bouc_wen": Nesting(model="normalised_bouc_wen", shared=("k_w", "rho", "sigma", "n"),
-        near=_series_dashpot),
-    "shear_thinning_modified_bouc_wen": Nesting(model="normalised_modified_bouc_wen",
-        shared=("c0", "k0", "c1", "k1", "x0", "k_w", "rho", "sigma", "n"), near=lambda _, scales, distance: {
-        "c2": scales.force / scales.speed / distance, "v_s": 0.3 * scales.speed}),
-    "non_symmetric_bouc_wen": Nesting(model="normalised_bouc_wen", shared=_NORMALISED,
-        near=_small_shift("w_s", lambda _: 1.0)),
-    "non_symmetric_bouc_wen_displacement": Nesting(model="normalised_bouc_wen", shared=_NORMALISED,
-        near=_small_shift("x_s", lambda scales: scales.stroke)),
-    "elasto_visco_plastic": Nesting(model="bingham", shared=("f0",), near=lambda p, scales, distance: {
-        "f_y": p["f_c"], "v_r": p["v_s"], "c": p["c0"], "rho": distance / scales.stroke,
-        "r": scales.speed / scales.stroke / distance, "k": 0.0}),
-    "extended_bingham": Nesting(model="bingham", shared=("f_c", "c0", "f0"), near=lambda _, scales, distance: {
-        "rho": distance / scales.stroke, "a": 1.0 / distance, "tau": scales.stroke / scales.speed / distance}),
-    "hyperbolic_tangent_gavin": Nesting(model="bingham", shared=("c0", "f0"), near=lambda p, scales, distance: {
-        "f_o": p["f_c"], "V_r": p["v_s"], "d_r": distance * scales.stroke * p["v_s"] / scales.speed, "k0": 0.0}),
-    "hyperbolic_tangent_guo": Nesting(model="bingham", shared=("f0",), near=lambda p, scales, distance: {
-        "A1": p["f_c"], "A2": p["c0"], "A3": 1.0 / p["v_s"], "omega": scales.speed / scales.stroke / distance}),
-    # From Gavin's x/d_r: with a wide x_s, delta tanh(x/x_s) is proportional to x.
-    "static_hysteretic": Nesting(model="hyperbolic_tangent_gavin", shared=("f0",), near=lambda p, scales, distance: {
-        "c": p["c0"], "k": p["k0"], "alpha": p["f_o"], "beta": 1.0 / p["V_r"],
-        "delta": distance * scales.stroke / p["d_r"], "x_s": distance * scales.stroke}),
-    "polynomial_fitting": Nesting(model="bingham", shared=("f0",), near=lambda p, scales, distance: {
-        "a": p["f_c"], "b": 2.0 / p["v_s"], "v0": 0.0, "c": p["c0"], "h": scales.force / distance, "v1": 0.0,
-        "w": 0.3 * scales.speed, "x_s": 0.3 * scales.stroke}),
-}  # fmt: skip
-"""The simpler model of each model that contains one."""

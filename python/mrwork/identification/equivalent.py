@@ -7,18 +7,19 @@ of the plain model at several commands, and have ranges that follow from its own
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrwork.base.arguments import checked
+from mrwork.base.units import unit_of
 from mrwork.base.values import Floats
 from mrwork.dampers.conversions import (
     BOUC_WEN_FROM_NORMALISED,
     NORMALISED_FROM_BOUC_WEN,
     Conversion,
-    Scales,
     of_modified,
 )
 from mrwork.dampers.coordinates import Box
@@ -139,13 +140,33 @@ _SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4
 _POSITIVE_OTHERS, _SIGNED_OTHERS = (1e-3, 1e3), (-2.0, 2.0)
 
 
-def half_ranges(tests: tuple[DamperTest, ...]) -> Scales:
-    """Half of the largest peak-to-peak stroke [m], speed [m/s] and force [N] of the tests."""
-    return Scales(
-        stroke=max(float(np.ptp(test.displacement)) / 2 for test in tests),
-        speed=max(float(np.ptp(test.velocity)) / 2 for test in tests),
-        force=max(float(np.ptp(test.force)) / 2 for test in tests),
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _HalfRanges:
+    """Half of the largest peak-to-peak `stroke` [m], `speed` [m/s] and `force` [N] of tests."""
+
+    stroke: float
+    speed: float
+    force: float
+
+    @classmethod
+    def of(cls, tests: tuple[DamperTest, ...]) -> _HalfRanges:
+        stroke, speed, force = (
+            max(float(np.ptp(getattr(test, channel))) / 2 for test in tests)
+            for channel in ("displacement", "velocity", "force")
+        )
+        return cls(stroke=stroke, speed=speed, force=force)
+
+    def of_unit(self, unit: str) -> float | None:
+        """Size of a parameter of this unit in SI, as force/speed^3 of N s3/m3; `None` if it is not of kg, m and s."""
+        read = unit_of(unit)
+        if read is None or not read.powers.keys() <= {"kg", "m", "s"}:
+            return None
+        mass, length, time = (read.powers.get(base, 0) for base in ("kg", "m", "s"))
+        # A force is kg m/s2, a speed m/s: what is left of m and s is that of the speed, then of the stroke.
+        of_speed = -(time + 2 * mass)
+        powers = ((self.force, mass), (self.stroke, length - mass - of_speed), (self.speed, of_speed))
+        over = math.prod(size**power for size, power in powers if power > 0)
+        return over / math.prod(size**-power for size, power in powers if power < 0)
 
 
 @checked
@@ -156,7 +177,7 @@ def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> 
     """
     if not tests:
         raise SettingError("a range that suits the tests needs a test; give at least one")
-    ranges = half_ranges(tests)
+    ranges = _HalfRanges.of(tests)
     narrowed: dict[str, tuple[float, float]] = {}
     for index, parameter in enumerate(spec.parameters):
         scale = ranges.of_unit(parameter.unit)

@@ -22,8 +22,8 @@ from mrwork.store.codec import built, plain
 class Race:
     """Settings of the race, the default search: unlike routes to the least misfit, in rounds until two of them agree.
 
-    One route are local minimisations from samples of wide ranges, the other a population of differential evolution in
-    the ranges that suit the tests, whose best members are minimised too.
+    One route are local minimisations from samples of wide ranges, the other a population of differential evolution, of
+    which half begins in the ranges that suit the tests, and whose best members are minimised too.
 
     Parameters
     ----------

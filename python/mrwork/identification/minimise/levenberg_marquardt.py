@@ -237,9 +237,7 @@ def _iterate_once(
         scale[:, None, :, None] * np.eye(gradient.shape[1])
     )
     step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
-    step = within_stiffness(
-        objective.compared, coordinates, theta[active], step, damped, gradient[active], still[active]
-    )
+    step = within_stiffness(objective.compared, coordinates, theta[active], step, damped, still[active])
     before = misfit[active]
     tried = coordinates.after(theta[active], still[active], step)
     n_tried = len(_DAMPING_FACTORS)

@@ -1,7 +1,4 @@
-"""Starting points of a plain model: by a race of routes on excerpts of the tests, or by an optimiser.
-
-The race also starts near the fit of the simpler model that the searched one contains, if there is one.
-"""
+"""Starting points of a plain model: by a race of routes on excerpts of the tests, or by an optimiser."""
 
 from __future__ import annotations
 
@@ -15,14 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.dampers.conversions import NESTINGS
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import damper
 from mrwork.errors import SimulationError
 from mrwork.identification.commands import excerpts_of
-from mrwork.identification.equivalent import bounds_of, half_ranges, identifiable_form, search_box, widened
+from mrwork.identification.equivalent import search_box, widened
 from mrwork.identification.fit import SearchTrace
-from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
 from mrwork.identification.minimise.race import (
     Route,
@@ -46,14 +40,6 @@ if TYPE_CHECKING:
 _STARTS = 16
 # Multiple of the limit of stiffness up to which a population of a later round is simulated; minimisations go beyond it.
 _STIFFER = 3.0
-# Nested starts are moved off the faces of the box, by this share of its ranges: on a face a parameter has no slope.
-_OFF_FACES = 5e-3
-# Samples per parameter, least starts, iterations and tolerance of a simpler model, whose fit is only a start.
-_NESTED_SAMPLES = 8
-_NESTED_STARTS = 4
-_NESTED_ITERATIONS, _NESTED_TOLERANCE = 12, 1e-4
-
-
 SAMPLES = "local minimisations from samples"
 POPULATION = "a population of differential evolution"
 """What the routes of a plain model are, in words."""
@@ -96,7 +82,7 @@ def plain_routes(
 ) -> tuple[Route, Route]:
     """The routes of a plain model: from samples of wide ranges, and by a population that half starts in narrower ones.
 
-    The first also starts at points that are given, `near`, (n_near, n_params), else near the simpler model.
+    The first also starts at points that are given, `near`, (n_near, n_params).
     """
     low = up_to(objective, min(friction_limit(objective.tests), objective.stiffest))
     searched = search_box(objective.spec, box, objective.tests)
@@ -116,10 +102,7 @@ def plain_routes(
             # Fixed parameters may make every candidate stiff.
             if len(samples):
                 break
-        if number:
-            return samples
-        first = nested_starts(low, box, settings, rng) if near is None else near
-        return np.concatenate([first, samples])
+        return samples if number or near is None else np.concatenate([near, samples])
 
     def draw_population(number: int) -> Floats:
         return evolved(objective, box, searched, settings, rng=rng, number=number, on_search=on_search)
@@ -166,33 +149,6 @@ def evolved(
                 state=replace(first, population=unit),
             )[0]
     return np.empty((0, len(objective.spec.names)))
-
-
-def nested_starts(objective: Objective, box: Box, settings: Race, rng: int) -> Floats:
-    """Starts near the fit of the simpler model that the searched one contains, (n_starts, n_params), maybe none."""
-    spec = objective.spec
-    nesting = NESTINGS.get(spec.name)
-    # With ties the simpler model is contained no more.
-    if nesting is None or objective.settings.ties:
-        return np.empty((0, len(spec.names)))
-    simpler = damper(nesting.model)
-    form = identifiable_form(simpler, bounds_of(box, nesting.shared))
-    rough = objective.on(simpler, objective.tests)
-    few = replace(settings, samples=_NESTED_SAMPLES, starts=_NESTED_STARTS)
-    wide = search_box(simpler, form.box, objective.tests)
-    samples = draw_samples(rough, form.box, wide.theta_from_unit, len(wide.free), few, rng=rng)
-    starts = np.concatenate([nested_starts(rough, form.box, settings, rng), samples])
-    if not len(starts):
-        return np.empty((0, len(spec.names)))
-    minima = find_minima(
-        rough, form.box, starts, max_iterations=_NESTED_ITERATIONS, tolerance=_NESTED_TOLERANCE
-    )
-    theta = minima.best.theta
-    values = dict(zip(simpler.names, theta.tolist(), strict=True))
-    points = nesting.points(values, half_ranges(objective.tests))
-    whole = np.array([[point[name] for name in spec.names] for point in points])
-    unit = np.asarray(box.unit_from_theta(np.clip(whole, box.lower, box.upper)))
-    return np.asarray(box.theta_from_unit(np.clip(unit, _OFF_FACES, 1.0 - _OFF_FACES)))
 
 
 def points_from_optimiser(problem: Problem, search: Optimiser, *, call: Identifying) -> StartingPoints:

@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.arguments import Seed
 from mrwork.base.values import Floats, array_dataclass
@@ -36,9 +35,10 @@ from mrwork.search.unit_cube import Streams, latin_hypercube
 
 # Misfits of one minimum differ by less than this share of the least, within limits of 0.002 and 0.04 points.
 _SAME, _SAME_LEAST, _SAME_MOST = 0.02, 2e-5, 4e-4
-# After so many iterations the best starts that are still apart, in unit coordinates, go on: this share of them.
+# After so many iterations the best starts that are still apart, in unit coordinates, go on: this share of them, and of
+# those that look past the best minimum.
 _FIRST_ITERATIONS = 3
-_GO_ON = 0.4
+_GO_ON, _GO_ON_PAST = 0.4, 0.6
 _APART = 1e-3
 # Where candidates take few time steps more starts take hardly longer: up to this multiple within so many steps.
 _MORE = 4
@@ -130,11 +130,11 @@ def race(
         course.round = number
         before = course.least
         course.descend({route.name: route.draw(number) for route in routes} | course.past(searched, random))
-        course.go_beyond()
+        course.go_beyond(_MOST_BEYOND)
         agreed, spent = course.is_agreed(names, before), course.spent > settings.most_steps
         if agreed or spent or number + 1 == settings.most_rounds:
             course.descend(course.past(searched, random))
-            course.go_beyond()
+            course.go_beyond(1)
             agreed = course.is_agreed(names, before)
         if agreed or spent:
             break
@@ -319,20 +319,20 @@ class _Course:
             return
         label = " and ".join(dict.fromkeys(routes))
         first = self._minimise(self.low, starts, label, _FIRST_ITERATIONS)
-        taken = [
-            row for route in dict.fromkeys(routes) for row in self._to_go_on(first, np.equal(routes, route))
-        ]
+        taken = [row for route in dict.fromkeys(routes) for row in self._to_go_on(first, routes, route)]
         if taken:
             last = self._minimise(self.low, first.theta[taken], label, self.settings.most_iterations)
             self._keep(last.theta, last.misfit, [routes[row] for row in taken])
 
-    def _to_go_on(self, first: LocalMinima, mine: NDArray[np.bool_]) -> list[int]:
+    def _to_go_on(self, first: LocalMinima, routes: Sequence[str], route: str) -> list[int]:
         """Rows of a route that go on after the first iterations: the best that are still apart."""
+        mine = np.equal(routes, route)
         rows = np.flatnonzero(mine & np.isfinite(first.misfit))
         rows = rows[np.argsort(first.misfit[rows], kind="stable")]
         if not rows.size:
             return []
-        most = max(5, int(_GO_ON * np.count_nonzero(mine)))
+        share = _GO_ON_PAST if route == _PAST else _GO_ON
+        most = max(5, int(share * np.count_nonzero(mine)))
         unit = np.asarray(self.box.unit_from_theta(first.theta[rows]))
         return [int(row) for row in rows[_apart(unit, _APART, most)]]
 
@@ -347,8 +347,8 @@ class _Course:
         starts, misfit = with_best_forces(self.low, self.box, np.concatenate([crossed, limits]))
         return {_PAST: starts[np.isfinite(misfit)]}
 
-    def go_beyond(self) -> None:
-        """Minimise without the limit of stiffness from minima at it, and from stiff starts.
+    def go_beyond(self, most: int) -> None:
+        """Minimise without the limit of stiffness from minima at it, and from stiff starts, so many new ones at most.
 
         Routes that have met one minimum at the limit have met where it leads.
         """
@@ -362,7 +362,7 @@ class _Course:
             return
         unit = np.asarray(self.box.unit_from_theta(starts))
         n_before = len(self.left)
-        taken = _apart(np.concatenate([self.left, unit]), _DISTANT, n_before + _MOST_BEYOND)[n_before:]
+        taken = _apart(np.concatenate([self.left, unit]), _DISTANT, n_before + most)[n_before:]
         new = np.array(taken, dtype=np.intp) - n_before
         if new.size:
             ended = find_minima(

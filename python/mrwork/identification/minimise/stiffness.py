@@ -36,13 +36,12 @@ def within_stiffness(
     theta: Floats,
     step: Floats,
     damped: Floats,
-    gradient: Floats,
     still: NDArray[np.bool_],
 ) -> Floats:
     """Damped least-squares steps, those that end above the limit of stiffness replaced by the best ones below it.
 
-    `step`, shape (n_rows, n_dampings, n_free), from `theta`, (n_rows, n_params), minimises the quadratic functions of
-    `damped`, (n_rows, n_dampings, n_free, n_free), and `gradient`, (n_rows, n_free); what is `still` has no step.
+    `step`, shape (n_rows, n_dampings, n_free), from `theta`, (n_rows, n_params), minimises quadratic functions with the
+    matrices `damped`, (n_rows, n_dampings, n_free, n_free); what is `still` has no step.
     """
     ends = coordinates.after(theta, still, step)
     stiffness = log_stiffness(tests, ends.reshape(-1, ends.shape[-1])).reshape(*ends.shape[:2], -1)
@@ -53,12 +52,12 @@ def within_stiffness(
     rows = np.flatnonzero(beyond.any(axis=1))
     values, slopes = stiffness_and_slope(tests, coordinates.box, theta[rows])
     slopes = np.where(still[rows, None], 0.0, slopes @ coordinates.slope(theta[rows], still[rows]))
-    for row, value, slope in zip(rows, values, slopes, strict=True):
-        if not (np.isfinite(value).all() and np.isfinite(slope).all()):
-            continue
-        room = np.maximum(-_MARGIN - value, 0.0)
+    fine = np.isfinite(values).all(axis=1) & np.isfinite(slopes).all(axis=(1, 2))
+    rows, slopes, room = rows[fine], slopes[fine], np.maximum(-_MARGIN - values[fine], 0.0)
+    towards = np.linalg.solve(damped[rows], slopes[:, None].swapaxes(2, 3))
+    for index, row in enumerate(rows):
         for factor in np.flatnonzero(beyond[row]):
-            step[row, factor] = _minimise_within(damped[row, factor], gradient[row], slope, room)
+            step[row, factor] = _within(step[row, factor], towards[index, factor], slopes[index], room[index])
     return step
 
 
@@ -79,9 +78,7 @@ def nearest_below_stiffness(tests: Sequence[ObservedTest], box: Box, theta: Floa
             slope = slope * np.exp(box.log_slope(latent))
             if not (np.isfinite(value).all() and np.isfinite(slope).all()) or value.max() <= 0.0:
                 break
-            latent = latent + _minimise_within(
-                np.eye(latent.size), np.zeros(latent.size), slope, -_MARGIN - value
-            )
+            latent = latent + _within(np.zeros(latent.size), slope.T, slope, -_MARGIN - value)
         nearest[row] = np.asarray(box.theta_from_latent(latent[None]))[0]
     return nearest
 
@@ -116,10 +113,12 @@ def log_stiffness(tests: Sequence[ObservedTest], theta: Floats) -> Floats:
     return np.where(np.isnan(stiffness), np.inf, stiffness)
 
 
-def _minimise_within(matrix: Floats, gradient: Floats, slope: Floats, room: Floats) -> Floats:
-    """Minimum of gradient @ s + s @ matrix @ s / 2 with slope @ s <= room, shape (n_free,), by an active set."""
-    free = -np.linalg.solve(matrix, gradient)
-    towards = np.linalg.solve(matrix, slope.T)
+def _within(free: Floats, towards: Floats, slope: Floats, room: Floats) -> Floats:
+    """The step nearest to a `free` one, (n_free,), with slope @ s <= room, by an active set.
+
+    Distance is that of the quadratic function which the free step minimises: `towards`, (n_free, n_tests), is its
+    matrix's inverse times the transposed `slope`.
+    """
     met: list[int] = []
     step = free
     for _ in range(2 * _MOST_MET):

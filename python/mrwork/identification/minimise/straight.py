@@ -84,16 +84,19 @@ class Straight:
         spring, a dashpot or dry friction. All are then moved a little at random.
         """
         columns = self._free[self._log]
-        powers = np.array([ways for ways in product((-1, 0, 1), repeat=len(columns)) if any(ways)])
-        if not powers.size:
+        ways = [each for each in product((-1, 0, 1), repeat=len(columns)) if any(each)]
+        if not ways:
             return np.empty((0, len(theta)))
-        powers = random.permutation(np.concatenate([powers * np.log(factor) for factor in _FAR]))[
-            :_MOST_LIMITS
-        ]
-        powers += _A_LITTLE * random.standard_normal(powers.shape)
-        points = np.tile(theta, (len(powers), 1))
-        points[:, columns] *= np.exp(powers)
-        return np.clip(points, self.box.lower, self.box.upper)
+
+        def moved(points: Floats, powers: Floats) -> Floats:
+            points[:, columns] *= np.exp(powers)
+            return np.clip(points, self.box.lower, self.box.upper)
+
+        powers = np.concatenate([np.array(ways) * np.log(factor) for factor in _FAR])
+        # On a bound, other ways lead to the same point.
+        points = np.unique(moved(np.tile(theta, (len(powers), 1)), powers), axis=0)
+        points = random.permutation(points[np.any(points != theta, axis=1)])[:_MOST_LIMITS]
+        return moved(points, _A_LITTLE * random.standard_normal((len(points), len(columns))))
 
     def far_down(self, theta: Floats, steps: Floats) -> tuple[NDArray[np.bool_], Floats]:
         """Which steps, (n_rows, n_free), take a positive force too far down at once, and the ones it takes."""
