@@ -1,7 +1,7 @@
 """How often is the first fit the best one, on dampers that are no model of the package, and does it say where not?
 
 Three hundred records of ten dampers under six motions, each fitted with one of six models by `identify` as it is typed.
-The best fit known of each record comes from all searches together with ten times the budget (`--best`, hours). Twenty
+The best fit known of each record comes from all searches with ten times the budget (`--best`, an hour of a core). Ten
 minutes of one core, the quick form ten seconds; ten thousand starts on three records (`--starts`) another hour.
 """
 
@@ -118,9 +118,8 @@ def motion(kind, random, long):
         x = (x - x[0]) / np.abs(x - x[0]).max()
     else:
         levels = np.append(0, random.uniform(-1, 1, cycles * 2 + 2))
-        where = phase * 2
-        i = np.minimum(where.astype(int), len(levels) - 2)
-        s = np.clip((where - i) / 0.6, 0, 1)
+        i = np.minimum((phase * 2).astype(int), len(levels) - 2)
+        s = np.clip((phase * 2 - i) / 0.6, 0, 1)
         x = levels[i] + (levels[i + 1] - levels[i]) * s * s * (3 - 2 * s)
     return t, stroke * x
 
@@ -158,12 +157,11 @@ def best(number):
 
 numbers = (3, 9, 18, 49, 77, 229) if script.quick else range(300)
 path = script.folder / "best_known.txt"
-with path.open(newline="") as file:
-    known = {int(number): (float(fit), search) for number, fit, search in csv.reader(file)}
+lines = csv.reader(path.read_text().splitlines())
+known = {int(number): (float(fit), search) for number, fit, search in lines}
 rows = {number: script.kept(f"record {number}", partial(first, number)) for number in numbers}
-for number in numbers if script.options.best else ():
-    known[number] = max(known[number], tuple(script.kept(f"best {number}", partial(best, number))))
 if script.options.best:
+    known |= {n: max(known[n], tuple(script.kept(f"best {n}", partial(best, n)))) for n in numbers}
     path.write_text("".join(f"{number},{fit:.4f},{search}\n" for number, (fit, search) in known.items()))
 short = {number: known[number][0] - fit for number, (fit, _, _) in rows.items()}
 sure = [number for number, (_, status, _) in rows.items() if status == "converged"]
@@ -172,8 +170,11 @@ for name, some in {"all": [*rows], "converged": sure, "other": [*{*rows} - {*sur
     far, near = (100.0 * np.mean([short[each] > limit for each in some]) for limit in (MISSED, NEARLY))
     missed[name] = {"records": len(some), "by .3 points (%)": far, "by .05 points (%)": near}
 script.table("missed", missed, title="Records whose first fit misses the best one known", digits=3)
-seconds = [each for _, _, each in rows.values()]
-script.say(f"processor time: median {np.median(seconds):.2f} s, largest {max(seconds):.1f} s")
+script.say(
+    "processor time: median {:.2f} s, largest {:.1f} s".format(
+        *np.quantile([each[2] for each in rows.values()], (0.5, 1))
+    )
+)
 
 
 # %% Three records: where least squares of SciPy from random starts ends, and how often each route finds the best.
@@ -186,10 +187,8 @@ def minimise_all(objective, points):
 def find_rates(number):
     test, model = record(number)
     samples = mr.identification.Race(population=5, generations=1, most_rounds=1)
-    fits = [
-        [mr.identify(model, test, search=search, rng=seed) for seed in range(10)]
-        for search in (samples, "differential_evolution", None)
-    ]
+    routes = (samples, "differential_evolution", None)
+    fits = [[mr.identify(model, test, search=each, rng=seed) for seed in range(10)] for each in routes]
     return [np.mean([known[number][0] - each.fit_percent < NEARLY for each in many]) for many in fits]
 
 
@@ -202,8 +201,9 @@ if script.options.starts:
         ends = np.sort(script.kept(f"starts {number}", partial(minimise_all, objective, points)))[::-1]
         rates = script.kept(f"rates {number}", partial(find_rates, number))
         axes.plot(np.arange(1, len(ends) + 1), np.maximum(known[number][0] - ends, 1e-3))
-        found = "\nfound by samples {:.0%}, population {:.0%}, race {:.0%}".format(*rates)
         axes.set(xscale="log", yscale="log", xlabel="Start, best first", ylabel="Below the best (points)")
-        axes.set_title(test.name + found, fontsize=6)
+        axes.set_title(
+            test.name + "\nsamples {:.0%}, population {:.0%}, race {:.0%}".format(*rates), fontsize=6
+        )
     script.figure(figure, "starts")
 script.check()

@@ -48,9 +48,10 @@ _TOLERANCE = 1e-5
 _MOST_ITERATIONS = 60
 _BEHIND = Hopeless(after=8, factor=3.0, found=2, closeness=1e-3)
 # Points of a round that go on beyond the limit of stiffness, if their misfit is below this multiple of the least;
-# iterations and tolerance.
+# iterations and tolerance. Starts from the best that are stiff at once are up to this far above it, in logarithms.
 _MOST_BEYOND = 3
-_MOST_STIFF = 2
+_MOST_STIFF = 3
+_STIFFEST_PAST = 3.5
 _PROMISING = 2.0
 _BEYOND_ITERATIONS = 16
 _BEYOND_TOLERANCE = 1e-4
@@ -134,7 +135,7 @@ def race(
         agreed, spent = course.is_agreed(names, before), course.spent > settings.most_steps
         if agreed or spent or number + 1 == settings.most_rounds:
             course.descend(course.past(searched, random))
-            course.go_beyond(1)
+            course.go_beyond(_MOST_STIFF)
             agreed = course.is_agreed(names, before)
         if agreed or spent:
             break
@@ -344,8 +345,13 @@ class _Course:
         samples = np.asarray(searched.theta_from_unit(random.random((_CROSSED, len(searched.free)))))
         crossed = np.where(random.random(samples.shape) < _REPLACED, samples, best)
         limits = Straight(self.low.spec, self.box).limits(best, random)
-        starts, misfit = with_best_forces(self.low, self.box, np.concatenate([crossed, limits]))
-        return {_PAST: starts[np.isfinite(misfit)]}
+        drawn = np.concatenate([crossed, limits])
+        stiffness = log_stiffness(self.low.compared, drawn).max(axis=1)
+        stiff = drawn[(stiffness > 0.0) & (stiffness < _STIFFEST_PAST)]
+        theta, misfit = best_first(*with_best_forces(self.objective, self.box, stiff))
+        self.stiff.append((_PAST, theta[np.isfinite(misfit)][:_MOST_STIFF]))
+        theta, misfit = with_best_forces(self.low, self.box, drawn[stiffness <= 0.0])
+        return {_PAST: theta[np.isfinite(misfit)]}
 
     def go_beyond(self, most: int) -> None:
         """Minimise without the limit of stiffness from minima at it, and from stiff starts, so many new ones at most.
