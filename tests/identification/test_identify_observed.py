@@ -15,7 +15,8 @@ import mrwork as mr
 from mrwork import Journal
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest, Observation, cut, observed
-from mrwork.records.damper_test import AS_IT_IS, Smoothing
+from mrwork.records.damper_test import Smoothing
+from mrwork.records.observation import AS_IT_IS
 from mrwork.uncertainty import predict
 
 UTFSM = measured_data.DATA / "dampers" / "utfsm"

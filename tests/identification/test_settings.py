@@ -28,8 +28,7 @@ OTHER = FitSettings(
     force_exponent=0.5,
     engine="optimistix",
     nuisances=("level",),
-    observe=("average=0.1T", "gain=1.1"),
-    late_force="lag",
+    observe=("average=0.1T", "gain=1.1", "lag=free"),
     rng=3,
 )
 
@@ -66,8 +65,8 @@ def test_a_fit_has_the_settings_it_was_made_with() -> None:
         **{each.name: getattr(settings, each.name) for each in fields(FitSettings)},
     )
     # What was fitted is given to fits that follow.
-    assert fit.late_force is not None
-    observe = (*settings.observe, f"lag={fit.late_force.value}")
+    (lag,) = fit.effects
+    observe = (*settings.observe[:-1], f"lag={lag.value}")
     assert fit.settings == replace(settings, observe=observe)
 
 

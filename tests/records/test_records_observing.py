@@ -11,9 +11,9 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.records import DamperTest, Observation, cut, observed
-from mrwork.records.damper_test import AS_IT_IS, Smoothing
+from mrwork.records.damper_test import Smoothing
+from mrwork.records.observation import AS_IT_IS, as_words
 from mrwork.records.reading import synthetic_test
-from mrwork.records.repairs import as_words
 
 WINDOW = 33
 CLEAN = synthetic_test("spencer1997")
@@ -70,7 +70,7 @@ def test_values_are_given_in_seconds_or_periods(smoothed: DamperTest) -> None:
     ("words", "said"),
     [
         (["none", "detect"], "none and detect"),
-        (["smooth"], "'smooth'; give detect, none, or average=VALUE"),
+        (["smooth"], "'smooth'; give detect, none, or mass=VALUE"),
         (["lowpass=0.1T"], "'0.1T' in --observe lowpass=0.1T is not a number"),
         (["gain=0"], "gain=0.*gain of an observation is 0"),
         (["average=1e9"], "average=1e9.*from 0 to 1e.06"),

@@ -83,7 +83,7 @@ def add_options(parser: CommandParser) -> None:
         dest="starts",
         repeated=True,
     )
-    elsewhere = ("bounds", "ties", "starts", "nuisances", "observe", "late_force", "search", "rng")
+    elsewhere = ("bounds", "ties", "starts", "nuisances", "observe", "search", "rng")
     add_option_of(parser, FitSettings, SEARCH, "search", choices=searches(), metavar="NAME")
     add_options_of(
         parser,

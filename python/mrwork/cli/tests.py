@@ -20,7 +20,8 @@ from mrwork.identification.residual import NuisanceName
 from mrwork.identification.settings import FitSettings
 from mrwork.records.columns import parse_column_option
 from mrwork.records.finding import REPAIR_KINDS, RepairKind
-from mrwork.records.repairs import AMOUNTS_IN_WORDS, as_words
+from mrwork.records.observation import as_words
+from mrwork.records.repairs import AMOUNTS_IN_WORDS
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
@@ -75,10 +76,8 @@ def add_observation(parser: CommandParser, *, as_fitted: bool = False) -> None:
         add_option_of, parser, FitSettings, MEASUREMENT, default=() if as_fitted else UNCHANGED
     )
     usual = "default: as in the identification" if as_fitted else ""
-    measured("observe", metavar="WHAT=VALUE", more=usual)
+    measured("observe", metavar="WHAT=VALUE|free", more=usual)
     measured("nuisances", choices=[_NONE], more=usual)
-    if not as_fitted:
-        add_option_of(parser, FitSettings, MEASUREMENT, "late_force")
 
 
 def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None = None) -> Reading:

@@ -42,7 +42,7 @@ from mrwork.identification.residual import (
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests, loading_of
-from mrwork.records.repairs import DETECT, as_words
+from mrwork.records.observation import DETECT, as_words
 from mrwork.records.window import spans_with
 
 Mask = Annotated[NDArray[np.bool_], Shape(("n_time",))]

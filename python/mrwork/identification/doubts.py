@@ -22,7 +22,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import with_changed_laws
 from mrwork.identification.commands import excerpts_of
 from mrwork.identification.covariance import Covariance, autocorrelation_time
-from mrwork.identification.force_lag import force_lag_warnings
+from mrwork.identification.effects import effect_warnings
 from mrwork.identification.minimise.driver_lag import missing_lag_warning
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.polish import FinalFit
@@ -54,7 +54,7 @@ def doubts_on_fit(ended: FinalFit, nrmse: float, *, is_suspected: bool) -> tuple
         *missing_lag_warning(objective, theta, form.box),
         *needless_average_warnings(objective, form.box, theta),
         *law_shape_warnings(excerpts, form.box, theta),
-        *force_lag_warnings(problem, excerpts, ended.covariance),
+        *effect_warnings(problem, excerpts, ended.covariance),
         *motion_noise_warning(ended.covariance, problem.spec.names),
     )
 

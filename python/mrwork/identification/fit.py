@@ -23,8 +23,9 @@ from mrwork.errors import RecordError, UnknownNameError
 from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation, observed
-from mrwork.records.damper_test import AS_IT_IS, OperatingRange, Outside, range_of_test
+from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest
+from mrwork.records.observation import AS_IT_IS
 from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import built, digest_of
@@ -322,7 +323,7 @@ class Fit(Plotted, WithAxes, Summarised):
     where there are no standard errors. `directions` are those in which the data determine the parameters weakly or not
     at all. `intervals` come from `profile` or `sample`; where there are any, tables show them and not the standard
     errors.
-    `late_force` is the lag or delay of the force channel that was fitted with the parameters, `None` where it was not.
+    `effects` are those on the recorded force, common to all tests, that were fitted with the parameters.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts steps of the final fit, one simulation with its derivatives each. `tests` were fitted, and
     `forces` are the forces of free runs on them, [N], shape (n_time,); `warnings` are sentences on what could
@@ -363,7 +364,7 @@ class Fit(Plotted, WithAxes, Summarised):
     tested: OperatingRange
     half_step_percent: NotNegative | None = None
     single_commands: tuple[SingleCommand, ...] = ()
-    late_force: FittedParameter | None = None
+    effects: tuple[FittedParameter, ...] = ()
     tests: tuple[DamperTest, ...] = field(default=(), compare=False)
     forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
@@ -482,8 +483,8 @@ class Fit(Plotted, WithAxes, Summarised):
 
     @property
     def fitted(self) -> tuple[FittedParameter, ...]:
-        """The parameters, and the lag or delay of the force channel that was fitted with them."""
-        return self.estimates if self.late_force is None else (*self.estimates, self.late_force)
+        """The parameters, and the effects on the recorded force that were fitted with them."""
+        return (*self.estimates, *self.effects)
 
     @property
     def theta(self) -> tuple[float, ...]:

@@ -19,9 +19,9 @@ from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationErr
 from mrwork.identification.commands import PER_CYCLE, has_levels, levels_of
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
+from mrwork.identification.effects import fit_effects
 from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace, SingleCommand
-from mrwork.identification.force_lag import fit_late_force
 from mrwork.identification.minimise.driver_lag import polish_with_wanted_lag
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.plain_search import points_from_optimiser, points_from_race
@@ -247,9 +247,8 @@ class _Identification:
 
         def polish() -> FinalFit:
             # Without the driver's lag where the tests do not want it.
-            ended = polish_with_wanted_lag(problem, points, on_step=partial(call.on_steps, "refinement"))
-            late = ended.problem.settings.late_force
-            return ended if late is None else fit_late_force(ended, late)
+            on_step = partial(call.on_steps, "refinement")
+            return fit_effects(polish_with_wanted_lag(problem, points, on_step=on_step))
 
         keep(points.theta[0])
         ended = interruptible(polish)
@@ -268,7 +267,7 @@ class _Identification:
             status=status,
             seconds=call.seconds,
         )
-        fit = replace(fit, late_force=ended.late_force)
+        fit = replace(fit, effects=ended.effects)
         if not self.examines:
             return replace(fit, status_reason=reason, seconds=call.seconds)
         doubts = interruptible(lambda: doubts_on_fit(ended, fit.nrmse, is_suspected=bool(points.doubt)))

@@ -22,7 +22,7 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.identification.settings import EQUAL_SHARES, FitSettings
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
-from mrwork.records.damper_test import AS_IT_IS
+from mrwork.records.observation import AS_IT_IS
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 
@@ -151,13 +151,10 @@ class Objective(Summarised):
     def is_direct(self) -> bool:
         """Whether the simulated force is compared directly, from a sample on.
 
-        There are no observation models, late forces, nuisance parameters, weights, losses or uncompared spans.
+        There are no observation models, free effects, nuisance parameters, weights, losses or uncompared spans.
         """
         return not self.settings.nuisances and all(
-            test.is_plain
-            and test.late is None
-            and test.test.observation == AS_IT_IS
-            and not test.test.uncompared
+            test.is_plain and not test.free and test.test.observation == AS_IT_IS and not test.test.uncompared
             for test in self.compared
         )
 

@@ -33,6 +33,10 @@ from mrwork.store.journal import Journal
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
+# Shares of the power of the velocity between which the frequencies of a test lie, and the least ratio of several.
+_MOST_POWER = (0.2, 0.8)
+_FREQUENCIES = 1.3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
@@ -63,6 +67,8 @@ class Problem:
             search=settings.search or Race(),
             bounds=bounds_without_offsets(settings.nuisances, spec) | dict(settings.bounds),
         )
+        if any(effect.name == "mass" for effect in settings.free_effects):
+            _refuse_one_frequency(tests)
         form = identifiable_form(spec, settings.bounds)
         _check_starts(spec, form, settings.starts)
         form = tied_form(form, spec, settings)
@@ -311,6 +317,21 @@ def _transfer_law(
         )
     nominal = [parameter.nominal for parameter in parameters]
     return dict(zip(names, [*values.tolist(), *nominal[len(values) :]], strict=True))
+
+
+def _refuse_one_frequency(tests: Sequence[DamperTest]) -> None:
+    """Refuse to fit a mass to tests at one frequency, where it cannot be told apart from a stiffness."""
+    lower, upper = [], []
+    for test in tests:
+        power = np.cumsum(np.abs(np.fft.rfft(test.velocity * np.hanning(test.n_time))) ** 2)
+        first, last = np.searchsorted(power, np.array(_MOST_POWER) * power[-1]) / (test.n_time * test.dt)
+        lower.append(first)
+        upper.append(last)
+    if max(upper) < _FREQUENCIES * min(lower):
+        raise SettingError(
+            f"--observe mass=free: all tests are at about {upper[0]:.3g} Hz, and at one frequency a mass cannot be "
+            "told apart from a stiffness; give mass=VALUE, or add a test at another frequency"
+        )
 
 
 def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:

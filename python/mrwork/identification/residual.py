@@ -33,14 +33,13 @@ from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET, half_range, mean_over_travel
 from mrwork.records.contradictions import refuse_velocity
-from mrwork.records.damper_test import AS_IT_IS, delay_signal, loading_of
+from mrwork.records.damper_test import loading_of
+from mrwork.records.observation import AS_IT_IS, Effect, Observation, delay_signal
 
 _stiffness_shares = unchecked(stiffness_shares)
 _simulate_forces, _simulate_sensitivities = unchecked(simulate_forces), unchecked(simulate_sensitivities)
 
 NuisanceName = Literal["offset", "level", "delay"]
-LateForce = Literal["lag", "delay"]
-"""What the force channel has in all tests: a lag of first order or a delay."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -305,8 +304,9 @@ def loss_of(loss: LossName | LossFunction, scale: float | None) -> Loss | None:
     return Loss(rho=loss, scale=scale)
 
 
-# Step of the difference quotient by the lag or delay of a late force, in samples.
-_LATE_STEP = 0.1
+# Step of the difference quotient by a free effect: in samples where it is a time, else in its unit.
+_STEP_OF_TIME = 0.1
+_STEP = 1.0
 
 
 @array_dataclass()
@@ -317,10 +317,10 @@ class ObservedTest:
     are the model's force minus the measured one [N], over the samples that are compared, with the nuisance parameters
     at their least-squares values for each candidate. They are multiplied by the `weights`, shape (n_counted,), and then
     transformed by the `loss`, if any. Candidates have their tied parameters by the `ties`, whatever they had for them.
-    Those that want more sub-steps a second than `stiffest` [1/s] are no candidates. With a `late` force the last column
-    of candidates is its lag or delay [s], and not the one of the observation. `counted` are these samples, `measured`
-    the force there [N], shape (n_counted,), and `variance` its variance [N^2]: found once, because every simulation
-    needs them.
+    Those that want more sub-steps a second than `stiffest` [1/s] are no candidates. The last columns of candidates are
+    the values of the `free` effects on the recorded force, and not the ones of the observation. `counted` are these
+    samples, `measured` the force there [N], shape (n_counted,), `variance` its variance [N^2], and `acceleration` that
+    of the motion [m/s^2], shape (n_time,), where a mass needs it: found once, because every simulation needs them.
     """
 
     spec: DamperSpec
@@ -332,10 +332,11 @@ class ObservedTest:
     loss: Loss | None = None
     ties: Ties | None = None
     stiffest: float = np.inf
-    late: LateForce | None = None
+    free: tuple[Effect, ...] = ()
     counted: slice | NDArray[np.intp] = field(init=False)
     measured: Floats = field(init=False)
     variance: float = field(init=False)
+    acceleration: Floats | None = field(init=False)
 
     def __post_init__(self) -> None:
         counted = self.test.counted
@@ -343,6 +344,8 @@ class ObservedTest:
         object.__setattr__(self, "counted", counted)
         object.__setattr__(self, "measured", measured)
         object.__setattr__(self, "variance", float(np.var(measured)))
+        has_mass = self.test.observation.mass != 0.0 or any(effect.field == "mass" for effect in self.free)
+        object.__setattr__(self, "acceleration", self.test.acceleration if has_mass else None)
 
     def stiffness(self, theta: Floats) -> Floats:
         """Sub-steps that each row of `theta` wants, as a share of the most that it may have, shape (n_batch,)."""
@@ -416,7 +419,8 @@ class ObservedTest:
         Derivatives with respect to columns of `theta`, shape (n_batch, n_columns, n_counted), zero where a row failed.
         """
         tied = () if self.ties is None else self.ties.indices
-        own = [column for column in columns if self.late is None or column < theta.shape[1] - 1]
+        n_own = theta.shape[1] - len(self.free)
+        own = [column for column in columns if column < n_own]
         every = [*own, *(tie for tie in tied if tie not in own)]
         run = _simulate_sensitivities(
             self.spec, self.tie(theta), self.history, columns=every, threads=threads
@@ -429,12 +433,14 @@ class ObservedTest:
             chain = self.ties.conversion.jacobian(self._of_model(theta))[:, every][:, :, own]
             chain[failed] = 0.0
             slope = np.einsum("bet,bep->bpt", slope, chain)
-        if self.test.observation != AS_IT_IS or self.late is not None:
+        if self.test.observation != AS_IT_IS or self.free:
             force = self._observe(run.force, theta)
-            slope = self._observe(slope, theta, offset=0.0)
-        if len(own) < len(columns):
-            step = _LATE_STEP * self.test.dt
-            moved = self._observe(run.force, theta, later=step) - force
+            slope = self._observe(slope, theta, is_change=True)
+        for column in columns[len(own) :]:
+            step = _STEP_OF_TIME * self.test.dt if self.free[column - n_own].of_time else _STEP
+            further = theta.copy()
+            further[:, column] += step
+            moved = self._observe(run.force, further) - force
             slope = np.concatenate([slope, moved[:, None] / step], axis=1)
         residuals, derivative = linearised_without_nuisance(
             force[:, counted], slope[..., counted], self.measured, self.nuisances
@@ -450,18 +456,24 @@ class ObservedTest:
         return own if self.ties is None else self.ties.feasible(own)
 
     def _of_model(self, theta: Floats) -> Floats:
-        return theta if self.late is None else theta[:, :-1]
+        return theta[:, : theta.shape[1] - len(self.free)]
 
-    def _observe(self, signal: Floats, theta: Floats, *, later: float = 0.0, **changed: float) -> Floats:
-        """Signals of each candidate, shape (n_batch, ..., n_time), by the observation model, with changes of it."""
-        observation = replace(self.test.observation, **changed)
-        if self.late is None:
-            return observation.observe(signal, self.test.dt)
-        late = [{f"{self.late}_seconds": seconds + later} for seconds in theta[:, -1].tolist()]
-        rows = zip(signal, late, strict=True)
-        return np.stack(
-            [replace(observation, **lateness).observe(row, self.test.dt) for row, lateness in rows]
-        )
+    def _observe(self, signal: Floats, theta: Floats, *, is_change: bool = False) -> Floats:
+        """Forces of each candidate, or their changes, shape (n_batch, ..., n_time), by the observation model."""
+        none = {"mass": 0.0, "offset": 0.0} if is_change else {}
+        if not self.free:
+            return self._observed(signal, replace(self.test.observation, **none))
+        fields, first = [effect.field for effect in self.free], theta.shape[1] - len(self.free)
+        rows = [
+            self._observed(
+                row, replace(self.test.observation, **(dict(zip(fields, values, strict=True)) | none))
+            )
+            for row, values in zip(signal, theta[:, first:].tolist(), strict=True)
+        ]
+        return np.stack(rows)
+
+    def _observed(self, force: Floats, observation: Observation) -> Floats:
+        return observation.observe(force, self.test.dt, self.acceleration)
 
     def _emphasise(self, residuals: Floats) -> tuple[Floats, Floats]:
         """Residuals with weights and loss, and their derivatives by those without, both (n_batch, n_counted)."""
@@ -476,7 +488,7 @@ class ObservedTest:
         """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""
         run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
         refuse_failure(f"{self.spec.name} on {self.test.name}", run.outcome[0])
-        force = self.test.observation.observe(run.force[0], self.test.dt)
+        force = self._observed(run.force[0], self.test.observation)
         nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
         if self.nuisances:
             late = delay_signal(force, nuisance.delay / self.test.dt)

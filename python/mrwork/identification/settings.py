@@ -11,8 +11,8 @@ from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError
-from mrwork.identification.residual import LateForce, NuisanceName
-from mrwork.records.repairs import DETECT, as_words
+from mrwork.identification.residual import NuisanceName
+from mrwork.records.observation import DETECT, NONE, Effect, as_words, free_effects
 from mrwork.search import Optimiser
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.store.codec import built, plain
@@ -172,10 +172,9 @@ class FitSettings:
         Observation model of the tests that have none of their own, the effect of the measurement on the force: "detect"
         applies a moving average that was found in the record also to the model's force, and has no effect where none
         was found; "none" compares the model's force as it is; "average=0.1T" (T is the dominant period), "lowpass=50",
-        "lag=0.012" (of first order), "delay=0.002", "gain=1.02" and "offset=-20" give values [s, Hz, N].
-    late_force
-        Fit one lag of first order, or one delay, of the force channel, which all tests have in common, with the other
-        parameters of a converged fit; it stands among them with its error, and predictions have it.
+        "lag=0.012" (of first order), "delay=0.002", "mass=20" (that moves between damper and load cell), "gain=1.02"
+        and "offset=-20" give values [s, Hz, kg, N]. "mass=free", "lag=free" or "delay=free" is one number of all tests,
+        fitted with the parameters; it stands among them with its error, and predictions have it.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
 
@@ -195,7 +194,6 @@ class FitSettings:
     engine: Engine = "lanes"
     nuisances: Sequence[NuisanceName] = ()
     observe: str | Sequence[str] = DETECT
-    late_force: LateForce | None = None
     rng: Seed = 0
 
     def __post_init__(self) -> None:
@@ -204,6 +202,20 @@ class FitSettings:
         plain |= {name: tuple(getattr(self, name)) for name in ("starts", "nuisances")}
         for name, value in plain.items():
             object.__setattr__(self, name, value)
+
+    @property
+    def free_effects(self) -> tuple[Effect, ...]:
+        """The effects on the recorded force that are fitted with the parameters, one number each for all tests."""
+        return free_effects(self.observe)
+
+    def with_effects(self, values: Mapping[Effect, float]) -> FitSettings:
+        """The settings with these effects given, whatever they say of them."""
+        names = [NONE, *(effect.name for effect in values)]
+        words = [word for word in self.observe if word.partition("=")[0] not in names]
+        return replace(
+            self,
+            observe=(*words, *(f"{effect.name}={value!r}" for effect, value in values.items())) or (NONE,),
+        )
 
     @property
     def again(self) -> FitSettings:

@@ -28,7 +28,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.residual import Loss, NuisanceName, without_nuisance
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
-from mrwork.records.damper_test import AS_IT_IS, observe_by
+from mrwork.records.observation import AS_IT_IS, observe_by
 from mrwork.twins.kernel import Kernel
 from mrwork.twins.models import on_processor
 from mrwork.twins.record_arrays import RecordArrays
@@ -38,7 +38,8 @@ from mrwork.twins.traced_function import TracedFunction
 class ComparedArrays(NamedTuple):
     """A test: its motion, the measured force [N] that is compared, (n_counted,), and its normalisation.
 
-    `counted` are the samples that are compared, and `weights` the factors on their residuals.
+    `counted` are the samples that are compared, `weights` the factors on their residuals, and `acceleration` that of
+    the motion [m/s^2], zero where no mass needs it.
     """
 
     record: RecordArrays
@@ -46,6 +47,7 @@ class ComparedArrays(NamedTuple):
     normalisation: Array
     counted: Array
     weights: Array
+    acceleration: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +77,7 @@ class Residuals:
         tied = () if first.ties is None else first.ties.indices
         for test in objective.tests:
             # Refuse here what cannot be observed.
-            test.observation.observe(np.zeros(2), test.dt)
+            test.observation.observe(np.zeros(2), test.dt, np.zeros(2))
         return cls(
             kernel=Kernel.of(
                 objective.spec, columns=sorted({*columns, *tied}), substeps=substeps, threads=threads
@@ -97,7 +99,7 @@ class Residuals:
         for (observation, dt), test in zip(self.observed, tests, strict=True):
             force = self.kernel(tied, test.record)
             failed = jnp.isinf(force[-1])
-            force = observe_by(observation, _filtered, jnp.where(failed, 0.0, force), dt)
+            force = observe_by(observation, _filtered, jnp.where(failed, 0.0, force), dt, test.acceleration)
             (residual,) = without_nuisance(force[None, test.counted], test.measured, self.nuisances)
             results.append((jnp.where(failed, 0.0, residual), failed))
         return results
@@ -161,6 +163,7 @@ def arrays_of(objective: Objective) -> tuple[ComparedArrays, ...]:
             normalisation=jnp.asarray(test.normalisation),
             counted=jnp.arange(test.test.n_time)[test.counted],
             weights=jnp.asarray(1.0 if test.weights is None else test.weights),
+            acceleration=jnp.asarray(0.0 if test.acceleration is None else test.acceleration),
         )
         for test in objective.compared
     )

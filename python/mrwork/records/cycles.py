@@ -204,23 +204,10 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
 
 _LATE_FORCE: Final = FindingKind(
     "force_delay",
-    "the force {0} the {1} by {late} ms ({samples:.1f} samples), {evidence}",
-    "{cure}",
+    "the force {0} the displacement by {late} ms ({samples:.1f} samples), measured at motion reversals",
+    "correct it by --repair delay",
     cured_by="delay",
 )
-
-
-def late_force(delay: Measured, dt: float, *, behind: str, evidence: str, cure: str) -> Finding:
-    """The finding of a force that is late `behind` the displacement or a model, from a record or from fits."""
-    return _LATE_FORCE.found(
-        "lags" if delay.value > 0.0 else "leads",
-        behind,
-        measured=delay,
-        late=delay.in_words(math.copysign(1e3, delay.value)),
-        samples=abs(delay.value) / dt,
-        evidence=evidence,
-        cure=cure,
-    )
 
 
 def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
@@ -230,9 +217,11 @@ def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
         return
     if abs(delay.value) < max(_SIGNIFICANT_DELAY * delay.standard_error, 0.5 * test.dt):
         return
-    evidence = "measured at motion reversals"
-    yield late_force(
-        delay, test.dt, behind="displacement", evidence=evidence, cure="correct it by --repair delay"
+    yield _LATE_FORCE.found(
+        "lags" if delay.value > 0.0 else "leads",
+        measured=delay,
+        late=delay.in_words(math.copysign(1e3, delay.value)),
+        samples=abs(delay.value) / test.dt,
     )
 
 

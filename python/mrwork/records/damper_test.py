@@ -1,21 +1,17 @@
-"""Damper test: a record in SI on a uniform time step, with its findings, observation model and operating ranges.
-
-The observation model states how the recorded force follows from the force of the damper.
-"""
+"""Damper test: a record in SI on a uniform time step, with its findings, observation model and operating ranges."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from math import ceil
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.base.arguments import AnyNumbers, Count, NotNegative, Positive, Samples, Whole, checked
-from mrwork.base.hints import InUnit, Within
+from mrwork.base.arguments import Count, NotNegative, Samples, Whole, checked
+from mrwork.base.hints import Within
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary, named
@@ -30,161 +26,8 @@ from mrwork.dampers.tested_range import Outside as Outside
 from mrwork.dampers.tested_range import covering, least_stroke
 from mrwork.errors import RecordError, SettingError
 from mrwork.records.finding import Finding as Finding
-from mrwork.records.motion import cycle_lengths, half_cycle_lengths
-
-_Seconds = Annotated[float, Within(least=0.0, most=1e6), InUnit("s")]
-
-
-@checked
-class Observation:
-    """Effects of rig and processing on the recorded force, in this order; the default has no effect.
-
-    Delay of `delay_seconds`; first-order lag of the time constant `lag_seconds`; causal second-order Butterworth
-    low-pass filter at `lowpass_hz` (0 for none); centred moving average over `average_seconds`; factor `gain`; `offset`
-    [N]. The model is applied to simulated forces before the comparison, never to the record.
-    """
-
-    delay_seconds: Annotated[float, Within(least=-1e6, most=1e6), InUnit("s")] = 0.0
-    lowpass_hz: Annotated[float, Within(least=0.0, most=1e6), InUnit("Hz")] = 0.0
-    average_seconds: _Seconds = 0.0
-    gain: Annotated[float, Within(least=-1e6, most=1e6)] = 1.0
-    offset: Annotated[float, Within(least=-1e9, most=1e9), InUnit("N")] = 0.0
-    lag_seconds: _Seconds = 0.0
-
-    def __post_init__(self) -> None:
-        if self.gain == 0.0:
-            raise SettingError("the gain of an observation is 0, which records nothing; give another")
-
-    @property
-    def in_words(self) -> str:
-        """Description in words; empty for the default."""
-        parts = [
-            (self.delay_seconds, f"late by {self.delay_seconds:.3g} s"),
-            (self.lag_seconds, f"lagging by {self.lag_seconds:.3g} s"),
-            (self.lowpass_hz, f"low-passed at {self.lowpass_hz:.3g} Hz"),
-            (self.average_seconds, f"averaged over {self.average_seconds:.3g} s"),
-            (self.gain - 1.0, f"times {self.gain:.4g}"),
-            (self.offset, f"offset by {self.offset:.4g} N"),
-        ]
-        return ", ".join(text for value, text in parts if value != 0.0)
-
-    @checked
-    def reach(self, dt: Positive) -> tuple[int, int]:
-        """Numbers of samples at the start and at the end of a record for which the force beyond it would be needed.
-
-        `observe` holds the force constant there, and truncates the window of the average.
-        """
-        half, delay = 0.5 * self.average_seconds / dt, self.delay_seconds / dt
-        before, after = half + max(delay, 0.0), half + max(-delay, 0.0)
-        return ceil(before - _ROUNDING), ceil(after - _ROUNDING)
-
-    @checked
-    def observe(self, force: AnyNumbers, dt: Positive) -> Floats:
-        """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
-        if force.ndim < 1 or force.shape[-1] < 2:
-            raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
-        observed: Floats = observe_by(self, _filtered, force, dt)
-        return observed
-
-
-def observe_by(model: Observation, filtered: Filter, force: Any, dt: float) -> Any:
-    """As `Observation.observe`, for an array of NumPy or JAX, with the filter of that library."""
-    observed = force
-    if model.delay_seconds != 0.0:
-        observed = delay_signal(observed, model.delay_seconds / dt)
-    if model.lag_seconds > 0.0:
-        observed = _lagged(filtered, observed, model.lag_seconds / dt)
-    if model.lowpass_hz > 0.0:
-        observed = _low_passed(filtered, observed, model.lowpass_hz, dt)
-    if model.average_seconds > 0.0:
-        observed = average_signal(observed, model.average_seconds / dt)
-    if model.gain != 1.0:
-        observed = model.gain * observed
-    return observed + model.offset if model.offset != 0.0 else observed
-
-
-AS_IT_IS = Observation()
-# Length of a moving average [samples] below which it changes less than its sums are rounded.
-_SHORTEST_AVERAGE = 1e-3
-# Samples by which a window may exceed a whole number of them by rounding.
-_ROUNDING = 1e-6
-# Least corner of a filter per sampling frequency, below which its equations are singular to rounding.
-_LOWEST = 1e-7
-
-
-# Signals are arrays of NumPy or JAX.
-def delay_signal(signal: Any, samples: float) -> Any:
-    """Delay a signal, shape (..., n_time), by `samples`, linear in between; the ends are held constant."""
-    last = signal.shape[-1] - 1
-    position = np.clip(np.arange(last + 1) - samples, 0.0, last)
-    before = np.minimum(np.floor(position).astype(int), last - 1)
-    share = position - before
-    return signal[..., before] * (1.0 - share) + signal[..., before + 1] * share
-
-
-def average_signal(signal: Any, samples: float) -> Any:
-    """Moving average of a signal, shape (..., n_time), linear between samples, over a centred window of `samples`.
-
-    At the ends, the window is truncated to the record.
-    """
-    if samples < _SHORTEST_AVERAGE:
-        return signal
-    xp, last = signal.__array_namespace__(), signal.shape[-1] - 1
-    change = xp.diff(signal, axis=-1)
-    middles = signal[..., 1:] + signal[..., :-1]
-    middles *= 0.5
-    integral = xp.cumulative_sum(middles, axis=-1, include_initial=True)
-
-    def integral_at(position: Floats) -> Any:
-        # The samples exist, and `take` is several times as fast where it need not look.
-        before = np.minimum(np.floor(position).astype(int), last - 1)
-        share = position - before
-        integral_at_place = xp.take(change, before, axis=-1, mode="clip")
-        integral_at_place *= 0.5 * share
-        integral_at_place += xp.take(signal, before, axis=-1, mode="clip")
-        integral_at_place *= share
-        integral_at_place += xp.take(integral, before, axis=-1, mode="clip")
-        return integral_at_place
-
-    start = np.clip(np.arange(last + 1) - 0.5 * samples, 0.0, last)
-    end = np.clip(np.arange(last + 1) + 0.5 * samples, 0.0, last)
-    average = integral_at(end)
-    average -= integral_at(start)
-    average /= end - start
-    return average
-
-
-Filter = Callable[[Floats | list[float], Floats | list[float], Any, Any], Any]
-"""Numerator, denominator, signal and the state per value of a constant signal to the filtered signal, from rest."""
-
-
-def _filtered(
-    numerator: Floats | list[float], denominator: Floats | list[float], signal: Floats, settled: Any
-) -> Floats:
-    from scipy.signal import lfilter  # slow to load and rarely needed
-
-    return np.asarray(lfilter(numerator, denominator, signal, axis=-1, zi=settled * signal[..., :1])[0])
-
-
-def _lagged(filtered: Filter, signal: Any, samples: float) -> Any:
-    """Response of `samples y' + y = signal`, exact for a signal that is linear between samples and constant before."""
-    decay = np.exp(-1.0 / samples)
-    mean = -np.expm1(-1.0 / samples) * samples
-    return filtered([1.0 - mean, mean - decay], [1.0, -decay], signal, mean)
-
-
-def _low_passed(filtered: Filter, signal: Any, corner_hz: float, dt: float) -> Any:
-    from scipy.signal import butter, lfilter_zi  # slow to load and rarely needed
-
-    if corner_hz * dt >= 0.5:
-        return signal
-    if corner_hz * dt < _LOWEST:
-        raise SettingError(
-            f"a low-pass filter at {corner_hz:g} Hz has no effect in a step of {dt:g} s; give a higher frequency"
-        )
-    numerator, denominator = butter(2, 2.0 * corner_hz * dt)
-    return filtered(numerator, denominator, signal, lfilter_zi(numerator, denominator))
-
+from mrwork.records.motion import cycle_lengths, half_cycle_lengths, smooth_motion
+from mrwork.records.observation import AS_IT_IS, Observation
 
 Channel = Literal["displacement", "force"]
 VelocitySource = Literal["measured", "derived"]
@@ -272,6 +115,11 @@ class DamperTest(Plotted, WithAxes, Summarised):
     def n_time(self) -> int:
         """Number of samples, compared with a model or not."""
         return int(self.force.size)
+
+    @property
+    def acceleration(self) -> Floats:
+        """Second derivative of the displacement [m/s^2], shape (n_time,)."""
+        return smooth_motion(self.displacement, self.dt).acceleration
 
     @property
     def window(self) -> slice:

@@ -8,20 +8,28 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
 from typing import Final
 
 import numpy as np
 
 from mrwork.base.arguments import checked
-from mrwork.base.keys import closest
 from mrwork.base.values import freeze_samples
 from mrwork.errors import SettingError
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
 from mrwork.records.cycles import force_delay, moving_mass
-from mrwork.records.damper_test import AS_IT_IS, DamperTest, Observation
+from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import OF_FILES, ONCE, REPAIR_KINDS, Finding, FindingKind, Measured, RepairKind
 from mrwork.records.motion import smooth_motion, spectrum
+from mrwork.records.observation import (
+    AS_IT_IS,
+    DETECT,
+    EFFECTS,
+    FREE,
+    NONE,
+    Observation,
+    as_words,
+    value_of,
+)
 from mrwork.records.window import cut
 
 _REPAIRED: Final = {
@@ -161,29 +169,6 @@ _AMOUNTS: Final[Mapping[RepairKind, str]] = {"delay": "s", "offset": "N", "mass"
 AMOUNTS_IN_WORDS: Final = ", ".join(f"{kind} [{unit}]" for kind, unit in _AMOUNTS.items())
 """What may be given an amount, with its unit, for help."""
 
-DETECT: Final = "detect"
-NONE: Final = "none"
-
-_FIELDS: Final = {
-    "average": "average_seconds", "lowpass": "lowpass_hz", "lag": "lag_seconds", "delay": "delay_seconds",
-    "gain": "gain", "offset": "offset",
-}  # fmt: skip
-# Quantities that may be given as a share of the dominant period.
-_OF_PERIOD: Final = ("average", "lag", "delay")
-
-
-def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
-    """The words of an observation setting, checked: `detect`, `none` or WHAT=VALUE each."""
-    words = (observe,) if isinstance(observe, str) else tuple(observe)
-    if not words or (NONE in words and len(words) > 1):
-        raise SettingError(
-            f"--observe is {' and '.join(words) or 'empty'}; give {DETECT}, {NONE} alone, or WHAT=VALUE"
-        )
-    for word in words:
-        if word not in (DETECT, NONE):
-            _value(word, period=1.0)
-    return words
-
 
 @checked
 def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
@@ -196,19 +181,17 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
         _check_fits(test, test.observation)
         return test
     values: dict[str, float] = {}
-    for word in observe:
+    for word in as_words(observe):
         if word == DETECT:
             # With a window in the displacement alone, the force was not averaged.
             if test.smoothing is not None and "force" in test.smoothing.channels:
                 values["average_seconds"] = test.smoothing.window_seconds
-        elif word != NONE:
+        elif word != NONE and not word.endswith(f"={FREE}"):
             period = 1.0
             if word.endswith("T"):
                 period = 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant)
-            name, value = _value(word, period=period)
-            if _FIELDS[name] in values:
-                raise SettingError(f"--observe gives {name} twice, the second time as {word!r}; give it once")
-            values[_FIELDS[name]] = value
+            effect, value = value_of(word, period=period)
+            values[effect.field] = value
     if not values:
         return test
     observation = Observation(**values)
@@ -219,37 +202,13 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
 def _check_fits(test: DamperTest, observation: Observation) -> None:
     """Refuse an average, lag or delay longer than the record, and a filter above what its samples hold."""
     duration, nyquist = (test.n_time - 1) * test.dt, 0.5 / test.dt
-    for name, field in _FIELDS.items():
-        value = getattr(observation, field)
-        start = f"{test.label}: `{field}` of its observation, --observe {name}, is {value:g}"
-        if name in _OF_PERIOD and abs(value) >= duration:
+    for name, effect in EFFECTS.items():
+        value = getattr(observation, effect.field)
+        start = f"{test.label}: `{effect.field}` of its observation, --observe {name}, is {value:g}"
+        if effect.of_time and abs(value) >= duration:
             raise SettingError(f"{start} s, the record lasts {duration:.4g} s; give less")
         if name == "lowpass" and value >= nyquist:
             raise SettingError(
                 f"{start} Hz, and samples every {test.dt:.4g} s hold nothing above {nyquist:.4g} Hz; give less, or "
                 "leave it out"
             )
-
-
-def _value(word: str, *, period: float) -> tuple[str, float]:
-    """Name and value of WHAT=VALUE, or WHAT=VALUET with a share of the period [s]."""
-    name, _, text = word.partition("=")
-    if name not in _FIELDS:
-        near = closest(name, [DETECT, NONE, *_FIELDS])
-        values = ", ".join(f"{key}=VALUE" for key in _FIELDS)
-        raise SettingError(
-            f"--observe is {word!r}{f', did you mean {near}' if near else f'; give {DETECT}, {NONE}, or {values}'}"
-        )
-    share = text.endswith("T") and name in _OF_PERIOD
-    try:
-        value = float(text[:-1] if share else text)
-    except ValueError:
-        value = float("nan")
-    if not isfinite(value):
-        raise SettingError(f"{text!r} in --observe {word} is not a number; write it as 0.002, or 0.1T")
-    value = value * period if share else value
-    try:
-        Observation(**{_FIELDS[name]: value})
-    except SettingError as reason:
-        raise SettingError(f"--observe is {word!r}: {reason}") from None
-    return name, value

@@ -70,7 +70,7 @@ def no_simulation(spec: DamperSpec, evaluations: int) -> SimulationError:
 class FinalFit:
     """The minimum at which a fit ends, of the problem that it solves, with its covariance, and sentences on it.
 
-    `late_force` is the lag or delay of the force channel, where it was fitted with the parameters.
+    `effects` are those on the recorded force that were fitted with the parameters.
     """
 
     problem: Problem
@@ -78,7 +78,7 @@ class FinalFit:
     steps: int
     converged: bool
     warnings: tuple[str, ...] = ()
-    late_force: FittedParameter | None = None
+    effects: tuple[FittedParameter, ...] = ()
 
     @property
     def theta(self) -> Floats:

@@ -411,9 +411,9 @@ def choose_model(
     >>> print(choice.ranking.sentence)  # doctest: +SKIP
     """
     settings = settings or FitSettings()
-    if settings.starts or settings.late_force:
+    if settings.starts or settings.free_effects:
         raise SettingError(
-            "`starts` and a `late_force` are of one model; leave them out where models are compared"
+            "`starts` and free effects of `observe` are of one model; leave them out where models are compared"
         )
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
     compared, remarks = families(

@@ -35,7 +35,7 @@ from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.objective import Objective
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
-from mrwork.records.repairs import NONE
+from mrwork.records.observation import NONE
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import rests_of
 from mrwork.uncertainty.choice.law_folds import FoldedFit, LawFolds, Linearised
@@ -114,7 +114,7 @@ class LawSearch:
     @property
     def excerpt_settings(self) -> FitSettings:
         """Settings for the excerpts, which have the observation models of their whole records, on time."""
-        return replace(self.settings, observe=(NONE,), late_force=None)
+        return replace(self.settings, observe=(NONE,))
 
     @property
     def first_laws(self) -> Laws:

@@ -1,4 +1,4 @@
-"""A lag of the force channel that tests at several frequencies have in common."""
+"""A mass, lag or delay of the recorded force that tests at several frequencies have in common."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mrwork as mr
+from mrwork.errors import SettingError
 from mrwork.records import DamperTest, Observation
 
 SPEC = mr.damper("static_hysteretic")
@@ -26,7 +27,10 @@ def recorded(motion: tuple[float, float], observation: Observation, rng: int) ->
     force = mr.simulate_force(
         SPEC, SPEC.nominal, mr.Loading(dt=DT, displacement=displacement, velocity=velocity)
     )
-    force = observation.observe(force, DT) + 6.0 * np.random.default_rng(rng).standard_normal(time.size)
+    acceleration = -(omega**2) * displacement
+    force = observation.observe(force, DT, acceleration) + 6.0 * np.random.default_rng(rng).standard_normal(
+        time.size
+    )
     kept = slice(round(1.0 / (frequency * DT)), None)
     return mr.test_from_arrays(
         name=f"{1e3 * amplitude:g} mm {frequency:g} Hz",
@@ -52,10 +56,9 @@ def test_a_lag_that_all_tests_have_is_told_with_the_option_that_fits_it_and_give
     assert sentence.startswith("the force lags the model by ")
     value, _, error = sentence.partition(" by ")[2].partition(" ms")[0].partition(" +- ")
     assert abs(float(value) - 1e3 * LAG) < 3.0 * float(error) < 0.5 * 1e3 * LAG
-    assert "--late-force lag" in sentence
-    taken = mr.identify(SPEC, late, late_force="lag", threads=1)
-    lag = taken.late_force
-    assert lag is not None
+    assert "--observe lag=free" in sentence
+    taken = mr.identify(SPEC, late, observe="lag=free", threads=1)
+    (lag,) = taken.effects
     assert lag.standard_error is not None
     assert abs(lag.value - LAG) < 3.0 * lag.standard_error < 0.2 * LAG
     assert (taken.fitted[-1], "force_lag" in repr(taken)) == (lag, True)
@@ -66,9 +69,8 @@ def test_a_lag_that_all_tests_have_is_told_with_the_option_that_fits_it_and_give
 
 def test_a_fitted_delay_is_the_fit_with_that_delay_given_and_is_predicted_with() -> None:
     late = rig(Observation(delay_seconds=0.007))
-    taken = mr.identify(SPEC, late, late_force="delay", threads=1)
-    delay = taken.late_force
-    assert delay is not None
+    taken = mr.identify(SPEC, late, observe="delay=free", threads=1)
+    (delay,) = taken.effects
     assert delay.value == pytest.approx(0.007, abs=3.0 * (delay.standard_error or 0.0))
     given = mr.identify(SPEC, late, observe=[f"delay={delay.value}"], threads=1)
     errors = [estimate.standard_error or np.inf for estimate in given.estimates]
@@ -90,3 +92,37 @@ def test_damping_at_one_frequency_says_what_an_unknown_delay_would_do() -> None:
     stiff = replace(test, force=test.force + 4e5 * test.displacement)
     (sentence,) = [each for each in mr.identify(SPEC, stiff, threads=1).warnings if "not known" in each]
     assert "a delay of the force of 6.7 ms" in sentence
+
+
+def test_a_moving_mass_is_told_and_fitting_it_gives_the_stiffness_back() -> None:
+    loaded = rig(Observation(mass=60.0, delay_seconds=0.006))
+    fit = mr.identify(SPEC, loaded, threads=1)
+    (sentence,) = [each for each in fit.warnings if "mass=free" in each]
+    assert "--observe mass=free --observe delay=free" in sentence
+    taken = mr.identify(SPEC, loaded, observe=["mass=free", "delay=free"], threads=1)
+    mass, delay = taken.effects
+    assert abs(mass.value - 60.0) < 3.0 * (mass.standard_error or 0.0) < 12.0
+    assert abs(delay.value - 0.006) < 3.0 * (delay.standard_error or 0.0) < 0.002
+    stiffness, true = SPEC.names.index("k"), SPEC.nominal[SPEC.names.index("k")]
+    assert abs(taken.theta[stiffness] - true) < 0.1 * abs(fit.theta[stiffness] - true)
+    assert not [each for each in taken.warnings if "mass=free" in each]
+    assert mr.predict(taken, loaded[1:2]).predictions[0].fit_percent > 98.0
+
+
+def test_jax_has_the_inertia_of_a_given_mass() -> None:
+    from mrwork import jax as in_jax
+
+    loaded = rig(Observation(mass=60.0))
+    lanes = mr.objective(SPEC, loaded, observe="mass=60", threads=1)
+    assert float(in_jax.misfit(lanes)(lanes.start)) == pytest.approx(float(lanes(lanes.start)), rel=1e-9)
+
+
+def test_a_mass_is_no_number_of_tests_at_one_frequency() -> None:
+    with pytest.raises(SettingError, match="at one frequency a mass cannot be told apart from a stiffness"):
+        mr.identify(SPEC, rig(Observation(mass=60.0))[2:], observe="mass=free", threads=1)
+
+
+@pytest.mark.parametrize("words", [["lag=free", "delay=free"], ["gain=free"], ["mass=free", "mass=3"]])
+def test_what_no_fit_can_tell_is_refused(words: list[str]) -> None:
+    with pytest.raises(SettingError, match="--observe"):
+        mr.identification.FitSettings(observe=words)

@@ -1,0 +1,325 @@
+"""Effects on the recorded force that all tests of a fit have in common, and whether they pay: mass, lag, delay.
+
+To first order, a late force is F(t - tau) = F - tau F', and a mass m that moves between damper and load cell adds m a.
+At one frequency these are changes of stiffness and damping, which a fit absorbs in its parameters; at several they
+determine tau and m. They pay where fits to the other tests predict each test better with them. These fits are single
+Gauss-Newton steps from the fit to all tests, which predicted synthetic and measured rigs as well as minimisations did
+(DECISIONS.md, "A mass and a lag that all tests have in common are judged by tests that are predicted"). A record alone
+shows a late force by its corners at reversals, see `force_delay`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.numbers import significant
+from mrwork.base.values import Floats
+from mrwork.dampers.conversions import Conversion
+from mrwork.dampers.coordinates import Box
+from mrwork.identification.covariance import Covariance, Slopes, remark_of
+from mrwork.identification.equivalent import Form
+from mrwork.identification.fit import FittedParameter
+from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
+from mrwork.identification.minimise.polish import FinalFit
+from mrwork.identification.objective import Objective, observe_tests_by
+from mrwork.identification.problem import Problem
+from mrwork.records import DamperTest
+from mrwork.records.finding import Measured
+from mrwork.records.motion import spectrum
+from mrwork.records.observation import EFFECTS, Effect
+
+Effects = tuple[Effect, ...]
+
+_MASS, _DELAY, _LAG = (EFFECTS[name] for name in ("mass", "delay", "lag"))
+# The tests are fitted again where the squared misfit would fall by more than this share. Effects are advised where the
+# misfit of predictions falls below this share of that without them, and each exceeds so many of its standard errors. A
+# single effect is preferred up to this ratio of these misfits.
+_WORTH_A_FIT = 0.04
+_PAYS = 0.95
+_SIGNIFICANT = 4.0
+_SIMPLER = 0.95
+# Tests whose frequencies, of the largest Fourier component, differ by less than this factor are at one frequency.
+_SAME_FREQUENCY = 1.3
+_FEWEST_GROUPS = 3
+# Delay that may be unknown, in samples and at most in periods; it is told where it changes damping by more than this
+# share, and by more than this number of standard errors.
+_SAMPLES = 3.0
+_PERIODS = 0.02
+_LARGE = 0.1
+_FAR = 5.0
+# Share by which the misfits of a delay and of a lag may differ where the sentence names both.
+_ALIKE = 0.02
+_SETS: Final[tuple[Effects, ...]] = ((_LAG,), (_DELAY,), (_MASS,), (_MASS, _LAG), (_MASS, _DELAY))
+
+
+def fit_effects(fit: FinalFit) -> FinalFit:
+    """Fit the free effects of its settings with all other parameters, from a fit without them.
+
+    The tests of its problem have them, and its covariance is that of all. Errors of the effects count what the model
+    cannot describe: leaving out tests moves the effects by that.
+    """
+    problem, effects = fit.problem, fit.problem.settings.free_effects
+    if not effects:
+        return fit
+    fitted = _fit_with(problem.objective, problem.form, effects, fit.theta, tolerance=TOLERANCE)
+    n_own = fit.theta.size
+    values = dict(zip(effects, fitted.theta[n_own:].tolist(), strict=True))
+    settings = problem.settings.with_effects(values)
+    given = {effect.field: value for effect, value in values.items()}
+    objective = observe_tests_by(
+        problem.objective, [replace(test.observation, **given) for test in problem.objective.tests]
+    )
+    problem = replace(problem, settings=settings, objective=replace(objective, settings=settings))
+    covariance, box = Covariance.of(fitted), fitted.form.box
+    own = replace(
+        covariance,
+        slopes=Slopes.at(objective, problem.form, fitted.theta[:n_own]),
+        matrix=covariance.matrix[:n_own, :n_own],
+    )
+    errors = Weighed.of(fitted, effects, _at_one_frequency(objective.tests)).errors
+    estimates = [
+        FittedParameter(
+            name=box.names[index],
+            value=value,
+            unit=effect.unit,
+            standard_error=error if np.isfinite(error) else None,
+            lower=box.lower[index],
+            upper=box.upper[index],
+            remark=remark_of(box, index, value),
+        )
+        for index, (effect, value), error in zip(
+            range(n_own, len(box.names)), values.items(), errors.tolist(), strict=True
+        )
+    ]
+    return replace(fit, problem=problem, covariance=own, effects=tuple(estimates))
+
+
+def _with_effects(objective: Objective, form: Form, effects: Effects, theta: Floats) -> Slopes:
+    """Slopes of a fit with free effects, whose values are the last parameters of `theta`, (n_params + n_effects,)."""
+    ranges = [effect.free or (-np.inf, np.inf) for effect in effects]
+    box = Box(
+        names=(*form.box.names, *(f"force_{effect.name}" for effect in effects)),
+        lower=(*form.box.lower, *(lower for lower, _ in ranges)),
+        upper=(*form.box.upper, *(upper for _, upper in ranges)),
+        log=(*form.box.log, *(False for _ in effects)),
+    )
+    beside = len(effects)
+    form = replace(
+        form, box=box, to_model=_beside(form.to_model, beside), from_model=_beside(form.from_model, beside)
+    )
+    compared = tuple(replace(test, free=effects) for test in objective.compared)
+    return Slopes.at(replace(objective, compared=compared), form, theta)
+
+
+def _beside(conversion: Conversion, n_last: int) -> Conversion:
+    """The conversion of all parameters but the last ones, which stay."""
+    return Conversion(
+        lambda theta: np.concatenate([conversion(theta[..., :-n_last]), theta[..., -n_last:]], axis=-1)
+    )
+
+
+def _fit_with(
+    objective: Objective, form: Form, effects: Effects, theta: Floats, *, tolerance: float = 1e-4
+) -> Slopes:
+    """Fit with free effects, from parameters `theta`, (n_params,), and what the observation model of a test has."""
+    test = objective.tests[0]
+    given = [getattr(test.observation, effect.field) for effect in effects]
+    # At zero, its bound, a lag has no slope.
+    start = [
+        value or (test.dt if effect is _LAG else 0.0) for effect, value in zip(effects, given, strict=True)
+    ]
+    at_start = _with_effects(objective, form, effects, np.array([*theta, *start]))
+    minimum = find_minima(
+        at_start.objective, at_start.form.box, at_start.theta[None], max_iterations=50, tolerance=tolerance
+    )
+    return Slopes.at(at_start.objective, at_start.form, minimum.theta[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Weighed:
+    """A fit with free effects: their values and errors, (n_effects,), and the misfit with which it predicts groups."""
+
+    effects: Effects
+    slopes: Slopes
+    errors: Floats
+    predicted: float
+
+    @classmethod
+    def of(cls, slopes: Slopes, effects: Effects, groups: Sequence[Sequence[int]]) -> Weighed:
+        """Errors are the largest of least squares and of jackknifes over tests and over three groups or more."""
+        steps, predicted = _predict_tests(slopes)
+        by_groups = [] if len(groups) < _FEWEST_GROUPS else [_predict_groups(slopes, groups)[0]]
+        errors = Covariance.of(slopes).standard_errors[-len(effects) :]
+        errors = np.where(errors > 0.0, errors, np.inf)
+        for without in (steps, *by_groups):
+            last = without[:, -len(effects) :]
+            spread = np.sum((last - last.mean(axis=0)) ** 2, axis=0)
+            errors = np.maximum(errors, np.sqrt((1.0 - 1.0 / len(last)) * spread))
+        return cls(effects=effects, slopes=slopes, errors=errors, predicted=predicted)
+
+    @property
+    def is_significant(self) -> bool:
+        """Whether all effects exceed several standard errors."""
+        return bool(np.all(np.abs(self.values) > _SIGNIFICANT * self.errors))
+
+    @property
+    def values(self) -> Floats:
+        """Values of the effects, (n_effects,)."""
+        return self.slopes.theta[-len(self.effects) :]
+
+    @property
+    def misfit(self) -> float:
+        """Root mean square of the NRMSE."""
+        return float(np.linalg.norm(self.slopes.residuals))
+
+
+def _at_one_frequency(tests: Sequence[DamperTest]) -> list[list[int]]:
+    """Indices of the tests at each frequency, lowest first."""
+    frequency = [spectrum(test.displacement, test.dt).dominant for test in tests]
+    groups: list[list[int]] = []
+    for index in np.argsort(frequency, kind="stable").tolist():
+        if not groups or frequency[index] > _SAME_FREQUENCY * frequency[groups[-1][-1]]:
+            groups.append([])
+        groups[-1].append(index)
+    return groups
+
+
+def _predict_groups(slopes: Slopes, groups: Sequence[Sequence[int]]) -> tuple[Floats, float]:
+    """Steps of the parameters without each group of tests, (n_groups, n_free), and misfit of the groups after them."""
+    left_out = np.array([np.isin(np.arange(len(slopes.objective.tests)), group) for group in groups])
+    normal = slopes.normal
+    steps = normal.steps(1.0 - left_out, _held(slopes))
+    return steps, float(np.sqrt(normal.after(steps[:, None])[left_out].sum()))
+
+
+def _predict_tests(slopes: Slopes) -> tuple[Floats, float]:
+    """As `_predict_groups`, each test by itself."""
+    return _predict_groups(slopes, [[index] for index in range(len(slopes.objective.tests))])
+
+
+def _held(slopes: Slopes) -> NDArray[np.bool_]:
+    """Free parameters that are on a bound, one row."""
+    return ~np.isin(slopes.form.box.free, slopes.interior)[None]
+
+
+def effect_warnings(problem: Problem, excerpts: Objective, covariance: Covariance) -> tuple[str, ...]:
+    """Warning of effects on the recorded force that pay, or of damping that an unknown delay would change by far.
+
+    The `excerpts` are fitted again where that is worth it. An effect that is given or free is not examined, and no late
+    force where a command varies: the coil is late too.
+    """
+    slopes = covariance.slopes
+    tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
+    known = {
+        effect for effect in EFFECTS.values() for test in tests if getattr(test.observation, effect.field)
+    }
+    if known & {_DELAY, _LAG} or "delay" in problem.settings.nuisances:
+        known |= {_DELAY, _LAG}
+    if known >= {_MASS, _DELAY} or any(test.has_varying_command for test in tests) or not slopes.interior:
+        return ()
+    groups = _at_one_frequency(tests)
+    on_time = _with_effects(slopes.objective, form, (_MASS, _DELAY), np.array([*theta, 0.0, 0.0]))
+    if len(groups) > 1:
+        normal = on_time.normal
+        step = normal.steps(np.ones((1, len(tests))), _held(on_time))
+        if normal.after(step[:, None]).sum() < (1.0 - _WORTH_A_FIT) * normal.squared.sum():
+            earlier = Slopes.at(excerpts, form, theta)
+            sets = [effects for effects in _SETS if not known & {*effects}]
+            weighed = [
+                Weighed.of(_fit_with(excerpts, form, effects, theta), effects, groups) for effects in sets
+            ]
+            weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
+            for best in weighed:
+                predicted = _predict_tests(earlier)[1]
+                if best.is_significant and best.predicted < _PAYS * predicted:
+                    return (_advice(problem, theta, best, weighed, predicted),)
+    return () if _DELAY in known else _unknown_delay(problem, on_time, covariance.standard_errors, groups)
+
+
+def _advice(
+    problem: Problem, theta: Floats, best: Weighed, weighed: Sequence[Weighed], earlier: float
+) -> str:
+    """The sentence on effects that pay; `earlier` is the misfit of predictions without them."""
+    told, cure = list[str](), list[str]()
+    for effect, value, error in zip(best.effects, best.values.tolist(), best.errors.tolist(), strict=True):
+        size = Measured(abs(value), effect.unit, standard_error=error)
+        if effect is _MASS:
+            told.append(f"a mass of {size.in_words()} kg moves between damper and load cell")
+        else:
+            dt = min(test.dt for test in problem.objective.tests)
+            told.append(
+                f"the force {'lags' if value > 0.0 else 'leads'} the model by {size.in_words(1e3)} ms "
+                f"({abs(value) / dt:.1f} samples), a {effect.name}"
+            )
+        cure.append(f"--observe {effect.name}=free")
+    other = next((each for each in weighed if {*each.effects} ^ {*best.effects} == {_DELAY, _LAG}), None)
+    also = ""
+    if other is not None and other.misfit < (1.0 + _ALIKE) * best.misfit:
+        seconds = 1e3 * other.values[-1]
+        also = f" (or a {other.effects[-1].name} of {seconds:.2g} ms, which describes them about as well)"
+    before, after = (
+        np.asarray(problem.form.to_model(point)) for point in (theta, best.slopes.theta[: theta.size])
+    )
+    changed = ""
+    if moved := _absorbing(problem, best.effects):
+        worst = max(moved, key=lambda index: abs(after[index] - before[index]) / (abs(before[index]) or 1.0))
+        parameter = problem.spec.parameters[worst]
+        values = f"{significant(after[worst], 3)} instead of {significant(before[worst], 3)} {parameter.unit}"
+        changed = f", and {parameter.name} would be {values}"
+    remedy = f"fit {'it' if len(cure) == 1 else 'both'} by {' '.join(cure)}"
+    if _MASS not in best.effects and best.values[-1] < 0.0:
+        remedy += " if the channel of the motion is late, else try a model with more friction"
+    elif _MASS not in best.effects:
+        remedy += " if the channel of the force is late, else try a model whose force relaxes"
+    return (
+        f"{' and '.join(told)} that all tests have in common{also}: fits to the other tests predict each to "
+        f"{100.0 * (1.0 - best.predicted):.2f} % instead of {100.0 * (1.0 - earlier):.2f} %{changed}; {remedy}"
+    )
+
+
+def _absorbing(problem: Problem, effects: Effects) -> list[int]:
+    """Indices of the parameters of the requested model that took the part of the effects: damping, or stiffness."""
+    unit = "N/m" if _MASS in effects else "N s/m"
+    return [index for index, parameter in enumerate(problem.spec.parameters) if parameter.unit == unit]
+
+
+def _unknown_delay(
+    problem: Problem, on_time: Slopes, errors: Floats, groups: Sequence[Sequence[int]]
+) -> tuple[str, ...]:
+    """Warning of damping that an unknown delay would change by far more than its standard error."""
+    tests = on_time.objective.tests
+    highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
+    seconds = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
+    if len(groups) > 1:
+        seconds = min(seconds, Weighed.of(on_time, (_MASS, _DELAY), groups).errors[-1])
+    normal, held = on_time.normal, _held(on_time)
+    held[:, -2:] = True
+    # The step with which the other parameters follow the delay.
+    follow = replace(normal, gradient=normal.matrix[..., -1]).steps(
+        np.ones((1, len(on_time.objective.tests))), held
+    )
+    theta, form = on_time.theta[:-2], problem.form
+    change = np.zeros(theta.size)
+    change[list(form.box.free)] = seconds * follow[0, :-2]
+    value = np.asarray(form.to_model(theta))
+    shift = form.to_model.jacobian(theta) @ change
+    far = [
+        index
+        for index in _absorbing(problem, (_DELAY,))
+        if abs(shift[index]) > max(_FAR * errors[index], _LARGE * abs(value[index]))
+        and errors[index] > 0.0 < abs(value[index])
+    ]
+    if not far:
+        return ()
+    worst = max(far, key=lambda index: abs(shift[index]) / errors[index])
+    name, share = problem.spec.names[worst], abs(shift[worst] / value[worst])
+    return (
+        f"a delay of the force of {1e3 * seconds:.2g} ms that is not known would move {name} by about "
+        f"{100.0 * share:.0f} %, {abs(shift[worst]) / errors[worst]:.0f} times its standard error, and these tests do "
+        "not tell it; measure it and give it by --observe delay=SECONDS, or test at several frequencies",
+    )

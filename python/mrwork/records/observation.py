@@ -1,0 +1,281 @@
+"""The observation model of a test: what rig and processing make of the force of the damper.
+
+An effect is given as a number, or free: then it is one number of all tests, which a fit finds with the parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import ceil, isfinite
+from typing import Annotated, Any, Final
+
+import numpy as np
+
+from mrwork.base.arguments import AnyNumbers, Positive, Samples, checked
+from mrwork.base.hints import InUnit, Within
+from mrwork.base.keys import closest
+from mrwork.base.values import Floats
+from mrwork.errors import SettingError
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """An effect on the recorded force: its name in settings, the field of `Observation`, its unit.
+
+    One that may be free has a range, outside of which no rig is. One `of_time` may be given as a share of a period.
+    """
+
+    name: str
+    field: str
+    unit: str
+    of_time: bool = False
+    free: tuple[float, float] | None = None
+
+
+_LONGEST = 0.5
+EFFECTS: Final = {
+    effect.name: effect
+    for effect in (
+        Effect("mass", "mass", "kg", free=(0.0, 5e3)),
+        Effect("delay", "delay_seconds", "s", of_time=True, free=(-_LONGEST, _LONGEST)),
+        Effect("lag", "lag_seconds", "s", of_time=True, free=(0.0, _LONGEST)),
+        Effect("lowpass", "lowpass_hz", "Hz"),
+        Effect("average", "average_seconds", "s", of_time=True),
+        Effect("gain", "gain", "1"),
+        Effect("offset", "offset", "N"),
+    )
+}
+"""The effects by name, in the order in which they act."""
+
+_Seconds = Annotated[float, Within(least=0.0, most=1e6), InUnit("s")]
+
+
+@checked
+class Observation:
+    """Effects of rig and processing on the recorded force, in this order; the default has no effect.
+
+    Inertia of a `mass` [kg] that moves between damper and load cell; delay of `delay_seconds`; first-order lag of the
+    time constant `lag_seconds`; causal second-order Butterworth low-pass filter at `lowpass_hz` (0 for none); centred
+    moving average over `average_seconds`; factor `gain`; `offset` [N]. The model is applied to simulated forces before
+    the comparison, never to the record.
+    """
+
+    delay_seconds: Annotated[float, Within(least=-1e6, most=1e6), InUnit("s")] = 0.0
+    lowpass_hz: Annotated[float, Within(least=0.0, most=1e6), InUnit("Hz")] = 0.0
+    average_seconds: _Seconds = 0.0
+    gain: Annotated[float, Within(least=-1e6, most=1e6)] = 1.0
+    offset: Annotated[float, Within(least=-1e9, most=1e9), InUnit("N")] = 0.0
+    lag_seconds: _Seconds = 0.0
+    mass: Annotated[float, Within(least=-1e6, most=1e6), InUnit("kg")] = 0.0
+
+    def __post_init__(self) -> None:
+        if self.gain == 0.0:
+            raise SettingError("the gain of an observation is 0, which records nothing; give another")
+
+    @property
+    def in_words(self) -> str:
+        """Description in words; empty for the default."""
+        parts = [
+            (self.mass, f"plus the inertia of {self.mass:.4g} kg"),
+            (self.delay_seconds, f"late by {self.delay_seconds:.3g} s"),
+            (self.lag_seconds, f"lagging by {self.lag_seconds:.3g} s"),
+            (self.lowpass_hz, f"low-passed at {self.lowpass_hz:.3g} Hz"),
+            (self.average_seconds, f"averaged over {self.average_seconds:.3g} s"),
+            (self.gain - 1.0, f"times {self.gain:.4g}"),
+            (self.offset, f"offset by {self.offset:.4g} N"),
+        ]
+        return ", ".join(text for value, text in parts if value != 0.0)
+
+    @checked
+    def reach(self, dt: Positive) -> tuple[int, int]:
+        """Numbers of samples at the start and at the end of a record for which the force beyond it would be needed.
+
+        `observe` holds the force constant there, and truncates the window of the average.
+        """
+        half, delay = 0.5 * self.average_seconds / dt, self.delay_seconds / dt
+        before, after = half + max(delay, 0.0), half + max(-delay, 0.0)
+        return ceil(before - _ROUNDING), ceil(after - _ROUNDING)
+
+    @checked
+    def observe(self, force: AnyNumbers, dt: Positive, acceleration: Samples | None = None) -> Floats:
+        """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s].
+
+        With a `mass` the `acceleration` [m/s^2] of the motion is needed, shape (n_time,).
+        """
+        if force.ndim < 1 or force.shape[-1] < 2:
+            raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
+        if self.mass != 0.0 and acceleration is None:
+            raise SettingError("an observation with a `mass` needs the `acceleration` of the motion; give it")
+        observed: Floats = observe_by(self, _filtered, force, dt, acceleration)
+        return observed
+
+
+def observe_by(model: Observation, filtered: Filter, force: Any, dt: float, acceleration: Any) -> Any:
+    """As `Observation.observe`, for an array of NumPy or JAX, with the filter of that library."""
+    observed = force
+    if model.mass != 0.0:
+        observed = observed + model.mass * acceleration
+    if model.delay_seconds != 0.0:
+        observed = delay_signal(observed, model.delay_seconds / dt)
+    if model.lag_seconds > 0.0:
+        observed = _lagged(filtered, observed, model.lag_seconds / dt)
+    if model.lowpass_hz > 0.0:
+        observed = _low_passed(filtered, observed, model.lowpass_hz, dt)
+    if model.average_seconds > 0.0:
+        observed = average_signal(observed, model.average_seconds / dt)
+    if model.gain != 1.0:
+        observed = model.gain * observed
+    return observed + model.offset if model.offset != 0.0 else observed
+
+
+AS_IT_IS = Observation()
+# Length of a moving average [samples] below which it changes less than its sums are rounded.
+_SHORTEST_AVERAGE = 1e-3
+# Samples by which a window may exceed a whole number of them by rounding.
+_ROUNDING = 1e-6
+# Least corner of a filter per sampling frequency, below which its equations are singular to rounding.
+_LOWEST = 1e-7
+
+
+# Signals are arrays of NumPy or JAX.
+def delay_signal(signal: Any, samples: float) -> Any:
+    """Delay a signal, shape (..., n_time), by `samples`, linear in between; the ends are held constant."""
+    last = signal.shape[-1] - 1
+    position = np.clip(np.arange(last + 1) - samples, 0.0, last)
+    before = np.minimum(np.floor(position).astype(int), last - 1)
+    share = position - before
+    return signal[..., before] * (1.0 - share) + signal[..., before + 1] * share
+
+
+def average_signal(signal: Any, samples: float) -> Any:
+    """Moving average of a signal, shape (..., n_time), linear between samples, over a centred window of `samples`.
+
+    At the ends, the window is truncated to the record.
+    """
+    if samples < _SHORTEST_AVERAGE:
+        return signal
+    xp, last = signal.__array_namespace__(), signal.shape[-1] - 1
+    change = xp.diff(signal, axis=-1)
+    middles = signal[..., 1:] + signal[..., :-1]
+    middles *= 0.5
+    integral = xp.cumulative_sum(middles, axis=-1, include_initial=True)
+
+    def integral_at(position: Floats) -> Any:
+        # The samples exist, and `take` is several times as fast where it need not look.
+        before = np.minimum(np.floor(position).astype(int), last - 1)
+        share = position - before
+        integral_at_place = xp.take(change, before, axis=-1, mode="clip")
+        integral_at_place *= 0.5 * share
+        integral_at_place += xp.take(signal, before, axis=-1, mode="clip")
+        integral_at_place *= share
+        integral_at_place += xp.take(integral, before, axis=-1, mode="clip")
+        return integral_at_place
+
+    start = np.clip(np.arange(last + 1) - 0.5 * samples, 0.0, last)
+    end = np.clip(np.arange(last + 1) + 0.5 * samples, 0.0, last)
+    average = integral_at(end)
+    average -= integral_at(start)
+    average /= end - start
+    return average
+
+
+Filter = Callable[[Floats | list[float], Floats | list[float], Any, Any], Any]
+"""Numerator, denominator, signal and the state per value of a constant signal to the filtered signal, from rest."""
+
+
+def _filtered(
+    numerator: Floats | list[float], denominator: Floats | list[float], signal: Floats, settled: Any
+) -> Floats:
+    from scipy.signal import lfilter  # slow to load and rarely needed
+
+    return np.asarray(lfilter(numerator, denominator, signal, axis=-1, zi=settled * signal[..., :1])[0])
+
+
+def _lagged(filtered: Filter, signal: Any, samples: float) -> Any:
+    """Response of `samples y' + y = signal`, exact for a signal that is linear between samples and constant before."""
+    decay = np.exp(-1.0 / samples)
+    mean = -np.expm1(-1.0 / samples) * samples
+    return filtered([1.0 - mean, mean - decay], [1.0, -decay], signal, mean)
+
+
+def _low_passed(filtered: Filter, signal: Any, corner_hz: float, dt: float) -> Any:
+    from scipy.signal import butter, lfilter_zi  # slow to load and rarely needed
+
+    if corner_hz * dt >= 0.5:
+        return signal
+    if corner_hz * dt < _LOWEST:
+        raise SettingError(
+            f"a low-pass filter at {corner_hz:g} Hz has no effect in a step of {dt:g} s; give a higher frequency"
+        )
+    numerator, denominator = butter(2, 2.0 * corner_hz * dt)
+    return filtered(numerator, denominator, signal, lfilter_zi(numerator, denominator))
+
+
+DETECT: Final = "detect"
+NONE: Final = "none"
+FREE: Final = "free"
+
+
+def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
+    """The words of an observation setting, checked: `detect`, `none`, WHAT=VALUE or WHAT=free each."""
+    words = (observe,) if isinstance(observe, str) else tuple(observe)
+    if not words or (NONE in words and len(words) > 1):
+        raise SettingError(
+            f"--observe is {' and '.join(words) or 'empty'}; give {DETECT}, {NONE} alone, or WHAT=VALUE"
+        )
+    for word in words:
+        if word in (DETECT, NONE):
+            continue
+        effect, text = _effect_of(word)
+        if text != FREE:
+            value_of(word, period=1.0)
+        elif effect.free is None:
+            free = " or ".join(each.name for each in EFFECTS.values() if each.free)
+            raise SettingError(
+                f"--observe is {word!r}, and no fit tells {effect.name} from the force of the damper; give its value, "
+                f"or free {free}"
+            )
+    names = [word.partition("=")[0] for word in words]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise SettingError(f"--observe gives {twice} twice; give it once")
+    if {"lag", "delay"} <= {effect.name for effect in free_effects(words)}:
+        raise SettingError(
+            "--observe frees a lag and a delay, which tests hardly tell apart; free one of them, and give the other"
+        )
+    return words
+
+
+def free_effects(words: Sequence[str]) -> tuple[Effect, ...]:
+    """The effects that the words of an observation setting leave free, one number each for all tests."""
+    return tuple(effect for name, effect in EFFECTS.items() if f"{name}={FREE}" in words)
+
+
+def _effect_of(word: str) -> tuple[Effect, str]:
+    """The effect that a word names, and what the word says of it."""
+    name, _, text = word.partition("=")
+    if name not in EFFECTS:
+        near = closest(name, [DETECT, NONE, *EFFECTS])
+        values = ", ".join(f"{key}=VALUE" for key in EFFECTS)
+        raise SettingError(
+            f"--observe is {word!r}{f', did you mean {near}' if near else f'; give {DETECT}, {NONE}, or {values}'}"
+        )
+    return EFFECTS[name], text
+
+
+def value_of(word: str, *, period: float) -> tuple[Effect, float]:
+    """Effect and value of WHAT=VALUE, or WHAT=VALUET with a share of the period [s]."""
+    effect, text = _effect_of(word)
+    share = text.endswith("T") and effect.of_time
+    try:
+        value = float(text[:-1] if share else text)
+    except ValueError:
+        value = float("nan")
+    if not isfinite(value):
+        raise SettingError(f"{text!r} in --observe {word} is not a number; write it as 0.002, or 0.1T")
+    value = value * period if share else value
+    try:
+        Observation(**{effect.field: value})
+    except SettingError as reason:
+        raise SettingError(f"--observe is {word!r}: {reason}") from None
+    return effect, value
