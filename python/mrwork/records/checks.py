@@ -26,6 +26,10 @@ _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
 _OFFSET_SHARE: Final = 0.05
 _SIGN_SHARE: Final = 0.05
+# Of rows in the order of the displacement the force leaps from one to the next by 1.4 of its standard deviation, and
+# that is a large share of the largest force. Noise about the constant force of one way is a small one.
+_LEAPS: Final = 0.7
+_OF_LOOP: Final = 0.3
 
 
 def check_varies(samples: Floats, quantity: str, unit: str, *, source: str) -> None:
@@ -33,6 +37,17 @@ def check_varies(samples: Floats, quantity: str, unit: str, *, source: str) -> N
     if np.ptp(samples) < _SMALLEST_RANGE:
         value = "zero" if abs(samples[0]) < _SMALLEST_RANGE else f"constant at {samples[0]:g} {unit}"
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")
+
+
+def check_order(displacement: Floats, force: Floats, *, source: str) -> None:
+    """Check that rows are not ordered by displacement, where the force leaps between the two ways of a loop."""
+    steps, leaps, size = np.diff(displacement), np.std(np.diff(force)), np.std(force)
+    is_ordered = np.all(steps >= 0.0) or np.all(steps <= 0.0)
+    if is_ordered and leaps > _LEAPS * size and size > _OF_LOOP * np.abs(force).max():
+        raise RecordError(
+            f"{source}: the rows are ordered by displacement, not by time: it never turns back, while the force leaps "
+            "between two branches; export them in the order in which they were recorded"
+        )
 
 
 _FEW_SAMPLES: Final = FindingKind(
