@@ -18,7 +18,7 @@ from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import Channel, DamperTest, Smoothing
 from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
-from mrwork.records.motion import Differentiator, SmoothMotion, spectrum
+from mrwork.records.motion import Differentiator, SmoothMotion, reversals, spectrum
 
 _SMALLEST_RANGE: Final = 1e-9
 _FEWEST_PER_CYCLE: Final = 20.0
@@ -26,6 +26,16 @@ _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
 _OFFSET_SHARE: Final = 0.05
 _SIGN_SHARE: Final = 0.05
+_SIGN_SURE: Final = 0.25
+# A motion turns back whose shorter way is at least this share of the longer one, and never does below the other one.
+_BACK: Final = 0.5
+_NEVER_BACK: Final = 0.05
+# Speeds at which the forces out and back are compared, above this share of the largest of both ways.
+_SPEEDS: Final = 6
+_SLOWEST_SHARE: Final = 0.05
+# Share by which a damper is stronger one way, and its standard errors, from which on it is no static force.
+_STRONGER: Final = 0.05
+_SURELY_STRONGER: Final = 5.0
 # Of rows in the order of the displacement the force leaps from one to the next by 1.4 of its standard deviation, and
 # that is a large share of the largest force. Noise about the constant force of one way is a small one.
 _LEAPS: Final = 0.7
@@ -125,15 +135,64 @@ def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Findin
         yield _BREAKAWAY.found(measured=overshoot)
 
 
+def turns_back(displacement: Floats, velocity: Floats) -> bool:
+    """Whether a motion returns over at least half of the way that it goes."""
+    return min(ways := travel(displacement, velocity)) >= _BACK * max(ways)
+
+
+def travel(displacement: Floats, velocity: Floats) -> tuple[float, float]:
+    """Lengths of the ways out and back [m], between reversals: noise of a sensor at rest is no travel."""
+    strokes = np.diff(displacement[[0, *reversals(velocity), -1]])
+    return float(strokes.clip(min=0.0).sum()), float(-strokes.clip(max=0.0).sum())
+
+
 def mean_over_travel(force: Floats, velocity: Floats) -> float:
     """Mean of the mean forces over the distance travelled forth and back, each int F |v| dt / int |v| dt [N].
 
-    Hysteresis, viscosity and stiffness about the middle of the stroke cancel, and rest has no weight, so that a static
-    offset remains, also of a record that ends within a cycle. The mean of the peaks is no substitute, because measured
-    loops are not symmetric there.
+    Hysteresis, viscosity and stiffness about the middle of the stroke cancel, and rest has no weight. Zero for a motion
+    that goes one way by more than twice as far as the other, of which the mean is no middle.
     """
-    ways = [way for way in (velocity.clip(min=0.0), -velocity.clip(max=0.0)) if way.any()]
-    return float(np.mean([np.average(force, weights=way) for way in ways]))
+    moving = np.where(np.abs(velocity) > _SLOWEST_SHARE * np.abs(velocity).max(initial=0.0), velocity, 0.0)
+    ways = moving.clip(min=0.0), -moving.clip(max=0.0)
+    if min(way.sum() for way in ways) < _BACK * max(way.sum() for way in ways):
+        return 0.0
+    return float(np.mean([np.average(force, weights=way) for way in ways])) if moving.any() else 0.0
+
+
+def static_force(displacement: Floats, force: Floats, velocity: Floats) -> float | None:
+    """The static force [N] by what equal speeds show out and back; `None` where the motion has no such speeds.
+
+    With the forces F+ and F- at a speed, while it rises or falls, the middle (F+ + F-) / 2 is the static force and a
+    share of the half (F+ - F-) / 2 by which a damper is stronger one way. That share, by least squares over the speeds,
+    is taken out where it is sure; a static force that changes its sign by that is none.
+    """
+    speed = np.abs(velocity)
+    top = min(float(velocity.max()), float(-velocity.min()))
+    if not turns_back(displacement, velocity) or top <= 0.0:
+        return None
+    counted = (speed > _SLOWEST_SHARE * top) & (speed <= top)
+    place = 2 * (_SPEEDS * speed / top).astype(np.intp).clip(max=_SPEEDS - 1) + (np.gradient(speed) > 0.0)
+    weights, means = [], []
+    for way in (velocity > 0.0, velocity < 0.0):
+        at, by = place[counted & way], speed[counted & way]
+        weights.append(weight := np.bincount(at, by, 2 * _SPEEDS))
+        means.append(
+            np.bincount(at, by * force[counted & way], 2 * _SPEEDS) / np.maximum(weight, _SMALLEST_RANGE)
+        )
+    both = np.minimum(*weights)
+    if both.sum() < _BACK * max(float(speed[velocity > 0.0].sum()), float(speed[velocity < 0.0].sum())):
+        return None
+    root = np.sqrt(both)
+    middle, half = 0.5 * (means[0] + means[1]), 0.5 * (means[0] - means[1])
+    mean = float(np.average(middle, weights=both))
+    design = np.stack([root, root * half], axis=1)
+    (static, share), *_ = np.linalg.lstsq(design, root * middle, rcond=None)
+    residual = root * middle - design @ (static, share)
+    freedom = max(np.count_nonzero(both) - 2, 1)
+    error = np.sqrt(np.linalg.pinv(design.T @ design)[1, 1] * (residual @ residual) / freedom)
+    if abs(share) < max(_STRONGER, _SURELY_STRONGER * float(error)):
+        return mean
+    return float(static) if static * mean > 0.0 else 0.0
 
 
 def half_range(force: Floats) -> float:
@@ -143,9 +202,9 @@ def half_range(force: Floats) -> float:
 
 _SIGN_UNCLEAR: Final = FindingKind(
     "force_sign_unclear",
-    "the energy int F v dt is only {share:.1f} % of int |F v| dt, too little to determine the sign of the force, which "
-    "was not changed",
-    "check the sign of the channel",
+    "the energy int F v dt is {share:.1f} % of int |F v| dt, {0}, so that the sign of the force is in doubt; it was "
+    "not changed",
+    "check the sign of the channel, and multiply it by -1 if the force does not resist the motion",
 )
 _SIGN_FLIPPED: Final = FindingKind(
     "force_sign_flipped",
@@ -154,20 +213,47 @@ _SIGN_FLIPPED: Final = FindingKind(
 )
 
 
-def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, ...]]:
-    """The force [N] with the sign that dissipates energy, and a note if it was changed.
+def force_sign(
+    displacement: Floats, force: Floats, velocity: Floats, dt: float
+) -> tuple[Floats, tuple[Finding, ...]]:
+    """The force [N] with the sign that dissipates energy, and a finding if it was changed or is in doubt.
 
-    The sign is of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its mean over
-    the distance travelled.
+    The sign is of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its mean over the
+    distance travelled. It is changed where that is beyond doubt only: the motion turns back, most of the travel
+    generates, and int F dx, which no smoothing of the motion changes, agrees.
     """
-    power = (force - mean_over_travel(force, velocity)) * velocity
+    centred = force - mean_over_travel(force, velocity)
+    power = centred * velocity
     whole = float(np.abs(power).sum())
     share = float(power.sum()) / whole if whole > 0.0 else 0.0
-    if abs(share) < _SIGN_SHARE:
-        return force, (_SIGN_UNCLEAR.found(share=100.0 * share),)
-    if share > 0.0:
+    work = float(0.5 * (centred[1:] + centred[:-1]) @ np.diff(displacement)) / dt
+    agrees = 0.5 < work / (float(power.sum()) or 1.0) < 2.0
+    if share >= _SIGN_SHARE and work > 0.0:
         return force, ()
-    return -force, (_SIGN_FLIPPED.found(share=100.0 * share),)
+    if not turns_back(displacement, velocity):
+        reason = "of a motion that does not come back"
+    elif abs(share) < _SIGN_SHARE:
+        reason = "too little to tell a damper from a spring"
+    elif share < -_SIGN_SURE and agrees and float(np.abs(velocity) @ np.sign(power)) < 0.0:
+        return -force, (_SIGN_FLIPPED.found(share=100.0 * share),)
+    else:
+        reason = "which a force that is late or a motion that is noise may have, too"
+    return force, (_SIGN_UNCLEAR.found(reason, share=100.0 * share),)
+
+
+ONE_WAY: Final = FindingKind(
+    "one_way",
+    "the motion never turns back in {value:.3g} mm: a static force, dry friction and a loop cannot be told apart",
+    "test strokes out and back at equal speeds",
+    verbs=ONCE,
+)
+
+
+def one_way_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+    """Warn of a motion of one way, which leaves open what two ways tell."""
+    ways = travel(test.displacement, motion.velocity)
+    if min(ways) < _NEVER_BACK * max(ways):
+        yield ONE_WAY.found(measured=Measured(1e3 * max(ways), "mm"))
 
 
 TEMPERATURE: Final = FindingKind(
@@ -190,10 +276,15 @@ def force_offset(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
 
     A varying command weighs the directions of motion differently, so that the mean force is no static one.
     """
-    offset = mean_over_travel(test.force, motion.velocity)
+    offset = static_force(test.displacement, test.force, motion.velocity)
     scale = half_range(test.force)
     # A force of a few spikes has no range between the percentiles.
-    if not test.has_varying_command and scale > 0.0 and abs(offset) > _OFFSET_SHARE * scale:
+    if (
+        offset is not None
+        and not test.has_varying_command
+        and scale > 0.0
+        and abs(offset) > _OFFSET_SHARE * scale
+    ):
         share = 100.0 * abs(offset) / scale
         yield FORCE_OFFSET.found(measured=Measured(offset, "N"), share=share, scale=scale)
 

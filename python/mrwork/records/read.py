@@ -84,10 +84,11 @@ from mrwork.records.window import (
 )
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]], ...]] = (
-    checks.force_offset, checks.rest_before_motion, checks.samples_per_cycle, motion_matches_name,
-    checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding, checks.stroke_finding,
-    checks.force_finding, checks.pace_finding, checks.command_finding, checks.resolution_findings, checks.stuck_force,
-    still_findings, jump_finding, drift_of_displacement_finding, repeated_part, drift_finding,
+    checks.force_offset, checks.one_way_finding, checks.rest_before_motion, checks.samples_per_cycle,
+    motion_matches_name, checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding,
+    checks.stroke_finding, checks.force_finding, checks.pace_finding, checks.command_finding,
+    checks.resolution_findings, checks.stuck_force, still_findings, jump_finding, drift_of_displacement_finding,
+    repeated_part, drift_finding,
 )  # fmt: skip
 
 
@@ -209,7 +210,7 @@ def test_from_arrays(
     fields = fields_of_commands(
         [on_grid.get(given_command.unit, given_command) for given_command in commands]
     )
-    resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
+    resisting, about_sign = checks.force_sign(displaced, signals.force, motion.velocity, dt)
     findings += [*about_velocity, *about_sign, *(finding for _, about in read for finding in about)]
     test = DamperTest(
         name=name,
