@@ -21,6 +21,7 @@ from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measure
 from mrwork.records.motion import Differentiator, SmoothMotion, reversals, spectrum
 
 _SMALLEST_RANGE: Final = 1e-9
+_TINY: Final = float(np.finfo(np.float64).tiny)
 _FEWEST_PER_CYCLE: Final = 20.0
 _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
@@ -117,7 +118,7 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
     started = int(np.argmax(moved))
     if started + 1 >= moved.size:
         return None
-    force = np.abs(test.force - mean_over_travel(test.force, motion.velocity))
+    force = np.abs(test.force - (static_force(test.displacement, test.force, motion.velocity) or 0.0))
     smoother = Differentiator(window=5, dt=test.dt)
     noise = smoother.noise(test.force - smoother.smooth(test.force))
     first = slice(max(rest - 2, 0), started + 1)
@@ -146,19 +147,6 @@ def travel(displacement: Floats, velocity: Floats) -> tuple[float, float]:
     return float(strokes.clip(min=0.0).sum()), float(-strokes.clip(max=0.0).sum())
 
 
-def mean_over_travel(force: Floats, velocity: Floats) -> float:
-    """Mean of the mean forces over the distance travelled forth and back, each int F |v| dt / int |v| dt [N].
-
-    Hysteresis, viscosity and stiffness about the middle of the stroke cancel, and rest has no weight. Zero for a motion
-    that goes one way by more than twice as far as the other, of which the mean is no middle.
-    """
-    moving = np.where(np.abs(velocity) > _SLOWEST_SHARE * np.abs(velocity).max(initial=0.0), velocity, 0.0)
-    ways = moving.clip(min=0.0), -moving.clip(max=0.0)
-    if min(way.sum() for way in ways) < _BACK * max(way.sum() for way in ways):
-        return 0.0
-    return float(np.mean([np.average(force, weights=way) for way in ways])) if moving.any() else 0.0
-
-
 def static_force(displacement: Floats, force: Floats, velocity: Floats) -> float | None:
     """The static force [N] by what equal speeds show out and back; `None` where the motion has no such speeds.
 
@@ -172,25 +160,23 @@ def static_force(displacement: Floats, force: Floats, velocity: Floats) -> float
         return None
     counted = (speed > _SLOWEST_SHARE * top) & (speed <= top)
     place = 2 * (_SPEEDS * speed / top).astype(np.intp).clip(max=_SPEEDS - 1) + (np.gradient(speed) > 0.0)
-    weights, means = [], []
-    for way in (velocity > 0.0, velocity < 0.0):
-        at, by = place[counted & way], speed[counted & way]
-        weights.append(weight := np.bincount(at, by, 2 * _SPEEDS))
-        means.append(
-            np.bincount(at, by * force[counted & way], 2 * _SPEEDS) / np.maximum(weight, _SMALLEST_RANGE)
-        )
-    both = np.minimum(*weights)
-    if both.sum() < _BACK * max(float(speed[velocity > 0.0].sum()), float(speed[velocity < 0.0].sum())):
+    place, weight = (place + 2 * _SPEEDS * (velocity < 0.0))[counted], speed[counted]
+    travelled, pushed = (
+        np.bincount(place, each, 4 * _SPEEDS).reshape(2, -1) for each in (weight, weight * force[counted])
+    )
+    out, back = pushed / travelled.clip(min=_TINY)
+    both = travelled.min(axis=0)
+    if both.sum() < _BACK * max(float(velocity.clip(min=0.0).sum()), float(-velocity.clip(max=0.0).sum())):
         return None
     root = np.sqrt(both)
-    middle, half = 0.5 * (means[0] + means[1]), 0.5 * (means[0] - means[1])
+    middle, half = 0.5 * (out + back), 0.5 * (out - back)
     mean = float(np.average(middle, weights=both))
     design = np.stack([root, root * half], axis=1)
     (static, share), *_ = np.linalg.lstsq(design, root * middle, rcond=None)
     residual = root * middle - design @ (static, share)
-    freedom = max(np.count_nonzero(both) - 2, 1)
-    error = np.sqrt(np.linalg.pinv(design.T @ design)[1, 1] * (residual @ residual) / freedom)
-    if abs(share) < max(_STRONGER, _SURELY_STRONGER * float(error)):
+    variance = (residual @ residual) / max(np.count_nonzero(both) - 2, 1)
+    error = float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1] * variance))
+    if abs(share) < max(_STRONGER, _SURELY_STRONGER * error):
         return mean
     return float(static) if static * mean > 0.0 else 0.0
 
@@ -218,11 +204,11 @@ def force_sign(
 ) -> tuple[Floats, tuple[Finding, ...]]:
     """The force [N] with the sign that dissipates energy, and a finding if it was changed or is in doubt.
 
-    The sign is of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its mean over the
-    distance travelled. It is changed where that is beyond doubt only: the motion turns back, most of the travel
+    The sign is of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its static part.
+    It is changed where that is beyond doubt only: the motion turns back, most of the travel
     generates, and int F dx, which no smoothing of the motion changes, agrees.
     """
-    centred = force - mean_over_travel(force, velocity)
+    centred = force - (static_force(displacement, force, velocity) or 0.0)
     power = centred * velocity
     whole = float(np.abs(power).sum())
     share = float(power.sum()) / whole if whole > 0.0 else 0.0
