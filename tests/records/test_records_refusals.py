@@ -117,6 +117,7 @@ def test_a_part_is_taken_before_what_lies_outside_is_refused(tmp_path: Path) -> 
         refusal(read_damper_test, file, match="--until")
         (part,) = Reading(files=(str(file),), start=start, end=end).tests()
         np.testing.assert_allclose(part.force, whole.force, rtol=1e-9)
+    refusal(read_damper_test, file, start=500.0, match="no row has a time from 500 to inf s; .* 0 to 1.995 s")
 
 
 def test_paths_that_are_no_records_are_refused(tmp_path: Path, refused: Refused) -> None:

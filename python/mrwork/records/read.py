@@ -375,7 +375,7 @@ def read_damper_test(
         si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
     if step is not None:
         si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
-    part = _rows_between(si["time"], start, end)
+    part = _rows_between(si["time"], start, end, source)
     si = {quantity: samples[part] if samples.size > 1 else samples for quantity, samples in si.items()}
     nominal = nominal_from_name(file.stem)
     test = test_from_arrays(
@@ -398,11 +398,19 @@ def read_damper_test(
     return replace(test, findings=(*test.findings, *unused_finding(table, used)))
 
 
-def _rows_between(time: Floats, start: float | None, end: float | None) -> slice:
+def _rows_between(time: Floats, start: float | None, end: float | None, source: str) -> slice:
     """Rows from the first that is not before `start` up to the first after it that is beyond `end`."""
-    first = 0 if start is None else int(np.argmax(time >= start))
-    beyond = np.flatnonzero(time[first:] > (np.inf if end is None else end))
-    return slice(first, first + int(beyond[0]) if beyond.size else time.size)
+    least, most = -np.inf if start is None else start, np.inf if end is None else end
+    inside = np.flatnonzero((time >= least) & (time <= most))
+    if start is None and end is None:
+        return slice(0, time.size)
+    if not inside.size:
+        raise RecordError(
+            f"{source}: no row has a time from {least:g} to {most:g} s; its times are {np.nanmin(time):g} to "
+            f"{np.nanmax(time):g} s"
+        )
+    beyond = np.flatnonzero(time[inside[0] :] > most)
+    return slice(int(inside[0]), int(inside[0] + beyond[0]) if beyond.size else time.size)
 
 
 def _marked(table: ColumnTable) -> str:
