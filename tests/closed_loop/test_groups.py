@@ -29,8 +29,8 @@ LAWS: Mapping[str, tuple[float, ...]] = {
     "quadratic": (20.0, 350.0, -40.0),
     "cubic": (20.0, 350.0, -40.0, 5.0),
     "exponential": (600.0, -500.0, -1.0),
-    "values:0,1,2": (20.0, 300.0, 500.0),
-    "values:0,0.4,2.5": (30.0, 150.0, 600.0),
+    "log_quadratic:0,1,2": (20.0, 300.0, 500.0),
+    "log_quadratic:0,0.4,2.5": (30.0, 150.0, 600.0),
     "linear:0,2": (20.0, 640.0),
     "quadratic:0,1,2": (20.0, 300.0, 500.0),
     "quadratic:0.5,1,1.5": (170.0, 300.0, 400.0),
@@ -66,7 +66,7 @@ def test_a_group_by_another_law_has_the_forces_of_its_curve(lagged: bool) -> Non
     # 20 + 300 u of the yield force, by its coefficients, by values, and as a cubic.
     straight = group("linear", lagged=lagged), replace(group("linear", lagged=lagged), row=STOREYS[1])
     others = {
-        "values:0,1": (20.0, 320.0),
+        "log_linear:0,1": (20.0, 320.0),
         "linear:0,2": (20.0, 620.0),
         "straight:0,0.5,2": (20.0, 170.0, 620.0),
         "cubic": (20.0, 300.0, 0.0, 0.0),
@@ -74,7 +74,7 @@ def test_a_group_by_another_law_has_the_forces_of_its_curve(lagged: bool) -> Non
     for law, coefficients in others.items():
         spec = PLAIN.with_current_laws({"f_c": law, "c0": "linear"}, unit="A", lagged=lagged)
         theta = [*coefficients, *np.asarray(straight[1].theta)[2:]]
-        if law == "values:0,1":
+        if law == "log_linear:0,1":
             theta[:2] = [20.0, 20.0]
             same = replace(straight[1], theta=[20.0, 0.0, *np.asarray(straight[1].theta)[2:]])
         else:

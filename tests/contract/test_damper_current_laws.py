@@ -21,7 +21,7 @@ from mrwork.twins.record_arrays import RecordArrays
 LAWS = (
     "linear",
     "straight:0,0.5,1",
-    "values:0,0.5,1",
+    "log_quadratic:0,0.5,1",
     "straight_log:0,0.5,1",
     "quadratic",
     "linear:0.2,0.8",

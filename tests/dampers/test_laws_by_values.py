@@ -11,7 +11,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.dampers import LawName
-from mrwork.dampers.laws import CommandLaw, CurveForm, law_of, named_laws
+from mrwork.dampers.laws import CommandLaw, law_of, named_laws
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import law_limits, worst_laws
 
@@ -21,18 +21,16 @@ POSITIVE = st.floats(1e-2, 1e4)
 @examples(50)
 @given(values=st.tuples(POSITIVE, POSITIVE, POSITIVE), command=st.floats(0.0, 2.0))
 def test_a_positive_parameter_stays_positive(values: tuple[float, ...], command: float) -> None:
-    law = law_of("values:0,0.5,2")
-    assert law.values(np.array(values), np.array([command]), positive=True)[0] > 0.0
+    law = law_of("log_quadratic:0,0.5,2")
+    assert law.values(np.array(values), np.array([command]))[0] > 0.0
 
 
 @examples(50)
 @given(values=st.tuples(POSITIVE, POSITIVE, POSITIVE))
 def test_a_law_takes_its_values_at_its_commands(values: tuple[float, ...]) -> None:
-    for name in ("values:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2", "straight_log:0,0.5,2"):
+    for name in ("log_quadratic:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2", "straight_log:0,0.5,2"):
         law = law_of(name)
-        np.testing.assert_allclose(
-            law.values(np.array(values), np.array(law.nodes), positive=True), values, rtol=1e-9
-        )
+        np.testing.assert_allclose(law.values(np.array(values), np.array(law.nodes)), values, rtol=1e-9)
 
 
 def test_a_polynomial_through_values_is_the_polynomial_by_its_coefficients() -> None:
@@ -40,14 +38,23 @@ def test_a_polynomial_through_values_is_the_polynomial_by_its_coefficients() -> 
     command = np.linspace(0.0, 1.0, 11)
     expected = np.polynomial.polynomial.polyval(command, coefficients)
     at_nodes = np.polynomial.polynomial.polyval(nodes, coefficients)
-    found = law_of("quadratic:0,0.4,1").values(at_nodes, command, positive=True)
+    found = law_of("quadratic:0,0.4,1").values(at_nodes, command)
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-def test_logarithms_are_interpolated_where_the_scale_is_logarithmic_only() -> None:
-    law, ends = law_of("values:0,1"), np.array([100.0, 400.0])
-    assert law.values(ends, np.array([0.5]), positive=True)[0] == pytest.approx(200.0)
-    assert law.values(ends, np.array([0.5]), positive=False)[0] == pytest.approx(250.0)
+def test_a_law_takes_the_logarithms_that_its_name_says() -> None:
+    ends = np.array([100.0, 400.0])
+    assert law_of("log_linear:0,1").values(ends, np.array([0.5]))[0] == pytest.approx(200.0)
+    assert law_of("linear:0,1").values(ends, np.array([0.5]))[0] == pytest.approx(250.0)
+
+
+def test_logarithms_of_what_may_be_negative_are_refused_with_the_law_that_has_none() -> None:
+    model = mr.damper("dahl")
+    for law, other in (("log_linear", "linear"), ("straight_log:0,1", "straight:0,1")):
+        refusal(model.with_current_laws, {"f0": law}, match=f"give f0={other}")
+    refusal(
+        model.with_current_laws, {"k_w": "log_quadratic"}, match="give them, as in k_w=log_quadratic:0,1,2"
+    )
 
 
 @examples(50)
@@ -61,7 +68,7 @@ def test_straight_lines_are_those_of_numpy_and_of_the_core(
 ) -> None:
     nodes = [0.0, 0.3, 1.0, 2.5, 3.0, 5.0, 8.0, 9.0][: len(values)]
     law = law_of(f"{name}:{','.join(map(str, nodes))}")
-    found = float(law.values(np.array(values), np.array(command), positive=True))
+    found = float(law.values(np.array(values), np.array(command)))
     if command <= nodes[-1]:
         line = np.interp(command, nodes, values)
         if name == "straight_log":
@@ -70,23 +77,24 @@ def test_straight_lines_are_those_of_numpy_and_of_the_core(
     spec, theta = dahl(str(law), *values)
     motion = {"dt": 0.01, "displacement": np.linspace(0.0, 0.5, 40)}
     lawful = simulate_force(spec, theta, Loading(**motion, command=command, command_unit="A"))
-    plain = simulate_force(mr.damper("dahl"), [max(found, 1e-3), *DAHL.values()], Loading(**motion))
+    used = np.clip(found, spec.plain[0].lower, spec.plain[0].upper)
+    plain = simulate_force(mr.damper("dahl"), [used, *DAHL.values()], Loading(**motion))
     np.testing.assert_allclose(lawful, plain, rtol=1e-9, atol=1e-9 * max(values))
 
 
 @pytest.mark.parametrize(
-    "name", ["values:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2", "straight_log:0,0.5,2"]
+    "name", ["log_quadratic:0,0.5,2", "quadratic:0,0.5,2", "straight:0,0.5,2", "straight_log:0,0.5,2"]
 )
 def test_a_rescaled_command_is_the_law_there(name: str) -> None:
     law, rows = law_of(name), np.array([[100.0, 300.0, 400.0], [90.0, 310.0, 405.0]])
     nodes = np.array(law.nodes)
-    for values, rescaled in zip(rows, law.rescale_command(rows, 0.9, positive=True), strict=True):
-        expected = law.values(values, 0.9 * nodes, positive=True)
-        np.testing.assert_allclose(law.values(rescaled, nodes, positive=True), expected, rtol=1e-9)
+    for values, rescaled in zip(rows, law.rescale_command(rows, 0.9), strict=True):
+        expected = law.values(values, 0.9 * nodes)
+        np.testing.assert_allclose(law.values(rescaled, nodes), expected, rtol=1e-9)
 
 
 def test_beyond_its_commands_a_law_continues_along_its_tangent() -> None:
-    law, values = law_of("values:0,0.5,1"), np.array([100.0, 300.0, 400.0])
+    law, values = law_of("quadratic:0,0.5,1"), np.array([100.0, 300.0, 400.0])
     step = 1e-6
     inside, end, outside, far = law.values(values, np.array([1.0 - step, 1.0, 1.0 + step, 1.5]))
     slope = (end - inside) / step
@@ -94,33 +102,35 @@ def test_beyond_its_commands_a_law_continues_along_its_tangent() -> None:
     assert far == pytest.approx(end + 0.5 * slope, rel=1e-4)
 
 
-def by_values(law: LawName, commands: list[float], *, form: CurveForm = "values") -> str:
-    return str(law_of(law).at_commands(commands, form))
-
-
 def test_nodes_are_the_tested_commands_nearest_to_evenly_spaced_ones() -> None:
     tested = [0.0, 0.1, 0.25, 0.5, 0.75, 1.0]
-    assert by_values("quadratic", tested) == "values:0,0.5,1"
-    assert by_values("linear", tested, form="polynomial") == "linear:0,1"
-    assert by_values("cubic", tested) == "values:0,0.25,0.75,1"
+    for law, placed in (
+        ("quadratic", "quadratic:0,0.5,1"),
+        ("linear", "linear:0,1"),
+        ("log_cubic", "log_cubic:0,0.25,0.75,1"),
+        ("quadratic:0,0.2,1", "quadratic:0,0.2,1"),
+        ("exponential", "exponential"),
+    ):
+        assert str(law_of(law).at_commands(tested)) == placed
     # Fewer commands than values: the search refuses the law in a sentence of its own.
-    assert by_values("quadratic", [0.0, 1.0]) == "quadratic"
-    assert by_values("exponential", tested) == "exponential"
+    assert str(law_of("quadratic").at_commands([0.0, 1.0])) == "quadratic"
 
 
 def test_a_value_is_a_parameter_in_the_unit_of_its_law() -> None:
-    spec = mr.damper("dahl").with_current_laws({"k_w": "values: 0, 0.5, 1"}, unit="V")
+    spec = mr.damper("dahl").with_current_laws({"k_w": "log_quadratic: 0, 0.5, 1"}, unit="V")
     assert spec.names[:3] == ("k_w@0V", "k_w@0.5V", "k_w@1V")
     plain = mr.damper("dahl").plain[0]
     assert {(each.unit, each.scale, each.lower) for each in spec.parameters[:3]} == {
         (plain.unit, plain.scale, plain.lower)
     }
-    assert str(spec.laws[0]) == "values:0,0.5,1"
+    assert str(spec.laws[0]) == "log_quadratic:0,0.5,1"
 
 
-@pytest.mark.parametrize("name", ["values:1,0", "values:0", "values:0,inf", "quadratic:0,1", "linaer"])
+@pytest.mark.parametrize(
+    "name", ["log_linear:1,0", "straight:0", "straight:0,inf", "quadratic:0,1", "values:0,1", "linaer"]
+)
 def test_a_law_without_rising_commands_is_refused(name: str) -> None:
-    refusal(mr.damper("dahl").with_current_laws, {"k_w": name}, match="rising commands: two to 8")
+    refusal(mr.damper("dahl").with_current_laws, {"k_w": name}, match="rising commands: as many")
 
 
 DAHL = {"rho": 2000.0, "f0": 0.0}
@@ -172,7 +182,9 @@ def test_a_law_is_named_where_it_leaves_its_range_and_only_there(
 
 
 def test_a_value_on_the_bound_does_not_leave_the_range_by_rounding() -> None:
-    spec = mr.damper("normalised_bouc_wen").with_current_laws({"sigma": "values:0,0.77,2.25"}, unit="V")
+    spec = mr.damper("normalised_bouc_wen").with_current_laws(
+        {"sigma": "log_quadratic:0,0.77,2.25"}, unit="V"
+    )
     values = dict(zip(spec.names, spec.nominal.tolist(), strict=True))
     (upper,) = (each.upper for each in spec.plain if each.name == "sigma")
     theta = [*(values | {"sigma@0V": 100.0, "sigma@0.77V": 105.0, "sigma@2.25V": upper}).values()]

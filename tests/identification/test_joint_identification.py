@@ -15,6 +15,7 @@ from mrwork.dampers import damper
 from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
 from mrwork.identification import Fit, FitSettings, Objective, Progress, Race
+from mrwork.identification.commands import with_laws_at
 from mrwork.identification.equivalent import leaves_range, within_range
 from mrwork.identification.excerpts import excerpt
 from mrwork.identification.minimise import level_search
@@ -31,6 +32,7 @@ TRUTH = np.array(PRESET.theta)
 CURRENTS = (0.0, 0.5, 1.0, 1.5)
 NOISE_N = 5.0
 SEARCH = EfficientGA(stop=StopRules(max_generations=25))
+TRUE_LAWS = {"c": "linear", "k": "linear", "alpha": "quadratic", "delta": "linear", "f0": "linear"}
 # The hysteresis changes side within one sample, so no test tells over which displacement.
 FIXED = {"x_s": (1e-4, 1e-4)}
 
@@ -288,3 +290,14 @@ def test_laws_are_moved_into_their_ranges_and_others_stay(law: str) -> None:
     assert not leaves_range(spec, moved, FIVE_COMMANDS)
     assert moved[[0, 1, 5, 6]].tolist() == theta[[0, 1, 5, 6]].tolist()
     assert within_range(spec, moved, FIVE_COMMANDS).tolist() == moved.tolist()
+
+
+def test_a_typed_polynomial_is_one_of_the_parameter_at_tested_commands(tests: tuple[DamperTest, ...]) -> None:
+    model = PRESET.spec.without_laws.with_current_laws({}, unit="A")
+    spec = with_laws_at(model, {"c": "linear", "alpha": "quadratic", "beta": "log_linear"}, tests)
+    laws = {name: str(law) for name, law in spec.laws_by_name.items() if not law.is_constant}
+    assert laws == {"c": "linear:0,1.5", "alpha": "quadratic:0,0.5,1.5", "beta": "log_linear:0,1.5"}
+    # What the tests were made with: no other form of these laws is better.
+    fit = identify(with_laws_at(model, TRUE_LAWS, tests), tests, bounds=FIXED, rng=2)
+    assert fit.rmse_n == pytest.approx(NOISE_N, rel=0.05)
+    assert not any("other laws describe the tests better" in each for each in fit.warnings)

@@ -146,3 +146,30 @@ def test_times_in_rounded_decimals_are_those_of_their_grid_and_a_shifted_one_is_
     # A second in whole numbers has a coarse digit, and stands more than half a step off.
     times[99] = 1.0
     assert rounded_grid(times) is None
+
+
+def test_what_is_no_motion_and_no_force_is_no_candidate_for_one(tmp_path: Path) -> None:
+    columns = clean_columns()
+    motion = {name: columns[name] for name in ("t_s", "displacement_m")}
+    swaying = 60.0 + np.sin(columns["t_s"])
+    # Revolutions a minute are no velocity, whatever their column is called, and do not stand in the way.
+    for name in ("Velocidad_RPM", "speed (rpm)"):
+        test = read_damper_test(
+            write_text(tmp_path / "rig.csv", {**motion, "force_n": columns["force_n"], name: swaying})
+        )
+        assert test.velocity_source == "derived"
+    # A mass and a height are no force.
+    file = write_text(tmp_path / "rig.csv", {**motion, "mass": swaying, "height": swaying})
+    refusal(read_damper_test, file, match="no column for the force .* --column force=COLUMN:N")
+    # Of a column of texts and one of kilonewtons the second is the likely force.
+    lines = (
+        write_text(tmp_path / "rig.csv", {**motion, "Fh [kN]": columns["force_n"]}).read_text().splitlines()
+    )
+    lines = [f"{line},{'load_step_name' if not number else 'loading'}" for number, line in enumerate(lines)]
+    file.write_text("\n".join(lines))
+    refusal(read_damper_test, file, match=r"likely --column 'force=Fh \[kN\]:kN'")
+    table = "specimen,mass_kg,height_mm\n" + "\n".join(
+        f"S{row},{row + 1.5},{100 + row % 7}" for row in range(12)
+    )
+    file.write_text(table)
+    refusal(read_damper_test, file, match="--column displacement=COLUMN:m .* leave out what is no record")

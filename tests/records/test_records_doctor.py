@@ -15,7 +15,7 @@ import mrwork as mr
 from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest
-from mrwork.records.checks import breakaway_overshoot, clipped_samples, detect_smoothing, mean_over_travel
+from mrwork.records.checks import breakaway_overshoot, clipped_samples, detect_smoothing, static_force
 from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
 from mrwork.records.findings import find_mislabelled, repeats_that_differ
 from mrwork.records.motion import SmoothMotion, smooth_motion, whole_cycles
@@ -126,7 +126,7 @@ def test_a_clipped_force_tells_no_delay() -> None:
 def test_the_offset_of_a_record_that_ends_within_a_cycle_is_that_of_whole_cycles(cycles: float) -> None:
     whole = simulated("bouc_wen", cycles=4)
     part = cut(whole, end=cycles / 2.0)
-    offsets = [mean_over_travel(test.force, test.velocity) for test in (whole, part)]
+    offsets = [static_force(test.displacement, test.force, test.velocity) for test in (whole, part)]
     assert offsets[1] == pytest.approx(offsets[0], abs=0.01 * np.ptp(whole.force))
 
 

@@ -17,13 +17,14 @@ from sentences import Refused
 
 import mrwork as mr
 from mrwork.records import read_damper_test, read_damper_tests
+from mrwork.records.reading import Reading
 
 HEADER = "t_s,displacement_m,force_n"
 COLUMNS = {name: clean_columns()[name] for name in HEADER.split(",")}
 CLEAN = [HEADER, *(",".join(f"{cell:.12g}" for cell in row) for row in zip(*COLUMNS.values(), strict=True))]
 
 
-def read(folder: Path, content: str | bytes, name: str = "rig.csv") -> object:
+def read(folder: Path, content: str | bytes, name: str = "rig.csv") -> mr.DamperTest:
     path = folder / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return read_damper_test(path)
@@ -86,6 +87,37 @@ def test_times_of_a_gap_or_of_an_impossible_unit_are_refused(tmp_path: Path) -> 
     refusal(read_damper_test, path, match="largest gap 598 s after 1.99 s")
     path = write_text(tmp_path / "rig.csv", columns | {"t_s": 1e-9 * clean_columns()["t_s"]})
     refusal(read_damper_test, path, match="time step is 5e-12 s")
+
+
+def test_rows_in_the_order_of_the_displacement_are_refused_and_a_stroke_one_way_is_not() -> None:
+    time = 0.005 * np.arange(800)
+    phase, noise = 2.0 * np.pi * time, np.random.default_rng(1).normal(0.0, 5.0, time.size)
+    displacement, velocity = 0.01 * np.sin(phase), 0.0628 * np.cos(phase)
+    force = 300.0 * np.tanh(velocity / 0.01) + 500.0 * velocity + noise
+    order = np.argsort(displacement)
+    for rows in (order, order[::-1]):
+        refusal(mr.test_from_arrays, time, displacement[rows], force[rows], match="ordered by displacement")
+    # Friction and noise alone over a stroke that never turns back.
+    mr.test_from_arrays(time, 0.01 * time, 50.0 + noise)
+
+
+def test_a_part_is_taken_before_what_lies_outside_is_refused(tmp_path: Path) -> None:
+    later = [
+        ",".join((f"{float(line.partition(',')[0]) + 400:.12g}", line.partition(",")[2]))
+        for line in CLEAN[1:]
+    ]
+    whole = Reading(files=(str(read(tmp_path, "\n".join(CLEAN)).path),), end=1.5).tests()[0]
+    hole = [*CLEAN[:350], CLEAN[350].rpartition(",")[0] + ",", *CLEAN[351:]]
+    for number, (lines, start, end) in enumerate((
+        ([*CLEAN, *later], None, 1.5), ([*CLEAN, *later], 400.0, 401.5), ([*CLEAN, "", *CLEAN], None, 1.5),
+        (hole, None, 1.5),
+    )):  # fmt: skip
+        file = tmp_path / f"{number}.csv"
+        file.write_text("\n".join(lines))
+        refusal(read_damper_test, file, match="--until")
+        (part,) = Reading(files=(str(file),), start=start, end=end).tests()
+        np.testing.assert_allclose(part.force, whole.force, rtol=1e-9)
+    refusal(read_damper_test, file, start=500.0, match="no row has a time from 500 to inf s; .* 0 to 1.995 s")
 
 
 def test_paths_that_are_no_records_are_refused(tmp_path: Path, refused: Refused) -> None:

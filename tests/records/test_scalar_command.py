@@ -25,7 +25,7 @@ DT = 2e-3
 NOISE_N = 5.0
 LEVELS = np.array([0.0, 1.0, 0.4])
 SPEC = mr.damper("static_hysteretic")
-LAWS = {"c": "values:0,1", "alpha": "values:0,0.4,1"}
+LAWS = {"c": "log_linear:0,1", "alpha": "log_quadratic:0,0.4,1"}
 TRUTH = np.array([1000.0, 2500.0, 500.0, 100.0, 400.0, 800.0, 60.0, 1.5, 1e-4, 20.0])
 
 
@@ -185,7 +185,7 @@ def test_the_command_line_fits_predicts_and_reports_in_the_unit_of_the_user(tmp_
     out = tmp_path / "run"
     text = printed(
         *("identify", first, "--model", "static_hysteretic", "--quiet", "--json", "--out", out),
-        *("--law", "c=values:-10,30", "--law", "alpha=values:-10,6,30"),
+        *("--law", "c=log_linear:-10,30", "--law", "alpha=log_quadratic:-10,6,30"),
         *("--fix", "x_s=1e-4", "--fix", "alpha@6degC=400"),
     )
     found = json.loads(text)

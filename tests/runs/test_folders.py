@@ -6,8 +6,11 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import mrwork, printed
+from record_files import write_text
+from refusals import command_refusal
 
 import mrwork as mr
 
@@ -68,3 +71,15 @@ def test_a_folder_of_tests_becomes_a_damper_or_a_question(tmp_path: Path) -> Non
     assert found["verdict"].startswith("Predicts 2 tests kept for test")
     assert Path(found["summary"]).is_file()
     assert not (tmp_path / "data").exists()
+
+
+def test_strokes_of_one_way_are_not_characterised_and_it_is_said_why(tmp_path: Path) -> None:
+    for speed in (0.01, 0.02, 0.1):
+        time = np.arange(0.0, 0.04 / speed, 0.005)
+        force = 60.0 + 2000.0 * speed + 1500.0 * speed * time
+        columns = {"t_s": time, "displacement_m": speed * time, "force_n": force}
+        (tmp_path / "rig").mkdir(exist_ok=True)
+        write_text(tmp_path / "rig" / f"{1e3 * speed:.0f}mmps.csv", columns)
+    command_refusal(
+        "characterise", tmp_path / "rig", "--out", tmp_path / "out", match="no test to fit turns back"
+    )

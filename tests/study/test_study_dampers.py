@@ -31,7 +31,7 @@ TESTED = ranges(command=(0.5, 4.003), command_unit="V")
 
 def identified(run: Path) -> FittedDamper:
     if run.name == "valve":
-        spec = damper("dahl").with_current_laws({"k_w": "values:0,50"}, unit="%")
+        spec = damper("dahl").with_current_laws({"k_w": "log_linear:0,50"}, unit="%")
         return FittedDamper(spec=spec, theta=tuple(spec.nominal.tolist()), tested=None)
     if run.name not in ("run", "old"):
         raise RecordError(f"{run} does not exist; give the run folder")

@@ -33,7 +33,7 @@ def spread(spec: mr.DamperSpec, count: int, seed: int = 0) -> Any:
 
 def with_laws(lagged: bool) -> tuple[mr.DamperSpec, Any]:
     """A model whose parameters follow the command, about values of which the command matters."""
-    spec = SPEC.with_current_laws({"k_w": "linear", "rho": "values:0,0.5,1"}, unit="A", lagged=lagged)
+    spec = SPEC.with_current_laws({"k_w": "linear", "rho": "log_quadratic:0,0.5,1"}, unit="A", lagged=lagged)
     return spec, spread(spec, 2)
 
 

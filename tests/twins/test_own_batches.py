@@ -53,7 +53,7 @@ def test_forces_and_derivatives_are_those_of_the_core(own: mr.DamperSpec, model:
 def test_a_command_that_varies_reaches_the_coil_as_in_the_core() -> None:
     command = np.where(TIME % 0.3 < 0.15, 0.2, 1.0)
     history = mr.Loading(dt=0.002, displacement=MOTION, command=command, command_unit="A").history()
-    laws = {"k_w": "linear", "c": "values:0,1"}
+    laws = {"k_w": "linear", "c": "log_linear:0,1"}
     own, model = (
         spec.with_current_laws(laws, lagged=True) for spec in (own_dampers.bounded_loop, own_dampers.LOOP)
     )

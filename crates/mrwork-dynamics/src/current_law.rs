@@ -23,11 +23,10 @@ pub enum CurrentLaw {
     Cubic,
     /// `a + b exp(c u)`.
     Exponential,
-    /// Values at several commands, and the curve through them, or through their logarithms where the scale of the
-    /// parameter is logarithmic.
-    Values(Nodes),
     /// Values at several commands, and the curve through them.
-    Through(Nodes),
+    Values(Nodes),
+    /// Values at several commands, and the curve through their logarithms if the scale of the parameter is logarithmic.
+    Logarithms(Nodes),
 }
 
 impl CurrentLaw {
@@ -44,9 +43,13 @@ impl CurrentLaw {
             Self::Quadratic => "quadratic",
             Self::Cubic => "cubic",
             Self::Exponential => "exponential",
-            Self::Values(nodes) if nodes.straight => "straight_log",
-            Self::Values(_) => "values",
-            Self::Through(nodes) => match nodes.count {
+            Self::Logarithms(nodes) => match nodes.count {
+                _ if nodes.straight => "straight_log",
+                2 => "log_linear",
+                3 => "log_quadratic",
+                _ => "log_cubic",
+            },
+            Self::Values(nodes) => match nodes.count {
                 _ if nodes.straight => "straight",
                 2 => "linear",
                 3 => "quadratic",
@@ -55,7 +58,7 @@ impl CurrentLaw {
         }
     }
 
-    /// The law of a name, such as `quadratic`, `quadratic:0,0.5,1`, `values:0,0.5,1` or `straight:0,0.5,1`.
+    /// The law of a name, such as `quadratic`, `quadratic:0,0.5,1`, `log_linear:0,1` or `straight:0,0.5,1`.
     ///
     /// # Errors
     /// If there is no such law, or its commands are not as many rising numbers as it takes.
@@ -67,10 +70,10 @@ impl CurrentLaw {
         let commands: Result<Vec<f64>, _> = commands.split(',').map(|text| text.trim().parse()).collect();
         let nodes = commands.ok().and_then(|commands| Nodes::at(&commands)).ok_or_else(unknown)?;
         match (law, nodes.count) {
-            ("values", _) => Ok(Self::Values(nodes)),
-            ("linear", 2) | ("quadratic", 3) | ("cubic", 4) => Ok(Self::Through(nodes)),
-            ("straight", _) => Ok(Self::Through(nodes.with_straight_lines())),
-            ("straight_log", _) => Ok(Self::Values(nodes.with_straight_lines())),
+            ("linear", 2) | ("quadratic", 3) | ("cubic", 4) => Ok(Self::Values(nodes)),
+            ("log_linear", 2) | ("log_quadratic", 3) | ("log_cubic", 4) => Ok(Self::Logarithms(nodes)),
+            ("straight", _) => Ok(Self::Values(nodes.with_straight_lines())),
+            ("straight_log", _) => Ok(Self::Logarithms(nodes.with_straight_lines())),
             _ => Err(unknown()),
         }
     }
@@ -83,7 +86,7 @@ impl CurrentLaw {
             Self::Linear => 2,
             Self::Quadratic | Self::Exponential => 3,
             Self::Cubic => 4,
-            Self::Values(nodes) | Self::Through(nodes) => nodes.count,
+            Self::Values(nodes) | Self::Logarithms(nodes) => nodes.count,
         }
     }
 
@@ -95,14 +98,14 @@ impl CurrentLaw {
             Self::Linear => Some(1),
             Self::Quadratic => Some(2),
             Self::Cubic => Some(3),
-            Self::Exponential | Self::Values(_) | Self::Through(_) => None,
+            Self::Exponential | Self::Values(_) | Self::Logarithms(_) => None,
         }
     }
 
     /// What [`Self::value`] takes in place of the coefficients; worked out once, it saves the logarithms of every step.
     #[inline(always)]
     fn prepare<R: Real>(&self, coefficients: &mut [R], scale: Scale) {
-        let (Self::Values(nodes) | Self::Through(nodes)) = self else { return };
+        let (Self::Values(nodes) | Self::Logarithms(nodes)) = self else { return };
         if self.takes_logarithms(scale) {
             for value in &mut *coefficients {
                 *value = ln(*value);
@@ -114,7 +117,7 @@ impl CurrentLaw {
     /// Whether it interpolates logarithms of a parameter of this scale.
     #[inline(always)]
     fn takes_logarithms(&self, scale: Scale) -> bool {
-        matches!(self, Self::Values(_)) && scale == Scale::Log
+        matches!(self, Self::Logarithms(_)) && scale == Scale::Log
     }
 
     /// The parameter at `u` from prepared coefficients; not a number for a wrong number of them.
@@ -126,7 +129,7 @@ impl CurrentLaw {
             (Self::Quadratic, &[a, b, c]) => return c.mul_add(u, b).mul_add(u, a),
             (Self::Cubic, &[a, b, c, d]) => return d.mul_add(u, c).mul_add(u, b).mul_add(u, a),
             (Self::Exponential, &[a, b, c]) => (a, b, c * u),
-            (Self::Values(nodes) | Self::Through(nodes), prepared) if prepared.len() == nodes.count => {
+            (Self::Values(nodes) | Self::Logarithms(nodes), prepared) if prepared.len() == nodes.count => {
                 let curve = nodes.value(prepared, u);
                 if !self.takes_logarithms(scale) {
                     return curve;

@@ -83,7 +83,7 @@ fn nominal(damper: &dyn Damper) -> Vec<f64> {
 }
 
 fn law() -> impl Strategy<Value = CurrentLaw> {
-    let by_values = ["values:-0.5,0.1,1", "linear:0,2", "straight:0,0.2,1", "straight_log:0,0.2,1"]
+    let by_values = ["log_quadratic:-0.5,0.1,1", "linear:0,2", "straight:0,0.2,1", "straight_log:0,0.2,1"]
         .map(|name| CurrentLaw::of_name(name).expect("a law"));
     let others = [CurrentLaw::NAMED.to_vec(), by_values.to_vec()].concat();
     prop_oneof![6 => Just(CurrentLaw::Constant), 1 => select(others)]

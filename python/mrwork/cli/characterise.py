@@ -27,6 +27,7 @@ from mrwork.errors import MrworkError, OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import fit_of, read_fit
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table, write_test_table
+from mrwork.records.checks import ONE_WAY
 from mrwork.records.columns import COMMAND
 from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.reading import Reading
@@ -165,6 +166,12 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
     tests = _read(reading)
     for test in tests:
         refuse_velocity(test)
+    if all(ONE_WAY in {finding.kind for finding in test.findings} for test in tests):
+        raise RecordError(
+            f"{options.folder}: no test to fit turns back ({list_names([test.name for test in tests], _NAMED)}), and "
+            "one way shows no loop to choose a model by; add strokes out and back at equal speeds, or fit one model by "
+            "mrwork identify FILES --model NAME"
+        )
     settings, models, spare = FitSettings(rng=options.rng), options.model.split(","), ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True

@@ -61,7 +61,8 @@ def add_options(parser: CommandParser) -> None:
         _LAWS,
         "--law",
         "let a parameter follow the command: linear, quadratic or cubic by two, three or four values at tested "
-        "commands, values:0,0.3,1 by values at these, straight:0,0.3,1 with straight lines between them, exponential; "
+        "commands, or at given ones, quadratic:0,0.3,1; log_linear, log_quadratic, log_cubic through the logarithms; "
+        "straight:0,0.3,1 or straight_log:0,0.3,1 with straight lines; exponential; "
         "auto chooses the laws of all other parameters without bounds by the fit to tests left out",
         _law,
         metavar="NAME=LAW",
@@ -197,7 +198,7 @@ def _choose(
 
 def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settings: FitSettings) -> int:
     from mrwork.cli.identified import Identification
-    from mrwork.identification.commands import spec_by_values, tested_commands
+    from mrwork.identification.commands import with_laws_at
     from mrwork.identification.fit_file import read_fit
     from mrwork.identification.problem import start_from
 
@@ -205,7 +206,7 @@ def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settin
     verb = Identification.of_files(options, settings, spec.name, kept="the best fit")
     if options.law:
         unit = command_unit(verb.tests, options.unit)
-        spec = spec.with_current_laws(options.law, unit=unit, lagged=options.lagged)
-        spec = spec_by_values(spec, tested_commands(spec, verb.tests))
+        spec = spec.with_current_laws({}, unit=unit, lagged=options.lagged)
+        spec = with_laws_at(spec, options.law, verb.tests)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     return verb.fit(spec, replace(settings, starts=starts))

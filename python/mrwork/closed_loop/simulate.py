@@ -103,7 +103,7 @@ def _stretch_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
     for candidate, device in np.ndindex(*factors.shape):
         *blocks, rest = by_parameter(spec, theta[:, device])
         rescaled = (
-            law.rescale_command(block, float(factors[candidate, device]), positive=parameter.is_positive)
+            law.rescale_command(block, float(factors[candidate, device]))
             for (parameter, law), block in zip(spec.law_pairs, blocks, strict=True)
         )
         stretched[candidate, :, device] = np.concatenate([*rescaled, rest], axis=-1)

@@ -15,19 +15,20 @@ from mrwork.base.keys import check_known, suggestion
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.parameters import Coefficient, ParamSpec
-from mrwork.errors import UnknownChoiceError
+from mrwork.errors import SettingError, UnknownChoiceError
 
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
 
 LawName = str
-"""Text of a law: "linear", "exponential", or by values: "values:0,0.5,1", "quadratic:0,0.5,1", "straight:0,0.5,1"."""
+"""Text of a law: "linear", "exponential", or by values: "quadratic:0,0.5,1", "log_linear:0,1", "straight:0,0.5,1"."""
 
-CurveForm = Literal["values", "polynomial", "straight", "straight_log"]
-"""Curve through values: polynomial or straight lines; `values` and `straight_log` go through logarithms if positive."""
+CurveForm = Literal["log_polynomial", "polynomial", "straight", "straight_log"]
+"""Curve: polynomial or straight lines; `log_polynomial` and `straight_log` go through the logarithms of values."""
 CURVE_FORMS: tuple[CurveForm, ...] = get_args(CurveForm)
-_STRAIGHT: tuple[CurveForm, ...] = ("straight", "straight_log")
-_LOGARITHMIC: tuple[CurveForm, ...] = ("values", "straight_log")
+POLYNOMIAL_FORMS = CURVE_FORMS[:2]
+_STRAIGHT = CURVE_FORMS[2:]
+_LOGARITHMIC: tuple[CurveForm, ...] = ("log_polynomial", "straight_log")
 
 _POLYNOMIALS = ("constant", "linear", "quadratic", "cubic")
 _EXPONENTIAL = "exponential"
@@ -45,7 +46,8 @@ class CommandLaw:
 
     A polynomial of a `degree` has its coefficients, p.0 + p.1 u + ...; degree 0 is constant. A law with `nodes` is a
     curve of this `form` through values at these commands, and goes on along its tangents beyond them. Straight lines
-    have no extremum between values. Without a degree and nodes the law is p.0 + p.1 exp(p.2 u).
+    have no extremum between values. Without a degree and nodes the law is p.0 + p.1 exp(p.2 u). A polynomial of the
+    logarithm has no coefficients, and wants nodes before it has values.
     """
 
     degree: int | None = None
@@ -54,10 +56,11 @@ class CommandLaw:
 
     def __str__(self) -> LawName:
         """Text of the law, from which `law_of` makes it again."""
-        if not self.nodes:
-            return _EXPONENTIAL if self.degree is None else _POLYNOMIALS[self.degree]
-        name = _POLYNOMIALS[len(self.nodes) - 1] if self.form == "polynomial" else self.form
-        return f"{name}:{','.join(f'{node:.12g}' for node in self.nodes)}"
+        if self.is_exponential:
+            return _EXPONENTIAL
+        logarithm = "log_" if self.has_logarithms else ""
+        name = self.form if self.form in _STRAIGHT else logarithm + _POLYNOMIALS[self.fitted_degree]
+        return f"{name}:{','.join(f'{node:.12g}' for node in self.nodes)}" if self.nodes else name
 
     @property
     def n_coefficients(self) -> int:
@@ -75,22 +78,23 @@ class CommandLaw:
         return self.degree is None and not self.nodes
 
     @property
+    def has_logarithms(self) -> bool:
+        """Whether the curve goes through the logarithms of a positive parameter."""
+        return self.form in _LOGARITHMIC
+
+    @property
     def fitted_degree(self) -> int:
         """Degree of the polynomial in the command that values determine: 1 for an exponential."""
         return 1 if self.is_exponential else self.n_coefficients - 1
 
-    def values(
-        self, coefficients: Array, command: Array, *, positive: bool = False, xp: ModuleType = np
-    ) -> Any:
+    def values(self, coefficients: Array, command: Array, *, xp: ModuleType = np) -> Any:
         """The parameter at commands, perhaps beyond its range, of NumPy or, with `xp`, of JAX.
 
-        The first axis of `coefficients` counts them; the others broadcast with `command`. `positive`
-        says whether the scale of the parameter is logarithmic.
+        The first axis of `coefficients` counts them; the others broadcast with `command`.
         """
         if self.nodes:
-            log = self._takes_logarithms(positive)
-            curve = self._curve(xp.log(coefficients) if log else coefficients, command, xp)
-            return xp.exp(curve) if log else curve
+            curve = self._curve(xp.log(coefficients) if self.has_logarithms else coefficients, command, xp)
+            return xp.exp(curve) if self.has_logarithms else curve
         if self.is_exponential:
             at_zero, factor, exponent = coefficients
             return at_zero + factor * xp.exp(exponent * command)
@@ -118,19 +122,23 @@ class CommandLaw:
 
     def _values_at_nodes(self, parameter: ParamSpec, commands: Floats, column: Floats) -> list[float]:
         """Values at the nodes of the curve that is nearest to the values at the commands, logarithms to logarithms."""
-        log = self._takes_logarithms(parameter.is_positive)
-        ordinates = np.log(np.maximum(column, parameter.lower)) if log else column
+        ordinates = np.log(np.maximum(column, parameter.lower)) if self.has_logarithms else column
         degree = min(len(self.nodes), len(commands)) - 1
         values = np.polyval(np.polyfit(commands, ordinates, degree), self.nodes)
         if not parameter.is_positive:
             return [float(value) for value in values]
         least = max(parameter.lower, _LEAST_SHARE * float(np.max(column)))
-        return [max(float(value), least) for value in (np.exp(values) if log else values)]
+        return [max(float(value), least) for value in (np.exp(values) if self.has_logarithms else values)]
 
     def coefficients_of(self, parameter: ParamSpec, unit: CommandUnit | None) -> list[ParamSpec]:
         """The coefficients as parameters of a model, for a command in `unit`; the nominal ones make it constant."""
         if self.is_constant:
             return [parameter]
+        if self.has_logarithms and not self.nodes:
+            nodes, wanted = ",".join(map(str, range(self.n_coefficients))), f"{parameter.name}={self}"
+            raise SettingError(
+                f"{wanted} goes through values at {self.n_coefficients} commands; give them, as in {wanted}:{nodes}"
+            )
         assert unit is not None  # what follows a command has its unit
         if self.nodes:
             return [
@@ -168,17 +176,17 @@ class CommandLaw:
         """Equation of the parameter in the command u, in one line of text."""
         name = parameter.name
         if self.nodes:
-            what = f"ln {name}" if self._takes_logarithms(parameter.is_positive) else name
+            what = f"ln {name}" if self.has_logarithms else name
             at = ", ".join(f"{node:g}" for node in self.nodes)
-            curve = "straight lines" if self.form == "straight" else "polynomial"
+            curve = "straight lines" if self.form in _STRAIGHT else "polynomial"
             return f"{what} = {curve} in u through its values at {at} {unit}"
         if self.is_exponential:
             return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
         powers = ["", " u", " u^2", " u^3"][: self.n_coefficients]
         return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
 
-    def at_commands(self, commands: Sequence[float], form: CurveForm) -> CommandLaw:
-        """A polynomial by its coefficients as the law through as many values at tested commands; another law as it is.
+    def at_commands(self, commands: Sequence[float]) -> CommandLaw:
+        """A polynomial without nodes as the one through as many values at tested commands; another law as it is.
 
         The nodes are the commands, each taken once, that are nearest to evenly spaced ones.
         """
@@ -189,23 +197,21 @@ class CommandLaw:
         for wanted in np.linspace(levels[0], levels[-1], self.degree + 1):
             left = [level for level in levels if level not in nodes]
             nodes.append(min(left, key=lambda level: abs(level - float(wanted))))
-        return law_through(sorted(nodes), form)
+        return law_through(sorted(nodes), self.form)
 
     def other_forms(self, parameter: ParamSpec) -> list[CommandLaw]:
         """The laws of a parameter through the same values in other forms, straight lines last, none without nodes."""
         # The force mostly follows a command that saturates, its shape and rates over decades.
         lines = _STRAIGHT if parameter.scales_with_force else _STRAIGHT[::-1]
-        forms = ("values", "polynomial", *lines) if parameter.is_positive else _STRAIGHT[:1]
+        curves = POLYNOMIAL_FORMS if self.fitted_degree <= MOST_DEGREE else ()
+        forms = (*curves, *lines) if parameter.is_positive else _STRAIGHT[:1]
         laws = dict.fromkeys(law_through(self.nodes, form) for form in forms if self.nodes)
         return [law for law in laws if law != self]
-
-    def _takes_logarithms(self, positive: bool) -> bool:
-        return positive and self.form in _LOGARITHMIC
 
     def _curve(self, values: Array, command: Array, xp: ModuleType = np) -> Array:
         return (_straight_lines if self.form in _STRAIGHT else _polynomial)(self.nodes, values, command, xp)
 
-    def rescale_command(self, coefficients: Floats, factor: float, *, positive: bool = False) -> Floats:
+    def rescale_command(self, coefficients: Floats, factor: float) -> Floats:
         """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u).
 
         Straight lines keep their nodes, and agree there.
@@ -216,9 +222,8 @@ class CommandLaw:
                 there = self._curve(np.eye(len(self.nodes))[..., None], scaled)
             else:
                 there = (_powers(self.nodes, scaled) @ _basis(self.nodes)).T
-            log = self._takes_logarithms(positive)
-            node_values = np.log(coefficients) if log else coefficients
-            return np.asarray(np.exp(node_values @ there) if log else node_values @ there)
+            node_values = np.log(coefficients) if self.has_logarithms else coefficients
+            return np.asarray(np.exp(node_values @ there) if self.has_logarithms else node_values @ there)
         powers = np.arange(coefficients.shape[-1], dtype=np.float64)
         scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
         return np.asarray(coefficients * scale)
@@ -236,16 +241,14 @@ EXPONENTIAL = CommandLaw()
 """p.0 + p.1 exp(p.2 u)."""
 
 
-def law_through(commands: Iterable[float], form: CurveForm = "values") -> CommandLaw:
-    """The law through values at commands, given to twelve digits; a polynomial beyond four values in logarithms."""
-    nodes = tuple(float(f"{command:.12g}") for command in commands)
-    too_many = form == "polynomial" and len(nodes) > len(_POLYNOMIALS)
-    return CommandLaw(nodes=nodes, form="values" if too_many else form)
+def law_through(commands: Iterable[float], form: CurveForm) -> CommandLaw:
+    """The law through values at commands, given to twelve digits."""
+    return CommandLaw(nodes=tuple(float(f"{command:.12g}") for command in commands), form=form)
 
 
 @cache
 def law_of(text: LawName | CommandLaw) -> CommandLaw:
-    """The law of a text, such as "quadratic", "values:0,0.5,1" or "straight:0,0.5,1"; a law is returned as it is.
+    """The law of a text, as "quadratic", "log_quadratic:0,0.5,1" or "straight:0,0.5,1"; a law is returned as it is.
 
     Raises
     ------
@@ -254,7 +257,8 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
     """
     if isinstance(text, CommandLaw):
         return text
-    named = {str(law): law for law in named_laws()}
+    logarithmic = (CommandLaw(degree, form="log_polynomial") for degree in range(1, len(_POLYNOMIALS)))
+    named = {str(law): law for law in (*named_laws(), *logarithmic)}
     if text in named:
         return named[text]
     name, _, commands = text.partition(":")
@@ -263,17 +267,17 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
     except ValueError:
         nodes = ()
     rising = all(before < after for before, after in pairwise(nodes)) and bool(np.isfinite(nodes).all())
-    polynomials = [index + 1 for index in range(1, len(_POLYNOMIALS)) if _POLYNOMIALS[index] == name]
-    forms: dict[str, CurveForm] = {form: form for form in CURVE_FORMS if form != "polynomial"}
-    counts = range(2, _MOST_NODES + 1) if name in forms else polynomials
-    if not (rising and len(nodes) in counts):
-        near = suggestion(name, [*named, *forms]) if name == text else ""
+    curves = {str(law): (law.form, [law.n_coefficients]) for law in named.values() if law.degree}
+    curves |= {form: (form, [*range(2, _MOST_NODES + 1)]) for form in _STRAIGHT}
+    form, counts = curves.get(name, (None, []))
+    if form is None or len(nodes) not in counts or not rising:
+        near = suggestion(name, [*named, *_STRAIGHT]) if name == text else ""
         raise UnknownChoiceError(
-            f"no current law is called {text!r}{near}; a law by values takes rising commands: two to {_MOST_NODES}, as "
-            "in values:0,0.5,1 or straight:0,0.5,1, or as many as a polynomial has coefficients, as in "
-            "quadratic:0,0.5,1"
+            f"no current law is called {text!r}{near}; a law by values takes rising commands: as many as a polynomial "
+            "has coefficients, as in quadratic:0,0.5,1 or log_quadratic:0,0.5,1 (through the logarithms), or two to "
+            f"{_MOST_NODES}, as in straight:0,0.5,1 or straight_log:0,0.5,1"
         )
-    return law_through(nodes, forms.get(name, "polynomial"))
+    return law_through(nodes, form)
 
 
 def named_laws() -> tuple[CommandLaw, ...]:
@@ -290,7 +294,17 @@ def laws_in_order(
         check_known(
             name, names, f"{model} has no parameter {name!r} to follow the command", otherwise="it has"
         )
-    return tuple(law_of(laws.get(name, CONSTANT)) for name in names)
+    found = tuple(law_of(laws.get(name, CONSTANT)) for name in names)
+    for parameter, law in zip(plain, found, strict=True):
+        if law.has_logarithms and not parameter.is_positive:
+            name, other = (
+                parameter.name,
+                replace(law, form="straight" if law.form in _STRAIGHT else "polynomial"),
+            )
+            raise SettingError(
+                f"{name}={law} takes logarithms, and {name} may be negative; give {name}={other}"
+            )
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

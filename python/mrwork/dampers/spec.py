@@ -40,9 +40,9 @@ class DamperSpec(Summarised):
     coefficients of the laws, named `k_w.0`, `k_w.1`, and the rate of a `lagged` driver. `command_unit` is `None` for
     the plain model. With `u` the command received by the coil, a constant parameter is `p = p.0`; linear, quadratic and
     cubic laws are `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`, an exponential one `p = p.0 + p.1 exp(p.2 u)`;
-    "quadratic:0,0.5,1" is the polynomial through values at these commands, "values:0,0.5,1" the one through their
-    logarithms where the scale of the parameter is logarithmic; "straight:0,0.5,1" and "straight_log:0,0.5,1" have
-    straight lines in place of the polynomials. A parameter that follows the command is limited to the admissible range
+    "quadratic:0,0.5,1" is the polynomial through values at these commands, "log_quadratic:0,0.5,1" the one through the
+    logarithms of a positive parameter; "straight:0,0.5,1" and "straight_log:0,0.5,1" have straight lines in place of
+    the polynomials. A parameter that follows the command is limited to the admissible range
     of the plain model. A lagged driver has `u' = -eta (u - command)`.
 
     `spring` names the stiffness k and the free length x0 of the accumulator; its force k (x - x0) depends on x0 through
@@ -502,10 +502,8 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
         return ()
     unit, command = spec.command_unit, np.linspace(levels[:-1], levels[1:], _PER_GAP)
 
-    def passing(law: CommandLaw, parameter: ParamSpec, coefficients: Floats) -> tuple[Floats, Floats]:
-        value = law.values(coefficients, command.ravel(), positive=parameter.is_positive).reshape(
-            command.shape
-        )
+    def passing(law: CommandLaw, coefficients: Floats) -> tuple[Floats, Floats]:
+        value = law.values(coefficients, command.ravel()).reshape(command.shape)
         ends = value[[0, -1]]
         beyond = np.maximum(value - ends.max(axis=0), ends.min(axis=0) - value)
         return beyond / np.maximum(np.abs(ends).max(axis=0), SMALLEST), value
@@ -513,14 +511,11 @@ def hidden_extrema(spec: DamperSpec, theta: ArrayLike, levels: Sequence[float]) 
     extrema = []
     by_law = by_parameter(spec, np.asarray(theta, dtype=np.float64))
     for (parameter, law), coefficients in zip(spec.law_pairs, by_law, strict=False):
-        share, value = passing(law, parameter, coefficients)
+        share, value = passing(law, coefficients)
         if share.max() <= _OVERSHOOT:
             continue
         most = int(np.argmax(share))
-        others = [
-            (other_law, *passing(other_law, parameter, coefficients))
-            for other_law in law.other_forms(parameter)
-        ]
+        others = [(other_law, *passing(other_law, coefficients)) for other_law in law.other_forms(parameter)]
         instead = next(
             (
                 other_law
@@ -557,7 +552,7 @@ def plain_parameters(spec: DamperSpec, theta: ArrayLike, command: float) -> Floa
     for (parameter, law), coefficients in zip(
         spec.law_pairs, by_parameter(spec, np.asarray(theta, dtype=np.float64)), strict=False
     ):
-        value = float(law.values(coefficients, np.float64(command), positive=parameter.is_positive))
+        value = float(law.values(coefficients, np.float64(command)))
         values.append(value if law.is_constant else float(np.clip(value, parameter.lower, parameter.upper)))
     return np.array(values)
 
@@ -571,4 +566,4 @@ def law_values(spec: DamperSpec, theta: Floats, command: Floats) -> Iterator[tup
     """Each parameter that follows the command, with the values that its law gives at commands, shape (n,)."""
     for (parameter, law), coefficients in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
         if not law.is_constant:
-            yield parameter, law.values(coefficients, command, positive=parameter.is_positive)
+            yield parameter, law.values(coefficients, command)

@@ -93,6 +93,14 @@ _OF_DRIVER: Final = frozenset(
 )
 # Beside those words, what sets the force of a damper that follows no current or voltage.
 _SCALAR_COMMANDS: Final = _COMMAND | {"valve", "opening", "orifice", "needle", "gap", "control"}
+# A column with one of these words is neither a motion nor a force nor a time, whatever its unit.
+_OF_SPECIMENS: Final = frozenset({
+    "mass", "masse", "masa", "weight", "gewicht", "peso", "poids", "height", "höhe", "altura", "hauteur", "length",
+    "länge", "longitud", "longueur", "width", "breite", "thickness", "dicke", "diameter", "durchmesser", "diámetro",
+    "area", "fläche", "rpm", "temperature", "temperatur", "temperatura", "température", "pressure", "druck", "presión",
+    "pression", "stress", "spannung", "strain", "dehnung", "angle", "winkel", "power", "energy", "strength",
+    "質量", "重量", "高さ", "直径", "温度", "圧力", "质量", "高度",
+})  # fmt: skip
 # A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
 _NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 # Several words before the unit: Axial Force (kN), load_cell_kN, Position(Linear:Digital Position) (mm).
@@ -306,6 +314,7 @@ def _likely_column(
     quantity: TestQuantity, left: Sequence[str], units: Mapping[str, str], numbers: Mapping[str, Floats]
 ) -> str:
     """A column of its unit, or else without any unit: for the time one that increases, otherwise one that varies."""
+    left = [name for name in left if not _words(name) & _OF_SPECIMENS]
     of_unit = [name for name in left if quantity_of(units.get(name, "")) == quantity]
     without = [name for name in left if name in numbers and quantity_of(units.get(name, "")) is None]
     increasing = [name for name in without if np.all(np.diff(numbers[name]) > 0.0)]
@@ -345,6 +354,13 @@ class ColumnTable(ABC):
 
         A constant may have shape (1,) if the format stores scalars.
         """
+
+    def numbers(self, name: str) -> Floats | None:
+        """A column by its name; `None` where it does not have numbers."""
+        try:
+            return self.read([name])[name]
+        except RecordError:
+            return None
 
     @abstractmethod
     def locate(self, row: int) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_level, levels_of_command
-from mrwork.dampers.laws import CommandLaw, CurveForm, LawName
+from mrwork.dampers.laws import CommandLaw, LawName, law_of, laws_in_order
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, bounds_of, identifiable_form, joint_box, levels_needed
@@ -33,14 +33,17 @@ def excerpts_of(problem: Problem) -> tuple[DamperTest, ...]:
     return tuple(varied_excerpt(test) for test in tests)
 
 
-def spec_by_values(spec: DamperSpec, commands: Floats, form: CurveForm = "values") -> DamperSpec:
-    """The model with its polynomial laws written by as many values at tested commands; other laws stay.
+def laws_at(laws: Mapping[str, LawName | CommandLaw], commands: Floats) -> dict[str, CommandLaw]:
+    """The laws, polynomials without commands written by as many values at tested commands; other laws stay."""
+    return {name: law_of(law).at_commands(commands.tolist()) for name, law in laws.items()}
 
-    Positive parameters are then interpolated in their logarithms: on measured tests the force at commands between those
-    that were fitted is predicted better, by up to four points in the mean and ten in the worst test.
-    """
-    laws = spec.laws_by_name.items()
-    return with_changed_laws(spec, {name: law.at_commands(commands.tolist(), form) for name, law in laws})
+
+def with_laws_at(
+    model: DamperSpec, laws: Mapping[str, LawName | CommandLaw], tests: Sequence[DamperTest]
+) -> DamperSpec:
+    """A model of a command with these laws, polynomials by values at the commands of the tests."""
+    laws_in_order(model.plain, laws, model.name)  # refuses a wrong word before a wrong test
+    return with_changed_laws(model, laws_at(laws, tested_commands(model, tests)))
 
 
 def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
@@ -63,7 +66,7 @@ def command_of(test: DamperTest, varying: str = "") -> object:
 
 def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
     """The form with each polynomial law written by its values at tested commands; other bounds stay."""
-    spec = spec_by_values(form.spec, commands, "polynomial")
+    spec = with_changed_laws(form.spec, laws_at(form.spec.laws_by_name, commands))
     if spec == form.spec:
         return form
     through = identifiable_form(spec, bounds_of(form.box, spec.names))

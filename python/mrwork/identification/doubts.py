@@ -2,10 +2,9 @@
 
 A moving average that was found in a record is applied also where the fit would be better without it: without it the
 parameters describe the smoothed loop and not the damper, and the fit to the same record says little about which is
-right (DECISIONS.md, "A detected average is never dropped because a fit is better without it"). Laws through logarithms
-of values are the default because they predict measured forces between the commands better; a parameter that is nearly
-zero at one command and grows as a polynomial is the exception. Noise of the motion makes errors of the parameters that
-residuals of the force do not show.
+right (DECISIONS.md, "A detected average is never dropped because a fit is better without it"). A parameter may follow
+the command as a polynomial or over decades; through few values one of the curves describes the tests far better. Noise
+of the motion makes errors of the parameters that residuals of the force do not show.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import numpy as np
 
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.laws import POLYNOMIAL_FORMS
 from mrwork.dampers.spec import with_changed_laws
 from mrwork.identification.commands import excerpts_of
 from mrwork.identification.covariance import Covariance, autocorrelation_time
@@ -137,13 +137,13 @@ _FAR_BETTER = 0.8
 
 
 def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[str, ...]:
-    """Warning where laws through values, fitted from `theta`, (n_params,), fit far better than through logarithms."""
+    """Warning where polynomials through logarithms in place of values, or the reverse, fit far better from `theta`."""
     spec = objective.spec
     through = {
         parameter.name: other_law
         for parameter, law in spec.law_pairs
         for other_law in law.other_forms(parameter)
-        if law.form == "values" and other_law.form == "polynomial"
+        if law.form in POLYNOMIAL_FORMS and other_law.form in POLYNOMIAL_FORMS
     }
     if not through:
         return ()
@@ -156,8 +156,8 @@ def law_shape_warnings(objective: Objective, box: Box, theta: Floats) -> tuple[s
         return ()
     named = ", ".join(f"{name}={law}" for name, law in through.items())
     return (
-        "laws through the values themselves, not through their logarithms, describe the tests better: "
-        f"{100.0 * (1.0 - misfits):.2f} % against {100.0 * (1.0 - reference):.2f} %; give {named} as laws",
+        f"other laws describe the tests better: {100.0 * (1.0 - misfits):.2f} % against "
+        f"{100.0 * (1.0 - reference):.2f} %; give {named}",
     )
 
 

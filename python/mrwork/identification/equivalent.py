@@ -243,7 +243,7 @@ def with_other_laws(earlier: DamperSpec, theta: Floats, spec: DamperSpec, comman
         if new == old:
             values += list(block)
         else:
-            column = old.values(block, commands, positive=parameter.is_positive)
+            column = old.values(block, commands)
             values += new.through(parameter, commands, column)
     box = Box.of(spec)
     return np.asarray(np.clip([*values, *rest], box.lower, box.upper))
@@ -266,7 +266,7 @@ def within_range(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
     *coefficients, rest = by_parameter(spec, theta)
     for (parameter, law), block in zip(spec.law_pairs, coefficients, strict=True):
         if parameter.name in leaving:
-            at_ends = law.values(block, ends, positive=parameter.is_positive)
+            at_ends = law.values(block, ends)
             line = np.interp(commands, ends, np.clip(at_ends, parameter.lower, parameter.upper))
             values += law.through(parameter, commands, line)
         else:

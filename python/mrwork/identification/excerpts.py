@@ -138,7 +138,7 @@ def stretches_of(test: DamperTest) -> tuple[DamperTest, ...]:
 def _at_levels(command: Floats, degree: int | None = None) -> NDArray[np.intp]:
     """Number of the nearest level of each sample of a command, (n_time,), among as many as a `degree` needs."""
     every = levels_of_command(command)
-    levels = np.array(CommandLaw(degree).at_commands(every, "values").nodes or every)
+    levels = np.array(CommandLaw(degree).at_commands(every).nodes or every)
     return np.searchsorted(0.5 * (levels[:-1] + levels[1:]), command)
 
 

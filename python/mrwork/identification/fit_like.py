@@ -14,7 +14,7 @@ from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
-from mrwork.identification.commands import spec_by_values, tested_commands
+from mrwork.identification.commands import tested_commands
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
@@ -151,14 +151,14 @@ def _with_laws(model: DamperSpec, like: DamperSpec, tests: tuple[DamperTest, ...
         return model
     # As many values as there are commands, since the force to be fitted has no noise.
     commands = tested_commands(like, tests)
-    law = CommandLaw(min(len(commands) - 1, MOST_DEGREE))
+    degree = min(len(commands) - 1, MOST_DEGREE)
+    law = CommandLaw(degree, form="log_polynomial" if degree else "polynomial").at_commands(commands.tolist())
     following = {
         parameter.name: law
         for parameter in model.plain
         if parameter.scales_with_force and parameter.lower > 0.0
     }
-    spec = model.with_current_laws(following, unit=like.command_unit, lagged=like.lagged)
-    return spec_by_values(spec, commands)
+    return model.with_current_laws(following, unit=like.command_unit, lagged=like.lagged)
 
 
 def _percent(spec: DamperSpec, theta: Floats, loading: Loading, force: Floats) -> float:

@@ -308,7 +308,7 @@ def _transfer_law(
     """Start of the coefficients, `parameters`, of a law from the values of an earlier law of the same parameter."""
     names = [parameter.name for parameter in parameters]
     if law.nodes:
-        at_nodes = earlier.values(values, np.array(law.nodes), positive=parameters[0].is_positive)
+        at_nodes = earlier.values(values, np.array(law.nodes))
         return dict(zip(names, at_nodes.tolist(), strict=True))
     if law != earlier and not earlier.is_special_case_of(law):
         raise SettingError(

@@ -31,7 +31,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest
-from mrwork.records.checks import FORCE_OFFSET, half_range, mean_over_travel
+from mrwork.records.checks import FORCE_OFFSET, half_range, static_force
 from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.damper_test import loading_of
 from mrwork.records.observation import AS_IT_IS, Effect, Observation, delay_signal
@@ -118,8 +118,9 @@ _UNEQUAL = 0.25
 
 def _unequal_offsets(tests: Sequence[DamperTest]) -> tuple[str, ...]:
     # Under a varying command the mean force is no static one.
-    held = [test for test in tests if not test.has_varying_command]
-    offsets = [mean_over_travel(test.force, test.velocity) for test in held]
+    told = [(test, static_force(test.displacement, test.force, test.velocity)) for test in tests]
+    known = [(test, offset) for test, offset in told if offset is not None and not test.has_varying_command]
+    held, offsets = [test for test, _ in known], [offset for _, offset in known]
     if not held or np.ptp(offsets) <= _UNEQUAL * min(half_range(test.force) for test in held):
         return ()
     least, most = int(np.argmin(offsets)), int(np.argmax(offsets))

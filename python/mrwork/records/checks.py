@@ -18,14 +18,29 @@ from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import Channel, DamperTest, Smoothing
 from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
-from mrwork.records.motion import Differentiator, SmoothMotion, spectrum
+from mrwork.records.motion import Differentiator, SmoothMotion, reversals, spectrum
 
 _SMALLEST_RANGE: Final = 1e-9
+_TINY: Final = float(np.finfo(np.float64).tiny)
 _FEWEST_PER_CYCLE: Final = 20.0
 _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
 _OFFSET_SHARE: Final = 0.05
 _SIGN_SHARE: Final = 0.05
+_SIGN_SURE: Final = 0.25
+# A motion turns back whose shorter way is at least this share of the longer one, and never does below the other one.
+_BACK: Final = 0.5
+_NEVER_BACK: Final = 0.05
+# Speeds at which the forces out and back are compared, above this share of the largest of both ways.
+_SPEEDS: Final = 6
+_SLOWEST_SHARE: Final = 0.05
+# Share by which a damper is stronger one way, and its standard errors, from which on it is no static force.
+_STRONGER: Final = 0.05
+_SURELY_STRONGER: Final = 5.0
+# Of rows in the order of the displacement the force leaps from one to the next by 1.4 of its standard deviation, and
+# that is a large share of the largest force. Noise about the constant force of one way is a small one.
+_LEAPS: Final = 0.7
+_OF_LOOP: Final = 0.3
 
 
 def check_varies(samples: Floats, quantity: str, unit: str, *, source: str) -> None:
@@ -33,6 +48,17 @@ def check_varies(samples: Floats, quantity: str, unit: str, *, source: str) -> N
     if np.ptp(samples) < _SMALLEST_RANGE:
         value = "zero" if abs(samples[0]) < _SMALLEST_RANGE else f"constant at {samples[0]:g} {unit}"
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")
+
+
+def check_order(displacement: Floats, force: Floats, *, source: str) -> None:
+    """Check that rows are not ordered by displacement, where the force leaps between the two ways of a loop."""
+    steps, leaps, size = np.diff(displacement), np.std(np.diff(force)), np.std(force)
+    is_ordered = np.all(steps >= 0.0) or np.all(steps <= 0.0)
+    if is_ordered and leaps > _LEAPS * size and size > _OF_LOOP * np.abs(force).max():
+        raise RecordError(
+            f"{source}: the rows are ordered by displacement, not by time: it never turns back, while the force leaps "
+            "between two branches; export them in the order in which they were recorded"
+        )
 
 
 _FEW_SAMPLES: Final = FindingKind(
@@ -92,7 +118,7 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
     started = int(np.argmax(moved))
     if started + 1 >= moved.size:
         return None
-    force = np.abs(test.force - mean_over_travel(test.force, motion.velocity))
+    force = np.abs(test.force - (static_force(test.displacement, test.force, motion.velocity) or 0.0))
     smoother = Differentiator(window=5, dt=test.dt)
     noise = smoother.noise(test.force - smoother.smooth(test.force))
     first = slice(max(rest - 2, 0), started + 1)
@@ -110,15 +136,49 @@ def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Findin
         yield _BREAKAWAY.found(measured=overshoot)
 
 
-def mean_over_travel(force: Floats, velocity: Floats) -> float:
-    """Mean of the mean forces over the distance travelled forth and back, each int F |v| dt / int |v| dt [N].
+def turns_back(displacement: Floats, velocity: Floats) -> bool:
+    """Whether a motion returns over at least half of the way that it goes."""
+    return min(ways := travel(displacement, velocity)) >= _BACK * max(ways)
 
-    Hysteresis, viscosity and stiffness about the middle of the stroke cancel, and rest has no weight, so that a static
-    offset remains, also of a record that ends within a cycle. The mean of the peaks is no substitute, because measured
-    loops are not symmetric there.
+
+def travel(displacement: Floats, velocity: Floats) -> tuple[float, float]:
+    """Lengths of the ways out and back [m], between reversals: noise of a sensor at rest is no travel."""
+    strokes = np.diff(displacement[[0, *reversals(velocity), -1]])
+    return float(strokes.clip(min=0.0).sum()), float(-strokes.clip(max=0.0).sum())
+
+
+def static_force(displacement: Floats, force: Floats, velocity: Floats) -> float | None:
+    """The static force [N] by what equal speeds show out and back; `None` where the motion has no such speeds.
+
+    With the forces F+ and F- at a speed, while it rises or falls, the middle (F+ + F-) / 2 is the static force and a
+    share of the half (F+ - F-) / 2 by which a damper is stronger one way. That share, by least squares over the speeds,
+    is taken out where it is sure; a static force that changes its sign by that is none.
     """
-    ways = [way for way in (velocity.clip(min=0.0), -velocity.clip(max=0.0)) if way.any()]
-    return float(np.mean([np.average(force, weights=way) for way in ways]))
+    speed = np.abs(velocity)
+    top = min(float(velocity.max()), float(-velocity.min()))
+    if not turns_back(displacement, velocity) or top <= 0.0:
+        return None
+    counted = (speed > _SLOWEST_SHARE * top) & (speed <= top)
+    place = 2 * (_SPEEDS * speed / top).astype(np.intp).clip(max=_SPEEDS - 1) + (np.gradient(speed) > 0.0)
+    place, weight = (place + 2 * _SPEEDS * (velocity < 0.0))[counted], speed[counted]
+    travelled, pushed = (
+        np.bincount(place, each, 4 * _SPEEDS).reshape(2, -1) for each in (weight, weight * force[counted])
+    )
+    out, back = pushed / travelled.clip(min=_TINY)
+    both = travelled.min(axis=0)
+    if both.sum() < _BACK * max(float(velocity.clip(min=0.0).sum()), float(-velocity.clip(max=0.0).sum())):
+        return None
+    root = np.sqrt(both)
+    middle, half = 0.5 * (out + back), 0.5 * (out - back)
+    mean = float(np.average(middle, weights=both))
+    design = np.stack([root, root * half], axis=1)
+    (static, share), *_ = np.linalg.lstsq(design, root * middle, rcond=None)
+    residual = root * middle - design @ (static, share)
+    variance = (residual @ residual) / max(np.count_nonzero(both) - 2, 1)
+    error = float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1] * variance))
+    if abs(share) < max(_STRONGER, _SURELY_STRONGER * error):
+        return mean
+    return float(static) if static * mean > 0.0 else 0.0
 
 
 def half_range(force: Floats) -> float:
@@ -128,9 +188,9 @@ def half_range(force: Floats) -> float:
 
 _SIGN_UNCLEAR: Final = FindingKind(
     "force_sign_unclear",
-    "the energy int F v dt is only {share:.1f} % of int |F v| dt, too little to determine the sign of the force, which "
-    "was not changed",
-    "check the sign of the channel",
+    "the energy int F v dt is {share:.1f} % of int |F v| dt, {0}, so that the sign of the force is in doubt; it was "
+    "not changed",
+    "check the sign of the channel, and multiply it by -1 if the force does not resist the motion",
 )
 _SIGN_FLIPPED: Final = FindingKind(
     "force_sign_flipped",
@@ -139,20 +199,47 @@ _SIGN_FLIPPED: Final = FindingKind(
 )
 
 
-def force_sign(force: Floats, velocity: Floats) -> tuple[Floats, tuple[Finding, ...]]:
-    """The force [N] with the sign that dissipates energy, and a note if it was changed.
+def force_sign(
+    displacement: Floats, force: Floats, velocity: Floats, dt: float
+) -> tuple[Floats, tuple[Finding, ...]]:
+    """The force [N] with the sign that dissipates energy, and a finding if it was changed or is in doubt.
 
-    The sign is of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its mean over
-    the distance travelled.
+    The sign is of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its static part.
+    It is changed where that is beyond doubt only: the motion turns back, most of the travel
+    generates, and int F dx, which no smoothing of the motion changes, agrees.
     """
-    power = (force - mean_over_travel(force, velocity)) * velocity
+    centred = force - (static_force(displacement, force, velocity) or 0.0)
+    power = centred * velocity
     whole = float(np.abs(power).sum())
     share = float(power.sum()) / whole if whole > 0.0 else 0.0
-    if abs(share) < _SIGN_SHARE:
-        return force, (_SIGN_UNCLEAR.found(share=100.0 * share),)
-    if share > 0.0:
+    work = float(0.5 * (centred[1:] + centred[:-1]) @ np.diff(displacement)) / dt
+    agrees = 0.5 < work / (float(power.sum()) or 1.0) < 2.0
+    if share >= _SIGN_SHARE and work > 0.0:
         return force, ()
-    return -force, (_SIGN_FLIPPED.found(share=100.0 * share),)
+    if not turns_back(displacement, velocity):
+        reason = "of a motion that does not come back"
+    elif abs(share) < _SIGN_SHARE:
+        reason = "too little to tell a damper from a spring"
+    elif share < -_SIGN_SURE and agrees and float(np.abs(velocity) @ np.sign(power)) < 0.0:
+        return -force, (_SIGN_FLIPPED.found(share=100.0 * share),)
+    else:
+        reason = "which a force that is late or a motion that is noise may have, too"
+    return force, (_SIGN_UNCLEAR.found(reason, share=100.0 * share),)
+
+
+ONE_WAY: Final = FindingKind(
+    "one_way",
+    "the motion never turns back in {value:.3g} mm: a static force, dry friction and a loop cannot be told apart",
+    "test strokes out and back at equal speeds",
+    verbs=ONCE,
+)
+
+
+def one_way_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+    """Warn of a motion of one way, which leaves open what two ways tell."""
+    ways = travel(test.displacement, motion.velocity)
+    if min(ways) < _NEVER_BACK * max(ways):
+        yield ONE_WAY.found(measured=Measured(1e3 * max(ways), "mm"))
 
 
 TEMPERATURE: Final = FindingKind(
@@ -175,10 +262,15 @@ def force_offset(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
 
     A varying command weighs the directions of motion differently, so that the mean force is no static one.
     """
-    offset = mean_over_travel(test.force, motion.velocity)
+    offset = static_force(test.displacement, test.force, motion.velocity)
     scale = half_range(test.force)
     # A force of a few spikes has no range between the percentiles.
-    if not test.has_varying_command and scale > 0.0 and abs(offset) > _OFFSET_SHARE * scale:
+    if (
+        offset is not None
+        and not test.has_varying_command
+        and scale > 0.0
+        and abs(offset) > _OFFSET_SHARE * scale
+    ):
         share = 100.0 * abs(offset) / scale
         yield FORCE_OFFSET.found(measured=Measured(offset, "N"), share=share, scale=scale)
 

@@ -223,7 +223,7 @@ def choose_columns(
     by name. `units`: units that the file states apart, by name. `stamps`: columns of times of the day. `read`: reads a
     column, for the unit that a message suggests. `absent`: quantities without a column.
     """
-    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source)
+    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source, read=read)
     chosen: dict[TestQuantity, ColumnChoice] = {}
     for name, specification in columns.items():
         quantity = _quantity(name)
@@ -242,7 +242,7 @@ def choose_columns(
             if choice is not None:
                 chosen[quantity] = choice
     if unclear:
-        raise named.refusal(unclear, chosen, read)
+        raise named.refusal(unclear, chosen)
     return chosen
 
 
@@ -263,6 +263,7 @@ class _Names:
     units: Mapping[str, str]
     stamps: Collection[str]
     source: str
+    read: ReadColumn
 
     def parse_specification(self, quantity: TestQuantity, specification: str) -> ColumnChoice:
         """The column that a ``"COLUMN:UNIT"`` or ``"COLUMN"`` names; without a unit the file's."""
@@ -303,6 +304,8 @@ class _Names:
             if is_weak or is_second_choice(quantity, name) or self._claimed_by_another(quantity, name):
                 continue
             if quantity_of(unit) is None:
+                if command_unit_of(unit) is not None or self.read(name) is None:
+                    continue  # revolutions a minute, or a column of texts
                 lacks = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
                 problem = f"column '{name}' {lacks} ({', '.join(FACTORS[quantity])} are known)"
                 remedy = f"rename it, for example to '{_EXAMPLE[quantity]}', or give the unit"
@@ -313,13 +316,13 @@ class _Names:
         return None
 
     def refusal(
-        self, unclear: Sequence[_UnclearError], chosen: Mapping[TestQuantity, ColumnChoice], read: ReadColumn
+        self, unclear: Sequence[_UnclearError], chosen: Mapping[TestQuantity, ColumnChoice]
     ) -> MrworkError:
         """The first problem, with the options that solve all of them."""
         taken = {choice.column for choice in chosen.values()}
         free = [name for name in self.free if name not in taken and self.names.count(name) == 1]
         units = {name: self.units.get(name, "") or unit_at_end(name) for name in free}
-        options = suggested_options([error.missing for error in unclear], free, units, read)
+        options = suggested_options([error.missing for error in unclear], free, units, self.read)
         first = unclear[0]
         # A command may be a current or a voltage.
         column = first.missing.column
@@ -370,10 +373,15 @@ class _Names:
 
 
 def guess_columns(
-    names: Sequence[str], *, units: Mapping[str, str], stamps: Collection[str], source: str
+    names: Sequence[str],
+    *,
+    units: Mapping[str, str],
+    stamps: Collection[str],
+    source: str,
+    read: ReadColumn,
 ) -> tuple[dict[TestQuantity, ColumnChoice], dict[TestQuantity, str]]:
     """The columns that can be told by name, with common symbols of units, and why others cannot be told."""
-    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source)
+    named = _Names(names=names, free=names, units=units, stamps=stamps, source=source, read=read)
     chosen: dict[TestQuantity, ColumnChoice] = {}
     doubts: dict[TestQuantity, str] = {}
     for quantity in QUANTITIES:
@@ -439,5 +447,7 @@ def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[st
 
 def tells_a_test(table: ColumnTable) -> bool:
     """Whether the headings of a table tell time, displacement and force."""
-    chosen, _ = guess_columns(table.names, units=table.units, stamps=table.stamps, source="")
+    chosen, _ = guess_columns(
+        table.names, units=table.units, stamps=table.stamps, source="", read=table.numbers
+    )
     return all(quantity in chosen for quantity in REQUIRED)

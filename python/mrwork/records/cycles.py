@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from mrwork.base.values import Floats
-from mrwork.records.checks import clipped_samples, half_range, mean_over_travel
+from mrwork.records.checks import clipped_samples, half_range, static_force
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
@@ -92,7 +92,7 @@ def loop_drift(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     duration = np.array([span.stop - span.start for span in spans])
     if np.std(duration) > _STEADY * np.mean(duration) + 1.0:
         return None
-    force = test.force - mean_over_travel(test.force, motion.velocity)
+    force = test.force - (static_force(test.displacement, test.force, motion.velocity) or 0.0)
     # Cycles without stroke or with negative work have no logarithm.
     tiny = np.finfo(np.float64).tiny
     stroke = np.array([np.ptp(motion.displacement[span]) for span in spans])

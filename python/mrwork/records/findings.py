@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.records.checks import mean_over_travel
+from mrwork.records.checks import static_force
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import ONCE, Finding, FindingKind, Measured, Verb
 from mrwork.records.likeness import RecordedMotion, likest
@@ -145,7 +145,8 @@ def _loops(tests: Sequence[DamperTest]) -> tuple[Floats, Floats]:
     force, velocity = np.empty(len(tests)), np.empty(len(tests))
     for index, test in enumerate(tests):
         travelling = smooth_motion(test.displacement, test.dt).velocity
-        power = (test.force - mean_over_travel(test.force, travelling)) @ travelling
+        static = static_force(test.displacement, test.force, travelling) or 0.0
+        power = (test.force - static) @ travelling
         force[index] = max(power / np.abs(travelling).sum(), np.finfo(np.float64).tiny)
         velocity[index] = np.percentile(np.abs(travelling), 99.0)
     return np.log(force), np.log(velocity)

@@ -25,7 +25,7 @@ from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
 from mrwork.dampers.command import Command, quantity_of_command
 from mrwork.errors import MrworkError, RecordError, SettingError
-from mrwork.files.named_columns import QUANTITIES, ColumnTable, TestQuantity, find_column
+from mrwork.files.named_columns import QUANTITIES, ColumnTable, ReadColumn, TestQuantity, find_column
 from mrwork.files.open_table import open_table
 from mrwork.records import checks
 from mrwork.records.columns import (
@@ -84,10 +84,11 @@ from mrwork.records.window import (
 )
 
 _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]], ...]] = (
-    checks.force_offset, checks.rest_before_motion, checks.samples_per_cycle, motion_matches_name,
-    checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding, checks.stroke_finding,
-    checks.force_finding, checks.pace_finding, checks.command_finding, checks.resolution_findings, checks.stuck_force,
-    still_findings, jump_finding, drift_of_displacement_finding, repeated_part, drift_finding,
+    checks.force_offset, checks.one_way_finding, checks.rest_before_motion, checks.samples_per_cycle,
+    motion_matches_name, checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding,
+    checks.stroke_finding, checks.force_finding, checks.pace_finding, checks.command_finding,
+    checks.resolution_findings, checks.stuck_force, still_findings, jump_finding, drift_of_displacement_finding,
+    repeated_part, drift_finding,
 )  # fmt: skip
 
 
@@ -185,6 +186,7 @@ def test_from_arrays(
     complete = complete_rows(record, findings, source=source, locate=origin.locate)
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
+    checks.check_order(complete.displacement, complete.force, source=source)
     signals = uniform_step(without_spikes(complete, findings), findings, source=source)
     displaced, dt = signals.displacement, signals.dt
     motion = smooth_motion(displaced, dt)
@@ -208,7 +210,7 @@ def test_from_arrays(
     fields = fields_of_commands(
         [on_grid.get(given_command.unit, given_command) for given_command in commands]
     )
-    resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
+    resisting, about_sign = checks.force_sign(displaced, signals.force, motion.velocity, dt)
     findings += [*about_velocity, *about_sign, *(finding for _, about in read for finding in about)]
     test = DamperTest(
         name=name,
@@ -296,7 +298,12 @@ _MOST_NAMED: Final = 8
 
 @checked
 def read_damper_test(
-    path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None, keep_velocity: bool = False
+    path: str | os.PathLike[str],
+    *,
+    columns: Mapping[str, str] | None = None,
+    keep_velocity: bool = False,
+    start: float | None = None,
+    end: float | None = None,
 ) -> DamperTest:
     """Read one test from a text, .mat, .tdms or .xlsx file, check it and convert it to SI.
 
@@ -319,6 +326,9 @@ def read_damper_test(
         ``"skip"`` where lines among the rows mark events.
     keep_velocity
         As for `test_from_arrays`.
+    start, end
+        The rows from the first to the last between these times [s] alone, of a file whose other rows are no test;
+        `cut` takes a part of a test, with the velocity of the whole.
 
     Returns
     -------
@@ -356,8 +366,8 @@ def read_damper_test(
         numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     except MrworkError as error:
         marked = _marked(table)
-        start = f"{source}: " if are_assigned else f"{error}; "
-        refusal = type(error)(f"{start}{marked}") if marked else error
+        before = f"{source}: " if are_assigned else f"{error}; "
+        refusal = type(error)(f"{before}{marked}") if marked else error
         refusal.of_columns = bool(marked) or not are_assigned
         raise refusal from None
     # Overflowing values become infinite, and the checks refuse them with their line.
@@ -365,6 +375,8 @@ def read_damper_test(
         si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
     if step is not None:
         si["time"] = step * np.arange(si["displacement"].size, dtype=np.float64)
+    part = _rows_between(si["time"], start, end, source)
+    si = {quantity: samples[part] if samples.size > 1 else samples for quantity, samples in si.items()}
     nominal = nominal_from_name(file.stem)
     test = test_from_arrays(
         name=file.stem,
@@ -374,16 +386,31 @@ def read_damper_test(
         velocity=si.get("velocity"),
         current=si.get("current"),
         voltage=si.get("voltage"),
-        command=None if scalar is None else numbers[scalar.column] if of_scalar else scalar.value,
+        command=None if scalar is None else numbers[scalar.column][part] if of_scalar else scalar.value,
         command_unit=None if scalar is None else scalar.unit,
         amplitude=nominal.amplitude,
         frequency=nominal.frequency,
         keep_velocity=keep_velocity,
-        origin=Origin(path=source, sha256=table.sha256, locate=table.locate),
+        origin=Origin(path=source, sha256=table.sha256, locate=lambda row: table.locate(part.start + row)),
     )
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
     return replace(test, findings=(*test.findings, *unused_finding(table, used)))
+
+
+def _rows_between(time: Floats, start: float | None, end: float | None, source: str) -> slice:
+    """Rows from the first that is not before `start` up to the first after it that is beyond `end`."""
+    least, most = -np.inf if start is None else start, np.inf if end is None else end
+    inside = np.flatnonzero((time >= least) & (time <= most))
+    if start is None and end is None:
+        return slice(0, time.size)
+    if not inside.size:
+        raise RecordError(
+            f"{source}: no row has a time from {least:g} to {most:g} s; its times are {np.nanmin(time):g} to "
+            f"{np.nanmax(time):g} s"
+        )
+    beyond = np.flatnonzero(time[inside[0] :] > most)
+    return slice(int(inside[0]), int(inside[0] + beyond[0]) if beyond.size else time.size)
 
 
 def _marked(table: ColumnTable) -> str:
@@ -394,6 +421,12 @@ def _marked(table: ColumnTable) -> str:
     shown = f"{counted(len(markers), 'line')} of other form between them, {list_names(markers, 3)}"
     cure = f"skip what marks events with --column {MARKERS}={SKIP}, or correct the file"
     return f"the rows of numbers have {shown}; {cure}"
+
+
+def _reader_of(table: ColumnTable) -> ReadColumn:
+    """Reads columns of the rows between which lines mark events."""
+    rows = cache(table.without_markers)
+    return lambda name: rows()[0].numbers(name)
 
 
 def _assign_columns(
@@ -417,19 +450,17 @@ def _assign_columns(
     elif not (specs.keys() | absent) & set(COMMANDS):
         scalar = scalar_command(table.names, table.units, source=source)
 
-    rows = cache(table.without_markers)
-
-    def numbers_of(name: str) -> Floats | None:
-        try:
-            return rows()[0].read([name])[name]
-        except RecordError:
-            return None
-
     # A scalar command is no other quantity, whatever the unit in its name.
     others = {*headings, *([] if scalar is None else [scalar.column])}
     names = tuple(name for name in table.names if name not in others)
     chosen = choose_columns(
-        names, specs, units=table.units, stamps=table.stamps, source=source, read=numbers_of, absent=absent
+        names,
+        specs,
+        units=table.units,
+        stamps=table.stamps,
+        source=source,
+        read=_reader_of(table),
+        absent=absent,
     )
     if stated is not None and stated.quantity is None:
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
@@ -470,11 +501,8 @@ def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, 
 
 
 def _temperature(table: ColumnTable, name: str) -> Iterator[Finding]:
-    try:
-        degrees = table.read([name])[name]
-    except RecordError:
-        return
-    if np.isfinite(degrees).all():
+    degrees = table.numbers(name)
+    if degrees is not None and np.isfinite(degrees).all():
         mean = Measured(float(degrees.mean()), "")
         yield checks.TEMPERATURE.found(
             name, measured=mean, least=float(degrees.min()), most=float(degrees.max())
@@ -542,7 +570,9 @@ def _guess(file: Path) -> ListedTest:
     except MrworkError as error:
         return ListedTest(file=str(file), doubt=_plain(error, file))
     names = [name for name in table.names if scalar is None or name != scalar.column]
-    chosen, doubts = guess_columns(names, units=table.units, stamps=table.stamps, source=str(file))
+    chosen, doubts = guess_columns(
+        names, units=table.units, stamps=table.stamps, source=str(file), read=_reader_of(table)
+    )
     quantities = (
         quantity for quantity in (*REQUIRED, "velocity") if quantity in chosen or quantity in REQUIRED
     )

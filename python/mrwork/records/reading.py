@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,7 +19,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import damper
-from mrwork.errors import MrworkError
+from mrwork.errors import MrworkError, RecordError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import RepairKind
 from mrwork.records.read import Origin, read_damper_test, test_from_arrays
@@ -161,8 +162,16 @@ class Reading:
             test = synthetic_test(file.removeprefix(_SYNTHETIC))
         else:
             columns = {**self.columns, **self.columns_of.get(file, {})}
+            read = partial(
+                read_damper_test, self._path(file), columns=columns, keep_velocity=self.keep_velocity
+            )
             try:
-                test = read_damper_test(self._path(file), columns=columns, keep_velocity=self.keep_velocity)
+                try:
+                    test = read()
+                except RecordError:
+                    if (self.start, self.end) == (None, None):
+                        raise
+                    test = read(start=self.start, end=self.end)  # what is refused may lie outside
             except MrworkError as error:
                 if len(self.files) == 1 or not error.of_columns:
                     raise

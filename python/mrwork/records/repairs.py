@@ -15,7 +15,7 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.values import freeze_samples
 from mrwork.errors import SettingError
-from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
+from mrwork.records.checks import rest_before_motion, samples_at_rest, static_force
 from mrwork.records.cycles import force_delay, moving_mass
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import OF_FILES, ONCE, REPAIR_KINDS, Finding, FindingKind, Measured, RepairKind
@@ -135,7 +135,9 @@ def _offset(test: DamperTest, amount: float | None) -> _Done:
     if test.has_varying_command and amount is None:
         return "the mean force under a varying command is no static one; give one"
     motion = smooth_motion(test.displacement, test.dt)
-    offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
+    offset = static_force(test.displacement, test.force, motion.velocity) if amount is None else amount
+    if offset is None:
+        return "no speed is shown both out and back, from which a static force is told; give one"
     message = f"a static force of {offset:+.4g} N was subtracted"
     return replace(test, force=freeze_samples(test.force - offset)), Measured(offset, "N"), message
 

@@ -103,7 +103,8 @@ def complete_rows(
         missing = ", ".join(name for name, channel in signals.channels.items() if np.isnan(channel[row]))
         more = f", and {holes.size - 1} more rows are incomplete" if holes.size > 1 else ""
         raise RecordError(
-            f"{source}: {locate(row)} has no value for {missing}{more}; fill in the values or delete the rows"
+            f"{source}: {locate(row)} has no value for {missing}{more}; fill in the values, delete the rows, or take a "
+            "part without them (--from, --until)"
         )
     if last - first < complete.size:
         findings.append(_DROPPED.found(start=first, end=complete.size - last))
@@ -120,7 +121,7 @@ def complete_rows(
         )
     raise RecordError(
         f"{source}: {locate(row)}: the time runs backwards, from {before:g} s to {now:g} s{more}; "
-        "sort the rows or split the file into its tests"
+        f"split the file into its tests, or take the first one (--until {before:g})"
     )
 
 
@@ -237,7 +238,7 @@ def uniform_step(signals: Signals, findings: list[Finding], *, source: str) -> S
         raise RecordError(
             f"{source}: {time.size} samples of {1e3 * median:.4g} ms leave most of {duration:.4g} s empty "
             f"(largest gap {steps.max():.4g} s after {time[int(np.argmax(steps))]:.4g} s); "
-            "cut out one continuous part"
+            "take one continuous part (--from, --until)"
         )
     if gaps.size:
         longest = int(gaps[np.argmax(steps[gaps])])

@@ -320,7 +320,7 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
         if law.is_constant:
             values.append(coefficients[0])
             continue
-        value = law.values(coefficients, received, positive=parameter.is_positive, xp=jnp)
+        value = law.values(coefficients, received, xp=jnp)
         values.append(jnp.clip(value, parameter.lower, parameter.upper))
     return twin_of(spec).Theta(*values)
 

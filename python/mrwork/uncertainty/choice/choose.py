@@ -33,7 +33,7 @@ from mrwork.errors import (
     WorkerError,
 )
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf
-from mrwork.identification.commands import count_levels, refuse_few_levels, spec_by_values, tested_commands
+from mrwork.identification.commands import count_levels, refuse_few_levels, with_laws_at
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import command_warning
@@ -66,8 +66,8 @@ def families(
         family_laws = {
             name: law for name, law in laws.items() if name in {parameter.name for parameter in spec.plain}
         }
-        followed = spec.with_current_laws(family_laws, unit=unit, lagged=lagged) if family_laws else spec
-        lawful.append(spec_by_values(followed, tested_commands(followed, tests)) if family_laws else spec)
+        followed = spec.with_current_laws({}, unit=unit, lagged=lagged) if family_laws else spec
+        lawful.append(with_laws_at(followed, family_laws, tests) if family_laws else spec)
     refuse_unknown("law", laws, [parameter.name for spec in specs for parameter in spec.plain])
     refuse_unknown("bound", bounds, [name for spec in lawful for name in spec.names])
     plain = [spec.name for spec in lawful if spec.command_unit is None]

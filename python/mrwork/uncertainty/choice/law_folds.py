@@ -172,6 +172,6 @@ def _plain_curves(spec: DamperSpec, theta: Floats, commands: Floats) -> Floats:
     """Parameters of the plain model, (n_rows, n_commands, n_plain), at commands by the laws of each row of `theta`."""
     columns = []
     for (parameter, law), coefficients in zip(spec.law_pairs, by_parameter(spec, theta), strict=False):
-        values = law.values(coefficients.T, commands[:, None], positive=parameter.is_positive).T
+        values = law.values(coefficients.T, commands[:, None]).T
         columns.append(np.clip(values, parameter.lower, parameter.upper))
     return np.stack(columns, axis=-1)

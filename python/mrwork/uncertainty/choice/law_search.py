@@ -17,16 +17,16 @@ from mrwork.base.numbers import counted
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, CommandLaw, LawName
-from mrwork.dampers.parameters import Scale
+from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, POLYNOMIAL_FORMS, CommandLaw, CurveForm, LawName
+from mrwork.dampers.parameters import ParamSpec, Scale
 from mrwork.dampers.spec import DamperSpec, hidden_extrema, with_changed_laws
 from mrwork.errors import SettingError
 from mrwork.identification.commands import (
     PER_CYCLE,
     command_is_constant,
+    laws_at,
     laws_to_type,
     refuse_few_levels,
-    spec_by_values,
     tested_commands,
 )
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
@@ -80,6 +80,10 @@ class FittedLaws:
         return dict(zip(self.spec.names, self.fit.theta[0].tolist(), strict=True))
 
 
+def _first_form(parameter: ParamSpec) -> CurveForm:
+    return "log_polynomial" if parameter.is_positive else "polynomial"
+
+
 def _key_of(laws: Laws) -> _Key:
     return tuple(sorted(laws.items()))
 
@@ -128,9 +132,12 @@ class LawSearch:
         self.models.clear()
 
     def _laws_of(self, *scales: Scale) -> Laws:
-        law = CommandLaw(min(_FIRST_DEGREE, self.most))
-        names = sorted(parameter.name for parameter in self.plain.parameters if parameter.scale in scales)
-        return {name: law for name in names if name in self.free}
+        laws = {
+            parameter.name: CommandLaw(min(_FIRST_DEGREE, self.most), form=_first_form(parameter))
+            for parameter in self.plain.parameters
+            if parameter.scale in scales and parameter.name in self.free
+        }
+        return dict(sorted(laws.items()))
 
     def run(self, first: Fit) -> None:
         """Try laws from the first ones on, whose fit is `first`, until the neighbours of the frontier are tried."""
@@ -159,7 +166,7 @@ class LawSearch:
     def in_other_form(self, fitted: FittedLaws, instead: Laws) -> FittedLaws:
         """The candidate with laws through the same values, except where such a law changes the force of a test."""
         laws = fitted.laws | {
-            name: CommandLaw(law.fitted_degree) if law.form == "values" else law
+            name: CommandLaw(law.fitted_degree, form=law.form) if law.form in POLYNOMIAL_FORMS else law
             for name, law in instead.items()
             if name in fitted.laws and self.is_through_all(law)
         }
@@ -287,28 +294,23 @@ class LawSearch:
             if parameter.name not in self.free:
                 continue
             law = laws.get(parameter.name, CONSTANT)
-            degree, is_direct = law.fitted_degree, bool(law.nodes)
-            wanted = [
-                (other_degree, is_direct and other_degree > 0) for other_degree in (degree - 1, degree + 1)
-            ]
+            degree, form = law.fitted_degree, law.form if law.degree else _first_form(parameter)
+            wanted = [(degree - 1, form), (degree + 1, form)]
             if (
-                parameter.scale == "log"
+                parameter.is_positive
                 and degree > 0
                 and (self.folds.varies or degree < len(self.folds.commands) - 1)
             ):
-                wanted.append((degree, not is_direct))
+                wanted += [(degree, other) for other in POLYNOMIAL_FORMS if other != form]
             changed += [
-                (parameter.name, self._with_law(laws, parameter.name, other_degree, direct=direct))
-                for other_degree, direct in wanted
+                (parameter.name, self._with_law(laws, parameter.name, CommandLaw(other_degree, form=other)))
+                for other_degree, other in wanted
                 if 0 <= other_degree <= self.most
             ]
         return changed
 
-    def _with_law(self, laws: Laws, name: str, degree: int, *, direct: bool) -> Laws:
-        """The laws with one of another degree; constant ones are not listed, direct ones have values themselves."""
-        law = CommandLaw(degree)
-        if direct:
-            law = law.at_commands(self.folds.commands.tolist(), "polynomial")
+    def _with_law(self, laws: Laws, name: str, law: CommandLaw) -> Laws:
+        """The laws with another one; constant ones are not listed."""
         return {key: entry for key, entry in sorted((laws | {name: law}).items()) if not entry.is_constant}
 
     def _count(self, laws: Laws) -> int:
@@ -352,10 +354,10 @@ class LawSearch:
     def model(self, laws: Laws) -> tuple[DamperSpec, Box]:
         """The model with laws by values, as many as polynomials of these degrees have coefficients."""
         if (key := _key_of(laws)) not in self.models:
-            lawful = self.plain.with_current_laws(
-                self.given | laws, unit=self.folds.unit, lagged=self.folds.model.lagged
+            spec = with_changed_laws(
+                self.plain.with_current_laws({}, unit=self.folds.unit, lagged=self.folds.model.lagged),
+                laws_at(self.given | laws, self.folds.commands),
             )
-            spec = spec_by_values(lawful, self.folds.commands)
             form = identifiable_form(spec, self.settings.bounds)
             self.models[key] = spec, joint_box(form, self.tests, self.folds.commands)
         return self.models[key]
@@ -386,7 +388,8 @@ def prepare_search(
         raise SettingError(
             "the choice of laws takes no starts and the engine `lanes`; leave these settings out"
         )
-    spec = plain.with_current_laws(given, unit=unit)
+    spec = plain.with_current_laws({}, unit=unit)
+    spec = with_changed_laws(spec, laws_at(given, tested_commands(spec, tests)))
     typed = laws_to_type(plain, given, tested_commands(spec, tests))
     varies = not all(command_is_constant(test, spec) for test in tests)
     if lagged and not varies:
@@ -421,9 +424,10 @@ def prepare_search(
     linear, levels = plain, np.zeros(len(short), dtype=np.intp)
     if varies:
         # Every law that is tried is one through values at these, in its logarithms or nearly.
-        full = CommandLaw(min(MOST_DEGREE, len(commands) - 1)).at_commands(commands.tolist(), "values")
-        commands = np.array(full.nodes)
-        linear = plain.with_current_laws(dict.fromkeys(plain.names, full), unit=unit, lagged=lagged)
+        degree = min(MOST_DEGREE, len(commands) - 1)
+        commands = np.array(CommandLaw(degree).at_commands(commands.tolist()).nodes)
+        full = {each.name: CommandLaw(degree, form=_first_form(each)) for each in plain.parameters}
+        linear = plain.with_current_laws(laws_at(full, commands), unit=unit, lagged=lagged)
     else:
         levels = np.searchsorted(commands, [float(*tested_commands(spec, (test,))) for test in short])
     excerpts = Objective.of(spec, short, settings, threads=threads)

@@ -20,7 +20,7 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table, TableColumn, declared, text_table
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
-from mrwork.dampers.laws import CommandLaw, LawName, law_of
+from mrwork.dampers.laws import CommandLaw, LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import NEGLIGIBLE, STATUS_IN_WORDS
@@ -56,8 +56,8 @@ RULE_OF_COLLAPSE = (
 RULES_OF_LAWS = (
     "The search starts with every positive parameter quadratic in the command, then every one but offsets, and tries "
     "neighbours of the best laws, of the simplest as good, and of others as good: those that promise most when the "
-    "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, of "
-    "a positive parameter through their logarithms, or direct, through the values themselves. Of forms that no test "
+    "tests are linearised about the fits before. A law of degree n is the curve through n + 1 values at commands, "
+    "or, by a name with log, through the logarithms of a positive parameter. Of forms that no test "
     "tells apart the first without an extremum between the tested commands is taken, straight lines last. Laws are "
     "fitted to cycles from the middle of all tests, of a varying command to all cycles with fewer samples, and to all "
     "but those of each split, from the fits of the laws before.",
@@ -181,12 +181,8 @@ class Standing:
 
 
 def laws_in_words(laws: Mapping[str, LawName | CommandLaw]) -> str:
-    """Laws in one line; "direct" are polynomials through values themselves, not through their logarithms."""
-    return ", ".join(f"{name} {_law_in_words(law_of(law))}" for name, law in laws.items()) or "all constant"
-
-
-def _law_in_words(law: CommandLaw) -> str:
-    return f"direct {CommandLaw(law.fitted_degree)}" if law.nodes and law.form == "polynomial" else str(law)
+    """Laws in one line."""
+    return ", ".join(f"{name} {law}" for name, law in laws.items()) or "all constant"
 
 
 def _with_error(value: float | None, error: float | None) -> str:
