@@ -191,11 +191,10 @@ def test_rest_before_the_motion_is_noted_from_a_quarter_period_on(n_rest: int, t
 def test_a_missing_velocity_is_derived_accurately() -> None:
     test = built(without_velocity())
     assert test.velocity_source == "derived"
-    assert "11 samples (55 ms)" in message(test, "velocity_derived")
+    assert "quintic Savitzky-Golay filter over 9 samples (45 ms)" in message(test, "velocity_derived")
     exact = clean_columns()["velocity_mps"]
-    inside = slice(6, -6)
-    # The window is chosen for a bias of 1e-4 at the band edge.
-    assert np.max(np.abs(test.velocity - exact)[inside]) < 1e-4 * np.abs(exact).max()
+    # Without noise only the bias of a short window is left.
+    assert np.max(np.abs(test.velocity - exact)) < 1e-4 * np.abs(exact).max()
 
 
 def test_deriving_beats_differences_on_noisy_displacement() -> None:
@@ -204,8 +203,8 @@ def test_deriving_beats_differences_on_noisy_displacement() -> None:
     columns["displacement_m"] = columns["displacement_m"] + 2e-5 * rng.standard_normal(400)
     exact = clean_columns()["velocity_mps"]
     error = np.std(built(columns).velocity - exact)
-    # An 11-sample cubic filter passes 0.34 times the white noise that central differences pass.
-    assert error < 0.4 * np.std(np.gradient(columns["displacement_m"], DT) - exact)
+    # A quintic filter of 25 samples passes 0.24 times the white noise that central differences pass.
+    assert error < 0.3 * np.std(np.gradient(columns["displacement_m"], DT) - exact)
 
 
 def test_a_velocity_of_opposite_sign_is_turned_with_a_note() -> None:
@@ -254,8 +253,6 @@ def test_differences_of_quantised_readings_are_not_used_for_the_velocity(step: f
     test = built(columns)
     assert codes(test) == ["velocity_noisy"]
     assert severity(test, "velocity_noisy") == "note"
-    assert test.velocity_source == "derived"
-    np.testing.assert_array_equal(test.velocity, derived.velocity)
 
 
 @pytest.mark.parametrize(("late", "code"), [(0.5, "velocity_difference"), (-2.0, "velocity_inconsistent")])
@@ -339,14 +336,16 @@ def test_a_velocity_that_is_held_is_derived_from_a_displacement_that_is_not(held
     assert "velocity_held" not in codes(built(columns))
 
 
-def test_a_difference_is_used_where_smoothing_would_cost_more_than_its_lag() -> None:
-    # A vibration of 1 % of the velocity, above the band of the motion; half a sample costs 0.3 %.
+def test_a_vibration_above_the_band_of_the_motion_is_in_the_derived_velocity() -> None:
+    # Of 1 % of the velocity and 2.5e-7 of the power of the displacement; half a sample costs 0.3 %.
     time, omega = 1e-3 * np.arange(4000), 2.0 * np.pi
     displacement = AMPLITUDE * (np.sin(omega * time) + 5e-4 * np.sin(20.0 * omega * time))
     velocity = np.gradient(displacement, 1e-3)
     velocity[1:] = np.diff(displacement) / 1e-3
     test = mr.test_from_arrays(time, displacement, 1e3 * velocity, velocity=velocity)
-    np.testing.assert_array_equal(test.velocity, velocity)
+    exact = AMPLITUDE * omega * (np.cos(omega * time) + 0.01 * np.cos(20.0 * omega * time))
+    assert codes(test) == ["velocity_difference"]
+    assert np.max(np.abs(test.velocity - exact)) < 1e-5 * np.max(exact)
 
 
 @pytest.mark.parametrize(("late", "expected"), [(0.5, ["velocity_difference"]), (0.25, []), (1.0, [])])
