@@ -253,6 +253,11 @@ def test_differences_of_quantised_readings_are_not_used_for_the_velocity(step: f
     test = built(columns)
     assert codes(test) == ["velocity_noisy"]
     assert severity(test, "velocity_noisy") == "note"
+    kept = built(columns, keep_velocity=True)
+    assert kept.velocity_source == "measured"
+    assert "kept, as asked" in message(kept, "velocity_noisy")
+    assert test.velocity_source == "derived"
+    np.testing.assert_array_equal(test.velocity, derived.velocity)
 
 
 @pytest.mark.parametrize(("late", "code"), [(0.5, "velocity_difference"), (-2.0, "velocity_inconsistent")])
@@ -366,6 +371,26 @@ def test_noise_alone_does_not_make_a_velocity_inconsistent(noise: float) -> None
     spread = noise * np.std(columns["velocity_mps"])
     columns["velocity_mps"] = columns["velocity_mps"] + spread * rng.standard_normal(400)
     assert codes(built(columns)) == ([] if noise == 0.0 else ["velocity_noisy"])
+
+
+def test_a_right_velocity_of_a_slow_large_and_a_fast_small_motion_is_used_and_one_without_the_fast_is_told() -> (
+    None
+):
+    time = 1e-3 * np.arange(20_000)
+    slow, fast = 0.2 * np.pi, 10.0 * np.pi
+    displacement = 0.025 * np.sin(slow * time) + 7e-4 * np.sin(fast * time)
+    velocity = 0.025 * slow * np.cos(slow * time) + 7e-4 * fast * np.cos(fast * time)
+    rng = np.random.default_rng(4)
+    measured = velocity + 5e-5 * rng.standard_normal(time.size)
+    noisy = displacement + 2e-6 * rng.standard_normal(time.size)
+    right = mr.test_from_arrays(time, noisy, 2e3 * velocity, velocity=measured)
+    assert codes(right) == []
+    np.testing.assert_array_equal(right.velocity, measured)
+    without = measured - 7e-4 * fast * np.cos(fast * time)
+    wrong = mr.test_from_arrays(time, noisy, 2e3 * velocity, velocity=without)
+    assert "11.1 mm/s in the mean (rms), and the displacement moves by" in message(
+        wrong, "velocity_inconsistent"
+    )
 
 
 def test_noise_alone_never_passes_for_a_velocity() -> None:
