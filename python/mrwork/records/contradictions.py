@@ -1,7 +1,7 @@
 """Detectors of channels that contradict each other or themselves: they stand still, jump, drift, or repeat a part.
 
-A measured velocity contradicts the displacement where it differs from its derivative. One that is noisier is not used,
-nor is one that is late by its making: computed as a difference of the displacement, or held over several samples.
+A measured velocity contradicts the displacement where its integral does. One that is noisier than the derivative is not
+used, nor is one that is late by its making: computed as a difference of the displacement, or held over several samples.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from itertools import permutations, product
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrwork.base.units import FACTORS
 from mrwork.base.values import Floats, array_dataclass
@@ -296,7 +295,8 @@ _FAR_LATE: Final = FindingKind(
 )
 _DIFFERS: Final = FindingKind(
     "velocity_inconsistent",
-    "the velocity differs from the displacement's derivative by {difference:.0f} % (rms)",
+    "the velocity differs from the displacement by {difference:.0f} % (rms): over spans of {span:.3g} ms it is "
+    "{own:.3g} mm/s in the mean (rms), and the displacement moves by {travelled:.3g} mm/s",
     "check that both columns belong to this test",
     cured_by="velocity",
 )
@@ -305,16 +305,15 @@ _TURNED: Final = FindingKind(
     "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1",
 )
 _DERIVED_INSTEAD: Final = (
-    "it is not used, and the velocity is derived from the displacement as if none were given"
+    "it is not used, and the velocity is derived from the displacement as if none were given; --keep-velocity keeps "
+    "the column"
 )
 _NOISY_VELOCITY: Final = FindingKind(
     "velocity_noisy",
     "the velocity has a noise of {own:.3g} mm/s, {share:.2g} % of its standard deviation, and the derivative of the "
-    f"displacement {{derived:.2g}} mm/s; {_DERIVED_INSTEAD}",
+    "displacement {derived:.2g} mm/s; {0}",
 )
-_LATE_BY_MAKING: Final = (
-    f"{{late:.3g}} ms ({{samples:g}} samples); {_DERIVED_INSTEAD}; --keep-velocity keeps the column"
-)
+_LATE_BY_MAKING: Final = f"{{late:.3g}} ms ({{samples:g}} samples); {_DERIVED_INSTEAD}"
 _HELD_VELOCITY: Final = FindingKind(
     "velocity_held",
     "the velocity has a new value in one of {held} samples, the displacement in each, and lags in the mean by "
@@ -384,71 +383,67 @@ def velocity_agrees(
     uncompared: Sequence[tuple[int, int]] = (),
     *,
     late: tuple[Finding, ...] = (),
+    keep: bool = False,
 ) -> tuple[Floats, VelocitySource, tuple[Finding, ...]]:
-    """Compare a measured velocity with the derivative of the displacement; return the one to use.
+    """Compare a measured velocity with the displacement; return the one to use.
 
-    Both are smoothed alike, and the difference expected from their noise is subtracted, up to half of the signal.
-    A velocity that agrees after a change of sign gets that sign. Other differences are only reported, with the delay or
-    the factor that explains them; tests with the factor of two units are refused by `refuse_velocity` where they are
-    fitted or predicted. A velocity of the same motion that is far noisier than the derivative is replaced by it, and so
-    is one that is `late` by its making, unless the derivative loses more by smoothing than that costs.
+    Its integrals over spans of half the window of the differentiator are compared with the steps of the displacement:
+    no derivative is involved, so that a difference is none of smoothing. The difference expected from noise is
+    subtracted, up to half of the signal. A velocity that agrees after a change of sign gets that sign. Other
+    differences are only reported, with the delay or the factor that explains them; tests with the factor of two units
+    are refused by `refuse_velocity` where they are fitted or predicted. Unless it is to be kept, a velocity of the same
+    motion that is far noisier than the derivative is replaced by it, and so is one that is `late` by its making.
 
     `velocity`, `displacement`: shape (n_time,) [m/s, m]. `motion`: smoothed motion. A delay below 0.02 rad at its
     dominant frequency is reported only if it is the half sample of backward differences, which degrades fits of loops
     with sharp knees. `uncompared`: spans of samples, first and beyond the last, that were interpolated.
     """
     differentiator = motion.differentiator
-    reach = differentiator.window // 2
-    mask = np.ones(velocity.size, dtype=np.bool_)
-    # Samples that an interpolated one is smoothed into say nothing.
-    for first, last in uncompared:
-        mask[max(first - reach, 0) : last + reach] = False
-    rows = np.flatnonzero(mask) if np.count_nonzero(mask) > reach else np.arange(velocity.size)
-    comparison = _compare_velocities(velocity, displacement, motion, rows)
+    comparison = _compare_velocities(velocity, displacement, motion, uncompared)
     measured = comparison.measured
     difference = comparison.misfit(measured)
     if comparison.misfit(-measured) <= _MISFIT:
-        turned, source, opposite = velocity_agrees(-velocity, displacement, motion, uncompared, late=late)
+        turned, source, opposite = velocity_agrees(
+            -velocity, displacement, motion, uncompared, late=late, keep=keep
+        )
         return turned, source, (_TURNED.found(), *opposite)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
-        rescaled = _compare_velocities(velocity / factor, displacement, motion, rows)
+        rescaled = _compare_velocities(velocity / factor, displacement, motion, uncompared)
         if rescaled.misfit(rescaled.measured) <= _MISFIT:
             return velocity, "measured", (_off_by(factor, differentiator.dt),)
 
-    delayed = comparison.delay(motion.acceleration[rows], differentiator)
+    delayed = comparison.delay(differentiator)
     delay = delayed.value
     samples = delay / differentiator.dt
     lags = "lags" if delay > 0.0 else "leads"
     shift = {"late": 1e3 * abs(delay), "samples": abs(samples)}
-    time = differentiator.dt * np.arange(velocity.size)[rows]
+    time = differentiator.dt * comparison.at
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
-    replaced: tuple[Finding, ...] = ()
-    if difference <= _MISFIT:
-        # Differences of quantised readings are noisier than the derivative, and bias the parameters.
-        noise, derived, spread = comparison.own, comparison.derived, float(np.std(motion.velocity))
-        if noise > max(_NOISY * spread, _NOISIER * derived):
-            numbers = {"own": 1e3 * noise, "share": 100.0 * noise / spread, "derived": 1e3 * derived}
-            replaced = (_NOISY_VELOCITY.found(measured=Measured(noise, "m/s"), **numbers),)
-    if late and not replaced and abs(factor - 1.0) < _SAME_MOTION:
-        central, counts = np.gradient(displacement, differentiator.dt), np.zeros_like(displacement)
-        counts[rows] = 1.0
-        # The difference of a first or last sample has no neighbour, and is what its author put there.
-        counts[[0, -1]] = 0.0
-        lost, costs = (counts @ (candidate - central) ** 2 for candidate in (motion.velocity, velocity))
-        replaced = late if lost < costs else ()
-    if replaced:
+    noise, derived, spread = comparison.own, comparison.derived, float(np.std(motion.velocity))
+    # Differences of quantised readings are noisier than the derivative, and bias the parameters.
+    noisy: tuple[Finding, ...] = ()
+    if difference <= _MISFIT and noise > max(_NOISY * spread, _NOISIER * derived):
+        numbers = {"own": 1e3 * noise, "share": 100.0 * noise / spread, "derived": 1e3 * derived}
+        done = "it is kept, as asked" if keep else _DERIVED_INSTEAD
+        noisy = (_NOISY_VELOCITY.found(done, measured=Measured(noise, "m/s"), **numbers),)
+    if not keep and (replaced := noisy or (late if abs(factor - 1.0) < _SAME_MOTION else ())):
         return motion.velocity, "derived", replaced
     if difference <= _MISFIT:
         half_sample = 0.4 < samples < 0.6
         if not delay_explains or not (half_sample or 2.0 * np.pi * motion.frequency * abs(delay) >= _PHASE):
-            return velocity, "measured", ()
+            return velocity, "measured", noisy
         by_making = ", as backward differences do" if half_sample else ""
-        return velocity, "measured", (_LATE.found(lags, by_making, measured=delayed, **shift),)
+        return velocity, "measured", (*noisy, _LATE.found(lags, by_making, measured=delayed, **shift))
     if delay_explains:
         finding = _FAR_LATE.found(lags, measured=delayed, difference=100.0 * difference, **shift)
     else:
-        finding = _DIFFERS.found(difference=100.0 * difference)
+        finding = _DIFFERS.found(
+            difference=100.0 * difference,
+            span=1e3 * differentiator.dt * (differentiator.window // 2),
+            own=1e3 * float(np.sqrt(np.mean(measured**2))),
+            travelled=1e3 * float(np.sqrt(comparison.power)),
+        )
     return velocity, "measured", (finding,)
 
 
@@ -468,48 +463,73 @@ def _off_by(factor: float, dt: float) -> Finding:
 
 @array_dataclass()
 class _VelocityMisfit:
-    """Smoothed velocity, and derivative with its mean square `power`; noise of the `own` velocity, and `derived`.
+    """Means over spans about samples `at`: of the `measured` velocity, of the `acceleration`, and `travelled`.
 
-    `expected` is the mean square difference from noise.
+    The last is the change of the displacement by the length of the span, with its mean square `power`. Noise of the
+    `own` velocity, and of the `derived` one; `expected` is the mean square difference from noise.
     """
 
+    at: Floats
     measured: Floats
-    derivative: Floats
+    travelled: Floats
+    acceleration: Floats
     power: float
     own: float
     derived: float
     expected: float
 
     def misfit(self, candidate: Floats) -> float:
-        """Rms difference in excess of noise, relative to the derivative."""
-        beyond_noise = float(np.mean((candidate - self.derivative) ** 2)) - self.expected
+        """Rms difference in excess of noise, relative to the velocity."""
+        beyond_noise = float(np.mean((candidate - self.travelled) ** 2)) - self.expected
         return float(np.sqrt(max(beyond_noise, 0.0) / self.power))
 
     def factor(self) -> float:
-        """Regression coefficient of the velocity on the derivative."""
-        return float(np.mean(self.measured * self.derivative)) / self.power
+        """Regression coefficient of the velocity on that of the displacement."""
+        return float(np.mean(self.measured * self.travelled)) / self.power
 
-    def delay(self, acceleration: Floats, differentiator: Differentiator) -> Measured:
+    def delay(self, differentiator: Differentiator) -> Measured:
         """Delay [s] by regression on the acceleration, to first order; a window counts as one sample."""
-        power = float(np.mean(acceleration**2))
-        late = -float(np.mean((self.measured - self.derivative) * acceleration)) / power
-        left = float(np.mean((self.measured - self.derivative + late * acceleration) ** 2))
-        n_independent = max(acceleration.size / differentiator.window, 1.0)
+        power = float(np.mean(self.acceleration**2))
+        late = -float(np.mean((self.measured - self.travelled) * self.acceleration)) / power
+        left = float(np.mean((self.measured - self.travelled + late * self.acceleration) ** 2))
+        n_independent = max(self.acceleration.size / differentiator.window, 1.0)
         error = float(np.sqrt(left / (power * n_independent)))
         return Measured(late, "s", standard_error=error)
 
 
 def _compare_velocities(
-    velocity: Floats, displacement: Floats, motion: SmoothMotion, rows: NDArray[np.intp]
+    velocity: Floats, displacement: Floats, motion: SmoothMotion, uncompared: Sequence[tuple[int, int]]
 ) -> _VelocityMisfit:
-    differentiator, derivative = motion.differentiator, motion.velocity[rows]
-    smooth = differentiator.smooth(velocity)
-    power = float(np.mean(derivative**2))
-    own = differentiator.noise((velocity - smooth)[rows])
-    derived = differentiator.noise((displacement - motion.displacement)[rows]) * differentiator.noise_gain(1)
-    noise = np.hypot(derived, own * differentiator.noise_gain(0))
-    # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.
-    expected = min(float(noise**2), _NOISE_SHARE**2 * power)
+    differentiator = motion.differentiator
+    span = differentiator.window // 2
+    sound = np.ones(velocity.size - span, dtype=np.bool_)
+    # A span with an interpolated sample says nothing.
+    for first, last in uncompared:
+        sound[max(first - span - 1, 0) : last + 1] = False
+    starts = np.flatnonzero(sound) if np.count_nonzero(sound) > span else np.arange(sound.size)
+
+    def means(rate: Floats) -> Floats:
+        """Integrals of cubics through four samples, over each span and divided by it."""
+        steps = (
+            np.convolve(np.pad(rate, 1, "reflect", reflect_type="odd"), [-1.0, 13.0, 13.0, -1.0], "valid")
+            / 24.0
+        )
+        whole = np.append(0.0, np.cumsum(steps))
+        return np.asarray((whole[span:] - whole[:-span])[starts] / span)
+
+    travelled = (displacement[span:] - displacement[:-span])[starts] / (span * differentiator.dt)
+    power = float(np.mean(travelled**2))
+    own = differentiator.noise(velocity - differentiator.smooth(velocity))
+    read = differentiator.noise(displacement - motion.displacement)
+    noise = np.hypot(np.sqrt(2.0) * read / (span * differentiator.dt), own / np.sqrt(span))
     return _VelocityMisfit(
-        measured=smooth[rows], derivative=derivative, power=power, own=own, derived=derived, expected=expected
+        at=np.asarray(starts + 0.5 * span, dtype=np.float64),
+        measured=means(velocity),
+        travelled=travelled,
+        acceleration=means(motion.acceleration),
+        power=power,
+        own=own,
+        derived=read * differentiator.noise_gain(1),
+        # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.
+        expected=min(float(noise**2), _NOISE_SHARE**2 * power),
     )

@@ -5,66 +5,203 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from math import factorial
-from typing import Final
+from math import comb, factorial
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.values import Floats, array_dataclass
 
+# Quintics have half the error of cubics on smooth motions, each at its best window, and the same at corners.
+_ORDER: Final = 5
+# Samples that stay in the processor's cache while all weights are applied.
+_BLOCK: Final = 8192
+# Longer windows to either side are applied by Fourier transform; a motion so noisy does not stand still exactly.
+_LONG: Final = 128
+
+
+def _powers(at: Floats) -> tuple[Floats, Floats]:
+    """Powers of positions in a window, shape (window, n_powers), and their exponents: five samples have a cubic."""
+    exponents = np.arange(min(_ORDER, at.size - 2) + 1.0)
+    return at[:, np.newaxis] ** exponents, exponents
+
 
 # Tests of one rig have few windows and steps, and each has several derivatives.
 @lru_cache(maxsize=16)
-def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) -> Floats:
+def weights(window: int, *, derivative: int = 0, step: float = 1.0) -> Floats:
     """Savitzky-Golay weights of a derivative at the centre of a window, shape (window,), to convolve with the signal.
 
-    Least-norm solution of the conditions that polynomials up to `order` are differentiated exactly (Savitzky,
-    Golay, Analytical Chemistry 36, 1964, 1627-1639).
+    Least-norm solution of the conditions that quintics (over five samples, cubics) are differentiated exactly
+    (Savitzky, Golay, Analytical Chemistry 36, 1964, 1627-1639).
     """
-    half = window // 2
-    powers = np.arange(half, -half - 1.0, -1.0) ** np.arange(order + 1.0)[:, None]
-    wanted = np.zeros(order + 1)
-    wanted[derivative] = factorial(derivative) / step**derivative
-    solution = np.asarray(np.linalg.lstsq(powers, wanted, rcond=None)[0])
+    powers, exponents = _powers(np.linspace(1.0, -1.0, window))
+    wanted = np.where(
+        exponents == derivative, factorial(derivative) / (window // 2 * step) ** derivative, 0.0
+    )
+    solution = np.asarray(np.linalg.lstsq(powers.T, wanted, rcond=None)[0])
     solution.setflags(write=False)
     return solution
 
 
-def savitzky_golay(
-    signal: Floats, window: int, order: int, *, derivative: int = 0, step: float = 1.0
-) -> Floats:
-    """Savitzky-Golay derivative of a signal, shape (n_time,): polynomials of `order` fitted to `window` samples each.
+def savitzky_golay(signal: Floats, window: int, *, derivative: int = 0, step: float = 1.0) -> Floats:
+    """Savitzky-Golay derivative of a signal, shape (n_time,): quintics fitted to `window` samples each, cubics to five.
 
     Near the ends, the polynomial of the outermost window is used. In NumPy because `scipy.signal` takes a second to
     load.
     """
     half = window // 2
     n_inner = signal.size - 2 * half
-    weight = weights(window, order, derivative=derivative, step=step)
+    weight = weights(window, derivative=derivative, step=step)
     # In pairs, so that the odd derivative of a constant is exactly zero.
     pair = np.subtract if derivative % 2 else np.add
-    inner = weight[half] * signal[half : half + n_inner]
-    for by in range(half, 0, -1):
-        inner += weight[half + by] * pair(signal[half - by :][:n_inner], signal[half + by :][:n_inner])
     result = np.empty_like(signal)
-    result[half : signal.size - half] = inner
-    at = np.arange(float(window))
+    if half > _LONG:
+        mean, size = signal.mean(), 1 << (signal.size - 1).bit_length()
+        product = np.fft.rfft(signal - mean, size) * np.fft.rfft(weight, size)
+        result[half:-half] = np.fft.irfft(product, size)[2 * half : signal.size] + mean * (derivative == 0)
+    for begin in range(half, half + n_inner if half <= _LONG else 0, _BLOCK):
+        end = min(begin + _BLOCK, half + n_inner)
+        inner = weight[half] * signal[begin:end]
+        for by in range(half, 0, -1):
+            inner += weight[half + by] * pair(signal[begin - by : end - by], signal[begin + by : end + by])
+        result[begin:end] = inner
+    at = np.linspace(-1.0, 1.0, window)
+    order = _powers(at)[1].size - 1
 
     def beyond(outermost: Floats, at_which: Floats) -> Floats:
         polynomial = np.polyder(np.polyfit(at, outermost, order), derivative)
-        return np.asarray(np.polyval(polynomial, at_which) / step**derivative)
+        return np.asarray(np.polyval(polynomial, at_which) / (half * step) ** derivative)
 
     result[:half] = beyond(signal[:window], at[:half])
     result[signal.size - half :] = beyond(signal[-window:], at[window - half :])
     return result
 
 
-_ORDER: Final = 3
+# Half widths of windows that are compared with two thirds of themselves: of samples, and of means of 2, 4, 8, ... .
+_OF_SAMPLES: Final[tuple[int, ...]] = (3, 6, 9, 12, 15)
+_OF_MEANS: Final[tuple[int, ...]] = (9, 12, 15)
+# A difference between windows is bias if it exceeds the noise of the derivative far, or it and the next two exceed that
+# and a multiple of their standard error, and grow with the least power of the window: those of coloured noise fall.
+_SIGNIFICANT: Final = 5.0
+_FAR_BEYOND: Final = 30.0
+_LEAST_GROWTH: Final = 0.5
+_POWERS: Final = (1.0, 2.0 * (_ORDER + 1))
+_MAD_TO_DEVIATION: Final = 1.4826
+_DIFFERENCES: Final = 6
+_WINDOWS_TRIED: Final = 400
+# Ratio of the variances of the derivatives by cubics over five samples and by quintics over seven.
+_CUBIC_NOISE: Final = 0.772
+
+
+class _Shortened(NamedTuple):
+    """Derivative over a window of `half` samples to either side, less that over two thirds of it, per sample.
+
+    `inner`: weights within a record, shape (2 half + 1,). `ends`: those of its first `half` samples. Of white noise of
+    unit variance, at an inner sample and summed over an end: `variance`, sum of its squared covariances, and variance
+    `noise` of the derivative itself.
+    """
+
+    inner: Floats
+    ends: Floats
+    variance: Floats
+    covariance: Floats
+    noise: Floats
+
+
+@lru_cache(maxsize=len({*_OF_SAMPLES, *_OF_MEANS}))
+def _shortened(half: int) -> _Shortened:
+    def slopes(half: int) -> Floats:
+        at = np.linspace(-1.0, 1.0, 2 * half + 1)
+        powers, exponents = _powers(at)
+        rows = exponents * at[: half + 1, np.newaxis] ** (exponents - 1.0).clip(min=0.0) / half
+        return np.asarray(rows @ np.linalg.pinv(powers))
+
+    longer, shorter = slopes(half), slopes(half - half // 3)
+    rows = longer.copy()
+    for row in range(half + 1):
+        from_end = min(row, shorter.shape[0] - 1)
+        rows[row, row - from_end :][: shorter.shape[1]] -= shorter[from_end]
+    ends, inner = rows[:half], rows[half]
+    return _Shortened(
+        inner=inner,
+        ends=ends,
+        variance=np.array([inner @ inner, np.sum(ends**2)]),
+        covariance=np.array([np.sum(np.correlate(inner, inner, "full") ** 2), np.sum((ends @ ends.T) ** 2)]),
+        noise=np.array([longer[half] @ longer[half], np.sum(longer[:half] ** 2)]),
+    )
+
+
+def _bias_and_noise(displacement: Floats) -> Floats:
+    """Half widths, mean square difference from two thirds beyond noise, its error, noise; shape (4, n_windows).
+
+    The noise is seen in sixth differences: of the samples, or of means over the repeats of a channel that repeats its
+    values, as one that is quantised or held. All is per sample, without the step.
+    """
+    changes = np.flatnonzero(np.diff(displacement))
+    span = int(np.median(np.diff(changes))) if changes.size > 1 else 1
+    means = displacement[: displacement.size // span * span].reshape(-1, span).mean(axis=1)
+    rough = np.abs(np.diff(means, _DIFFERENCES)) if means.size > _DIFFERENCES else np.zeros(1)
+    level = _MAD_TO_DEVIATION * float(np.median(rough)) if span == 1 else 0.0
+    level = level or float(np.sqrt(np.mean(rough**2)))
+    rounding = float(np.finfo(np.float64).eps * np.ptp(displacement))
+    variance = max(level**2 / comb(2 * _DIFFERENCES, _DIFFERENCES), rounding**2)
+    windows, halves = list[tuple[float, ...]](), _OF_SAMPLES
+    while True:
+        for half in halves:
+            n_inner = means.size - 2 * half
+            if n_inner < 2 * half + 2:
+                return np.array(windows).reshape(-1, 4).T
+            of = _shortened(half)
+            counts, every = np.array([n_inner, 2]), max(half // 4, 1)
+            seen = np.zeros(-(-n_inner // every))
+            for by in range(1, half + 1):
+                later, earlier = (means[half + side : half + side + n_inner : every] for side in (by, -by))
+                seen += of.inner[half + by] * (later - earlier)
+            at_ends = [of.ends @ end[: 2 * half + 1] for end in (means, means[::-1])]
+            square = n_inner * float(np.mean(seen**2)) + float(np.sum(np.square(at_ends)))
+            beyond = square - variance * float(counts @ of.variance)
+            error = variance * float(np.sqrt(2.0 * counts @ of.covariance))
+            per_sample = 1.0 / (means.size * span**2)
+            noise = variance * float(counts @ of.noise)
+            windows.append((half * span, beyond * per_sample, error * per_sample, noise * per_sample))
+        means = 0.5 * (means[: means.size // 2 * 2 : 2] + means[1::2])
+        variance, span, halves = 0.5 * variance, 2 * span, _OF_MEANS
+
+
+def best_window(displacement: Floats) -> int:
+    """Window with the least mean square error of the velocity of a displacement, shape (n_time,): bias and noise.
+
+    The squared bias is the mean square difference from the derivative over two thirds of the window, beyond noise,
+    times 1 + 4.4 / p. That is the ratio, within 15 %, of velocities whose spectrum falls as f^-(p+1) and whose bias
+    grows as window^p: 1 where the velocity jumps, 12 of a sine. Shorter windows than the first of significant bias have
+    that of this power law.
+    """
+    half, beyond, error, noise = _bias_and_noise(displacement)
+    if half.size < 4:
+        return 5
+    log_half, log_beyond = np.log(half), np.log(beyond.clip(min=np.finfo(np.float64).tiny))
+    significant = beyond > np.maximum(_SIGNIFICANT * error, noise)
+    grows = log_beyond[3:] - log_beyond[1:-2] > _LEAST_GROWTH * (log_half[3:] - log_half[1:-2])
+    from_here = significant & (beyond > _FAR_BEYOND * noise)
+    from_here[1:-2] |= significant[1:-2] & significant[2:-1] & significant[3:] & grows
+    # The window of two thirds of the first one has cubics, which differ from its quintics by their own bias.
+    if not from_here[1:-2].any():
+        return 5 if from_here[0] else 2 * int(half[-1]) + 1
+    first = 1 + int(np.argmax(from_here[1:-2]))
+    # A bias stays with all longer windows; once the motion is gone from both windows, they differ less.
+    log_bias = np.maximum.accumulate(log_beyond[first:])
+    steps = log_half[first + 1 : first + 3] - log_half[first]
+    power = float(np.clip(np.max((log_bias[1:3] - log_bias[0]) / steps), *_POWERS))
+    tried = np.unique(np.geomspace(half[0], half[-1], _WINDOWS_TRIED).round())
+    shorter = (log_half[first] - np.log(tried)).clip(min=0.0)
+    bias = np.exp(np.interp(np.log(tried), log_half[first:], log_bias) - power * shorter)
+    risk = (1.0 + 4.4 / power) * bias + np.exp(np.interp(np.log(tried), log_half, np.log(noise)))
+    of_cubics = (1.0 + 4.4 / power) * max(beyond[0], 0.0) + _CUBIC_NOISE * noise[0]
+    return 2 * int(tried[np.argmin(risk)] if risk.min() < of_cubics else half[0] * 2.0 / 3.0) + 1
+
+
 _BAND_POWER: Final = 0.999
-# A cubic Savitzky-Golay derivative over a window of half width m [s] has a relative error of (omega m)^4 / 504 for
-# a sine of angular frequency omega. A window of 0.15 periods (omega m = 0.47) keeps that below 1e-4.
-_WINDOW_PERIODS: Final = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,36 +228,31 @@ def spectrum(displacement: Floats, dt: float) -> MotionBand:
 
 @dataclass(frozen=True, slots=True)
 class Differentiator:
-    """How velocity and acceleration follow from a displacement: cubic Savitzky-Golay filter over `window` samples.
+    """How velocity and acceleration follow from a displacement: quintic Savitzky-Golay filter over `window` samples.
 
-    Samples are `dt` [s] apart. The window covers 0.15 periods of the band edge, but at least 5 samples: the longest
-    window, with the least noise, for which the derivative within the band of the motion is accurate to 1e-4.
+    Samples are `dt` [s] apart.
     """
 
     window: int
     dt: float
 
     @classmethod
-    def of(cls, displacement: Floats, dt: float, band: MotionBand | None = None) -> Differentiator:
-        """That of a displacement, shape (n_time,), of at least 5 samples, whose band may be known."""
-        edge = (band or spectrum(displacement, dt)).band_edge
-        half = int(0.5 * _WINDOW_PERIODS / (edge * dt))
-        return cls(window=2 * min(max(half, 2), (displacement.size - 1) // 2) + 1, dt=dt)
+    def of(cls, displacement: Floats, dt: float) -> Differentiator:
+        """That of a displacement, shape (n_time,), of at least 5 samples: see `best_window`."""
+        return cls(window=best_window(displacement), dt=dt)
 
     @property
     def in_words(self) -> str:
         """Kind of the filter and length of its window, in samples and milliseconds."""
-        return (
-            f"a cubic Savitzky-Golay filter over {self.window} samples ({1e3 * self.window * self.dt:.3g} ms)"
-        )
+        return f"a quintic Savitzky-Golay filter over {self.window} samples ({1e3 * self.window * self.dt:.3g} ms)"
 
     def smooth(self, signal: Floats) -> Floats:
         """The smoothed signal, of the same shape."""
-        return savitzky_golay(signal, self.window, _ORDER)
+        return savitzky_golay(signal, self.window)
 
     def derivative(self, signal: Floats, order: int = 1) -> Floats:
         """Time derivative of the smoothed signal, of the same shape, in its unit per s^`order`."""
-        return savitzky_golay(signal, self.window, _ORDER, derivative=order, step=self.dt)
+        return savitzky_golay(signal, self.window, derivative=order, step=self.dt)
 
     def noise(self, removed: Floats) -> float:
         """Standard deviation of the white noise of a signal, estimated from the part that `smooth` removed."""
@@ -132,7 +264,7 @@ class Differentiator:
         return float(np.sqrt(np.sum(self._weights(order) ** 2)))
 
     def _weights(self, order: int) -> Floats:
-        return weights(self.window, _ORDER, derivative=order, step=self.dt)
+        return weights(self.window, derivative=order, step=self.dt)
 
 
 @array_dataclass()
@@ -151,13 +283,12 @@ class SmoothMotion:
 
 def smooth_motion(displacement: Floats, dt: float) -> SmoothMotion:
     """Smooth a displacement with step `dt` [s], and differentiate it."""
-    band = spectrum(displacement, dt)
-    differentiator = Differentiator.of(displacement, dt, band)
+    differentiator = Differentiator.of(displacement, dt)
     return SmoothMotion(
         displacement=differentiator.smooth(displacement),
         velocity=differentiator.derivative(displacement),
         acceleration=differentiator.derivative(displacement, order=2),
-        frequency=band.dominant,
+        frequency=spectrum(displacement, dt).dominant,
         differentiator=differentiator,
     )
 

@@ -146,8 +146,9 @@ def test_from_arrays(
     synthetic
         Whether the test was simulated.
     keep_velocity
-        Whether a velocity is used that is a backward or forward difference of the displacement, half a sample off, or
-        held over several samples; by default it is derived from the displacement, with a note among the findings.
+        Whether a velocity is used whatever was found: also one that is far noisier than the derivative of the
+        displacement, a backward or forward difference of it, half a sample off, or held over several samples. By
+        default it is then derived from the displacement, with a note among the findings.
     origin
         File of the arrays, if they are of one.
 
@@ -201,7 +202,7 @@ def test_from_arrays(
         if complete.velocity is not None and not keep_velocity:
             late = late_by_making(complete.time, complete.displacement, complete.velocity)
         moving, velocity_source, about_velocity = velocity_agrees(
-            signals.velocity, displaced, motion, uncompared, late=late
+            signals.velocity, displaced, motion, uncompared, late=late, keep=keep_velocity
         )
     rings = np.zeros(displaced.size, dtype=np.bool_)
     for sent_command in signals.commands:
