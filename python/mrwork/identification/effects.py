@@ -223,8 +223,8 @@ def effect_warnings(problem: Problem, excerpts: Objective, covariance: Covarianc
     if known >= {_MASS, _DELAY} or any(test.has_varying_command for test in tests) or not slopes.interior:
         return ()
     groups = _at_one_frequency(tests)
-    on_time = _with_effects(slopes.objective, form, (_MASS, _DELAY), np.array([*theta, 0.0, 0.0]))
     if len(groups) > 1:
+        on_time = _with_effects(slopes.objective, form, (_MASS, _DELAY), np.array([*theta, 0.0, 0.0]))
         normal = on_time.normal
         step = normal.steps(np.ones((1, len(tests))), _held(on_time))
         if normal.after(step[:, None]).sum() < (1.0 - _WORTH_A_FIT) * normal.squared.sum():
@@ -238,7 +238,10 @@ def effect_warnings(problem: Problem, excerpts: Objective, covariance: Covarianc
                 predicted = _predict_tests(earlier)[1]
                 if best.is_significant and best.predicted < _PAYS * predicted:
                     return (_advice(problem, theta, best, weighed, predicted),)
-    return () if _DELAY in known else _unknown_delay(problem, on_time, covariance.standard_errors, groups)
+    if _DELAY in known:
+        return ()
+    on_time = _with_effects(slopes.objective, form, (_DELAY,), np.array([*theta, 0.0]))
+    return _unknown_delay(problem, on_time, covariance.standard_errors, groups)
 
 
 def _advice(
@@ -296,16 +299,16 @@ def _unknown_delay(
     highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
     seconds = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
     if len(groups) > 1:
-        seconds = min(seconds, Weighed.of(on_time, (_MASS, _DELAY), groups).errors[-1])
+        seconds = min(seconds, Weighed.of(on_time, (_DELAY,), groups).errors[-1])
     normal, held = on_time.normal, _held(on_time)
-    held[:, -2:] = True
+    held[:, -1] = True
     # The step with which the other parameters follow the delay.
     follow = replace(normal, gradient=normal.matrix[..., -1]).steps(
         np.ones((1, len(on_time.objective.tests))), held
     )
-    theta, form = on_time.theta[:-2], problem.form
+    theta, form = on_time.theta[:-1], problem.form
     change = np.zeros(theta.size)
-    change[list(form.box.free)] = seconds * follow[0, :-2]
+    change[list(form.box.free)] = seconds * follow[0, :-1]
     value = np.asarray(form.to_model(theta))
     shift = form.to_model.jacobian(theta) @ change
     far = [
