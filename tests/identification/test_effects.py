@@ -126,3 +126,14 @@ def test_a_mass_is_no_number_of_tests_at_one_frequency() -> None:
 def test_what_no_fit_can_tell_is_refused(words: list[str]) -> None:
     with pytest.raises(SettingError, match="--observe"):
         mr.identification.FitSettings(observe=words)
+
+
+def test_what_pays_is_fitted_where_it_is_to_be_weighed_and_told_with_the_fit_without() -> None:
+    taken = mr.identify(SPEC, rig(Observation(mass=60.0)), observe=["detect", "weigh"], threads=1)
+    (mass,) = taken.effects
+    assert abs(mass.value - 60.0) < 3.0 * (mass.standard_error or 0.0)
+    (told,) = [each for each in taken.warnings if each.endswith("; fitted with the parameters")]
+    assert "a mass of" in told
+    assert "k is" in told
+    assert taken.settings.observe == ("detect", f"mass={mass.value!r}")
+    assert mr.identify(SPEC, rig(Observation()), observe=["detect", "weigh"], threads=1).effects == ()

@@ -70,7 +70,7 @@ def test_values_are_given_in_seconds_or_periods(smoothed: DamperTest) -> None:
     ("words", "said"),
     [
         (["none", "detect"], "none and detect"),
-        (["smooth"], "'smooth'; give detect, none, or mass=VALUE"),
+        (["smooth"], "'smooth'; give detect, none, weigh, or mass=VALUE"),
         (["lowpass=0.1T"], "'0.1T' in --observe lowpass=0.1T is not a number"),
         (["gain=0"], "gain=0.*gain of an observation is 0"),
         (["average=1e9"], "average=1e9.*from 0 to 1e.06"),

@@ -30,6 +30,7 @@ from mrwork.records import DamperTest, ListedTest, guess_tests, read_test_table,
 from mrwork.records.checks import ONE_WAY
 from mrwork.records.columns import COMMAND
 from mrwork.records.contradictions import refuse_velocity
+from mrwork.records.observation import DETECT, WEIGH
 from mrwork.records.reading import Reading
 from mrwork.records.rig_table import (
     TABLE_NAME,
@@ -172,7 +173,8 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
             "one way shows no loop to choose a model by; add strokes out and back at equal speeds, or fit one model by "
             "mrwork identify FILES --model NAME"
         )
-    settings, models, spare = FitSettings(rng=options.rng), options.model.split(","), ""
+    settings = FitSettings(rng=options.rng, observe=(DETECT, WEIGH))
+    models, spare = options.model.split(","), ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
     )

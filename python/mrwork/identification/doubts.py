@@ -54,7 +54,7 @@ def doubts_on_fit(ended: FinalFit, nrmse: float, *, is_suspected: bool) -> tuple
         *missing_lag_warning(objective, theta, form.box),
         *needless_average_warnings(objective, form.box, theta),
         *law_shape_warnings(excerpts, form.box, theta),
-        *effect_warnings(problem, excerpts, ended.covariance),
+        *effect_warnings(problem, ended.covariance),
         *motion_noise_warning(ended.covariance, problem.spec.names),
     )
 

@@ -21,6 +21,7 @@ from mrwork.base.numbers import significant
 from mrwork.base.values import Floats
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.coordinates import Box
+from mrwork.identification.commands import excerpts_of
 from mrwork.identification.covariance import Covariance, Slopes, remark_of
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import FittedParameter
@@ -31,7 +32,7 @@ from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.finding import Measured
 from mrwork.records.motion import spectrum
-from mrwork.records.observation import EFFECTS, Effect
+from mrwork.records.observation import EFFECTS, WEIGH, Effect
 
 Effects = tuple[Effect, ...]
 
@@ -54,16 +55,20 @@ _LARGE = 0.1
 _FAR = 5.0
 # Share by which the misfits of a delay and of a lag may differ where the sentence names both.
 _ALIKE = 0.02
+_IT: Final = {1: "it", 2: "both"}
 _SETS: Final[tuple[Effects, ...]] = ((_LAG,), (_DELAY,), (_MASS,), (_MASS, _LAG), (_MASS, _DELAY))
 
 
 def fit_effects(fit: FinalFit) -> FinalFit:
-    """Fit the free effects of its settings with all other parameters, from a fit without them.
+    """Fit the free effects of its settings, or those that pay, with all other parameters, from a fit without them.
 
     The tests of its problem have them, and its covariance is that of all. Errors of the effects count what the model
     cannot describe: leaving out tests moves the effects by that.
     """
     problem, effects = fit.problem, fit.problem.settings.free_effects
+    if not effects and WEIGH in problem.settings.observe and (found := _paying(problem, fit.covariance)):
+        effects, told = found.best.effects, f"{found.sentence}; fitted with the parameters"
+        fit = replace(fit, warnings=(*fit.warnings, told))
     if not effects:
         return fit
     fitted = _fit_with(problem.objective, problem.form, effects, fit.theta, tolerance=TOLERANCE)
@@ -207,82 +212,118 @@ def _held(slopes: Slopes) -> NDArray[np.bool_]:
     return ~np.isin(slopes.form.box.free, slopes.interior)[None]
 
 
-def effect_warnings(problem: Problem, excerpts: Objective, covariance: Covariance) -> tuple[str, ...]:
-    """Warning of effects on the recorded force that pay, or of damping that an unknown delay would change by far.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """Effects that pay, the `best` of those that were `weighed`, beside a fit `theta` without them, (n_params,).
 
-    The `excerpts` are fitted again where that is worth it. An effect that is given or free is not examined, and no late
-    force where a command varies: the coil is late too.
+    `earlier` is the misfit of predictions without them.
     """
-    slopes = covariance.slopes
-    tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
-    known = {
-        effect for effect in EFFECTS.values() for test in tests if getattr(test.observation, effect.field)
-    }
-    if known & {_DELAY, _LAG} or "delay" in problem.settings.nuisances:
-        known |= {_DELAY, _LAG}
-    if known >= {_MASS, _DELAY} or any(test.has_varying_command for test in tests) or not slopes.interior:
-        return ()
-    groups = _at_one_frequency(tests)
-    if len(groups) > 1:
-        on_time = _with_effects(slopes.objective, form, (_MASS, _DELAY), np.array([*theta, 0.0, 0.0]))
-        normal = on_time.normal
-        step = normal.steps(np.ones((1, len(tests))), _held(on_time))
-        if normal.after(step[:, None]).sum() < (1.0 - _WORTH_A_FIT) * normal.squared.sum():
-            earlier = Slopes.at(excerpts, form, theta)
-            sets = [effects for effects in _SETS if not known & {*effects}]
-            weighed = [
-                Weighed.of(_fit_with(excerpts, form, effects, theta), effects, groups) for effects in sets
-            ]
-            weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
-            for best in weighed:
-                predicted = _predict_tests(earlier)[1]
-                if best.is_significant and best.predicted < _PAYS * predicted:
-                    return (_advice(problem, theta, best, weighed, predicted),)
-    if _DELAY in known:
-        return ()
-    on_time = _with_effects(slopes.objective, form, (_DELAY,), np.array([*theta, 0.0]))
-    return _unknown_delay(problem, on_time, covariance.standard_errors, groups)
 
+    problem: Problem
+    theta: Floats
+    best: Weighed
+    weighed: Sequence[Weighed]
+    earlier: float
 
-def _advice(
-    problem: Problem, theta: Floats, best: Weighed, weighed: Sequence[Weighed], earlier: float
-) -> str:
-    """The sentence on effects that pay; `earlier` is the misfit of predictions without them."""
-    told, cure = list[str](), list[str]()
-    for effect, value, error in zip(best.effects, best.values.tolist(), best.errors.tolist(), strict=True):
-        size = Measured(abs(value), effect.unit, standard_error=error)
-        if effect is _MASS:
-            told.append(f"a mass of {size.in_words()} kg moves between damper and load cell")
-        else:
-            dt = min(test.dt for test in problem.objective.tests)
+    @property
+    def sentence(self) -> str:
+        """What the effects are, how much better the tests are predicted with them, and what they do to a parameter."""
+        best, told = self.best, list[str]()
+        for effect, value, error in zip(
+            best.effects, best.values.tolist(), best.errors.tolist(), strict=True
+        ):
+            size = Measured(abs(value), effect.unit, standard_error=error)
+            if effect is _MASS:
+                told.append(f"a mass of {size.in_words()} kg moves between damper and load cell")
+                continue
+            samples = abs(value) / min(test.dt for test in self.problem.objective.tests)
             told.append(
                 f"the force {'lags' if value > 0.0 else 'leads'} the model by {size.in_words(1e3)} ms "
-                f"({abs(value) / dt:.1f} samples), a {effect.name}"
+                f"({samples:.1f} samples), a {effect.name}"
             )
-        cure.append(f"--observe {effect.name}=free")
-    other = next((each for each in weighed if {*each.effects} ^ {*best.effects} == {_DELAY, _LAG}), None)
-    also = ""
-    if other is not None and other.misfit < (1.0 + _ALIKE) * best.misfit:
-        seconds = 1e3 * other.values[-1]
-        also = f" (or a {other.effects[-1].name} of {seconds:.2g} ms, which describes them about as well)"
-    before, after = (
-        np.asarray(problem.form.to_model(point)) for point in (theta, best.slopes.theta[: theta.size])
-    )
-    changed = ""
-    if moved := _absorbing(problem, best.effects):
-        worst = max(moved, key=lambda index: abs(after[index] - before[index]) / (abs(before[index]) or 1.0))
-        parameter = problem.spec.parameters[worst]
-        values = f"{significant(after[worst], 3)} instead of {significant(before[worst], 3)} {parameter.unit}"
-        changed = f", and {parameter.name} would be {values}"
-    remedy = f"fit {'it' if len(cure) == 1 else 'both'} by {' '.join(cure)}"
-    if _MASS not in best.effects and best.values[-1] < 0.0:
-        remedy += " if the channel of the motion is late, else try a model with more friction"
-    elif _MASS not in best.effects:
-        remedy += " if the channel of the force is late, else try a model whose force relaxes"
-    return (
-        f"{' and '.join(told)} that all tests have in common{also}: fits to the other tests predict each to "
-        f"{100.0 * (1.0 - best.predicted):.2f} % instead of {100.0 * (1.0 - earlier):.2f} %{changed}; {remedy}"
-    )
+        other = next(
+            (each for each in self.weighed if {*each.effects} ^ {*best.effects} == {_DELAY, _LAG}), None
+        )
+        also = ""
+        if other is not None and other.misfit < (1.0 + _ALIKE) * best.misfit:
+            seconds = 1e3 * other.values[-1]
+            also = f" (or a {other.effects[-1].name} of {seconds:.2g} ms, which describes them about as well)"
+        to_model, n_own = self.problem.form.to_model, self.theta.size
+        before, after = (np.asarray(to_model(point)) for point in (self.theta, best.slopes.theta[:n_own]))
+        changed = ""
+        if moved := _absorbing(self.problem, best.effects):
+            worst = max(
+                moved, key=lambda index: abs(after[index] - before[index]) / (abs(before[index]) or 1.0)
+            )
+            parameter = self.problem.spec.parameters[worst]
+            values = (
+                f"{significant(after[worst], 3)} instead of {significant(before[worst], 3)} {parameter.unit}"
+            )
+            changed = f", and {parameter.name} is {values}"
+        return (
+            f"{' and '.join(told)}, one for all tests{also}: with {_IT[len(told)]} fits to the other tests predict "
+            f"each to {100.0 * (1.0 - best.predicted):.2f} % instead of {100.0 * (1.0 - self.earlier):.2f} %{changed}"
+        )
+
+    @property
+    def cure(self) -> str:
+        """What to type, and else to try."""
+        best = self.best
+        options = " ".join(f"--observe {effect.name}=free" for effect in best.effects)
+        cure = f"fit {_IT[len(best.effects)]} by {options}"
+        if _MASS in best.effects:
+            return cure
+        if best.values[-1] < 0.0:
+            return f"{cure} if the channel of the motion is late, else try a model with more friction"
+        return f"{cure} if the channel of the force is late, else try a model whose force relaxes"
+
+
+def effect_warnings(problem: Problem, covariance: Covariance) -> tuple[str, ...]:
+    """Warning of effects on the recorded force that pay, or of damping that an unknown delay would change by far."""
+    if found := _paying(problem, covariance):
+        return (f"{found.sentence}; {found.cure}",)
+    slopes = covariance.slopes
+    if _DELAY in _known(problem) or not slopes.interior:
+        return ()
+    on_time = _with_effects(slopes.objective, slopes.form, (_DELAY,), np.array([*slopes.theta, 0.0]))
+    return _unknown_delay(problem, on_time, covariance.standard_errors)
+
+
+def _known(problem: Problem) -> set[Effect]:
+    """Effects that are given, or estimated for each test; all where a command varies: the coil is late, too."""
+    tests = problem.objective.tests
+    known = {
+        effect
+        for effect in EFFECTS.values()
+        if any(getattr(test.observation, effect.field) for test in tests)
+    }
+    varies = any(test.has_varying_command for test in tests)
+    if known & {_DELAY, _LAG} or "delay" in problem.settings.nuisances:
+        known |= {_DELAY, _LAG}
+    return known | {_MASS, _DELAY, _LAG} if varies else known
+
+
+def _paying(problem: Problem, covariance: Covariance) -> _Found | None:
+    """Effects on the recorded force that pay beside a fit without them; excerpts are fitted where that is worth it."""
+    slopes, known = covariance.slopes, _known(problem)
+    tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
+    groups = _at_one_frequency(tests)
+    if known >= {_MASS, _DELAY} or not slopes.interior or len(groups) < 2:
+        return None
+    on_time = _with_effects(slopes.objective, form, (_MASS, _DELAY), np.array([*theta, 0.0, 0.0]))
+    normal = on_time.normal
+    step = normal.steps(np.ones((1, len(tests))), _held(on_time))
+    if normal.after(step[:, None]).sum() >= (1.0 - _WORTH_A_FIT) * normal.squared.sum():
+        return None
+    excerpts = problem.objective.on(form.spec, excerpts_of(problem))
+    sets = [effects for effects in _SETS if not known & {*effects}]
+    weighed = [Weighed.of(_fit_with(excerpts, form, effects, theta), effects, groups) for effects in sets]
+    weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
+    _, earlier = _predict_tests(Slopes.at(excerpts, form, theta))
+    for best in weighed:
+        if best.is_significant and best.predicted < _PAYS * earlier:
+            return _Found(problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier)
+    return None
 
 
 def _absorbing(problem: Problem, effects: Effects) -> list[int]:
@@ -291,11 +332,10 @@ def _absorbing(problem: Problem, effects: Effects) -> list[int]:
     return [index for index, parameter in enumerate(problem.spec.parameters) if parameter.unit == unit]
 
 
-def _unknown_delay(
-    problem: Problem, on_time: Slopes, errors: Floats, groups: Sequence[Sequence[int]]
-) -> tuple[str, ...]:
+def _unknown_delay(problem: Problem, on_time: Slopes, errors: Floats) -> tuple[str, ...]:
     """Warning of damping that an unknown delay would change by far more than its standard error."""
     tests = on_time.objective.tests
+    groups = _at_one_frequency(tests)
     highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
     seconds = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
     if len(groups) > 1:

@@ -12,7 +12,7 @@ from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError
 from mrwork.identification.residual import NuisanceName
-from mrwork.records.observation import DETECT, NONE, Effect, as_words, free_effects
+from mrwork.records.observation import DETECT, NONE, WEIGH, Effect, as_words, free_effects
 from mrwork.search import Optimiser
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.store.codec import built, plain
@@ -174,7 +174,8 @@ class FitSettings:
         was found; "none" compares the model's force as it is; "average=0.1T" (T is the dominant period), "lowpass=50",
         "lag=0.012" (of first order), "delay=0.002", "mass=20" (that moves between damper and load cell), "gain=1.02"
         and "offset=-20" give values [s, Hz, kg, N]. "mass=free", "lag=free" or "delay=free" is one number of all tests,
-        fitted with the parameters; it stands among them with its error, and predictions have it.
+        fitted with the parameters; it stands among them with its error, and predictions have it. "weigh" fits those of
+        mass, lag and delay with which tests at several frequencies are predicted better, if any.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
 
@@ -210,7 +211,7 @@ class FitSettings:
 
     def with_effects(self, values: Mapping[Effect, float]) -> FitSettings:
         """The settings with these effects given, whatever they say of them."""
-        names = [NONE, *(effect.name for effect in values)]
+        names = [NONE, WEIGH, *(effect.name for effect in values)]
         words = [word for word in self.observe if word.partition("=")[0] not in names]
         return replace(
             self,

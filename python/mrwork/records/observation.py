@@ -215,17 +215,18 @@ def _low_passed(filtered: Filter, signal: Any, corner_hz: float, dt: float) -> A
 DETECT: Final = "detect"
 NONE: Final = "none"
 FREE: Final = "free"
+WEIGH: Final = "weigh"
 
 
 def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
-    """The words of an observation setting, checked: `detect`, `none`, WHAT=VALUE or WHAT=free each."""
+    """The words of an observation setting, checked: `detect`, `none`, `weigh`, WHAT=VALUE or WHAT=free each."""
     words = (observe,) if isinstance(observe, str) else tuple(observe)
     if not words or (NONE in words and len(words) > 1):
         raise SettingError(
             f"--observe is {' and '.join(words) or 'empty'}; give {DETECT}, {NONE} alone, or WHAT=VALUE"
         )
     for word in words:
-        if word in (DETECT, NONE):
+        if word in (DETECT, NONE, WEIGH):
             continue
         effect, text = _effect_of(word)
         if text != FREE:
@@ -255,11 +256,10 @@ def _effect_of(word: str) -> tuple[Effect, str]:
     """The effect that a word names, and what the word says of it."""
     name, _, text = word.partition("=")
     if name not in EFFECTS:
-        near = closest(name, [DETECT, NONE, *EFFECTS])
+        near = closest(name, [DETECT, NONE, WEIGH, *EFFECTS])
         values = ", ".join(f"{key}=VALUE" for key in EFFECTS)
-        raise SettingError(
-            f"--observe is {word!r}{f', did you mean {near}' if near else f'; give {DETECT}, {NONE}, or {values}'}"
-        )
+        cure = f", did you mean {near}" if near else f"; give {DETECT}, {NONE}, {WEIGH}, or {values}"
+        raise SettingError(f"--observe is {word!r}{cure}")
     return EFFECTS[name], text
 
 

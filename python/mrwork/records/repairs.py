@@ -26,6 +26,7 @@ from mrwork.records.observation import (
     EFFECTS,
     FREE,
     NONE,
+    WEIGH,
     Observation,
     as_words,
     value_of,
@@ -188,7 +189,7 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
             # With a window in the displacement alone, the force was not averaged.
             if test.smoothing is not None and "force" in test.smoothing.channels:
                 values["average_seconds"] = test.smoothing.window_seconds
-        elif word != NONE and not word.endswith(f"={FREE}"):
+        elif word not in (NONE, WEIGH) and not word.endswith(f"={FREE}"):
             period = 1.0
             if word.endswith("T"):
                 period = 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant)
