@@ -10,7 +10,7 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.records import DamperTest, repair
-from mrwork.records.finding import REPAIR_KINDS, RepairKind
+from mrwork.records.finding import REPAIR_KINDS
 from mrwork.records.reading import synthetic_test
 
 # Its noise has a standard deviation of 8 N.
@@ -65,14 +65,6 @@ def test_a_delay_that_was_seen_is_taken_out(clean: DamperTest) -> None:
     assert after < 0.2 * before + NOISE_N
 
 
-def test_a_mass_is_taken_out(clean: DamperTest) -> None:
-    acceleration = -((5.0 * np.pi) ** 2) * 0.015 * np.sin(5.0 * np.pi * clean.time)
-    loaded = replace(clean, force=clean.force + 40.0 * acceleration)
-    repaired, _ = repair(loaded, ["mass"], amounts={"mass": 40.0})
-    # 5 um of noise gives 0.3 m/s^2 in the second derivative over 59 samples.
-    assert np.std((repaired.force - clean.force)[50:-50]) < 40.0 * 0.3
-
-
 def test_a_late_velocity_is_derived_anew(clean: DamperTest) -> None:
     late = replace(clean, velocity=np.roll(clean.velocity, 15), velocity_source="measured")
     repaired, _ = repair(late, ["velocity"])
@@ -113,11 +105,10 @@ def test_a_cured_finding_gives_way_to_the_repair(clean: DamperTest) -> None:
     assert [finding.code for finding in repaired.findings] == ["velocity_derived", "repaired_offset"]
 
 
-@pytest.mark.parametrize("kind", ["rest", "mass"])
-def test_a_repair_without_a_cause_changes_nothing_and_says_why(clean: DamperTest, kind: RepairKind) -> None:
-    same, (entry,) = repair(clean, [kind])
+def test_a_repair_without_a_cause_changes_nothing_and_says_why(clean: DamperTest) -> None:
+    same, (entry,) = repair(clean, ["rest"])
     assert entry.severity == "note"
-    assert entry.message.startswith(f"no {kind} to repair: ")
+    assert entry.message.startswith("no rest to repair: ")
     assert same.original is None
     np.testing.assert_array_equal(same.force, clean.force)
 
@@ -130,10 +121,9 @@ def test_every_repair_is_in_the_log_in_its_order(clean: DamperTest) -> None:
 @pytest.mark.parametrize(
     ("amounts", "word"),
     [
-        ({"rest": 1.0}, "delay .* mass .* alone"),
+        ({"rest": 1.0}, "delay .* offset .* alone"),
         ({"delay": 50.0}, "0 samples would remain"),
         ({"delay": -50.0}, "1 samples would remain"),
-        ({"mass": -1.0}, "no mass is below 0"),
     ],
 )
 def test_impossible_amounts_are_refused(clean: DamperTest, amounts: dict[str, float], word: str) -> None:

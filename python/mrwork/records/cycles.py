@@ -53,8 +53,7 @@ _MOVING_MASS: Final = FindingKind(
     "moving_mass",
     "the force has a component in phase with the acceleration: a mass of {mass} kg or more between load cell and "
     "damper, or a force that leads the displacement",
-    "subtract it by --repair mass",
-    cured_by="mass",
+    "fit it with tests at several frequencies by --observe mass=free, or give it by --observe mass=KG",
 )
 
 

@@ -16,7 +16,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.values import freeze_samples
 from mrwork.errors import SettingError
 from mrwork.records.checks import rest_before_motion, samples_at_rest, static_force
-from mrwork.records.cycles import force_delay, moving_mass
+from mrwork.records.cycles import force_delay
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import OF_FILES, ONCE, REPAIR_KINDS, Finding, FindingKind, Measured, RepairKind
 from mrwork.records.motion import smooth_motion, spectrum
@@ -54,10 +54,10 @@ def repair(
         Test to repair. It is not changed; the repaired test has it as its `original`.
     kinds
         `rest`: the rest before the motion is cut off. `delay`: the force is shifted in time to match the displacement.
-        `offset`: the static force is subtracted. `mass`: the inertia force is subtracted. `velocity`: the measured
-        velocity is replaced by the derivative of the displacement.
+        `offset`: the static force is subtracted. `velocity`: the measured velocity is replaced by the derivative of the
+        displacement.
     amounts
-        Known delay [s], offset [N] or mass [kg] by kind, used instead of the estimate from the record.
+        Known delay [s] or offset [N] by kind, used instead of the estimate from the record.
 
     Returns
     -------
@@ -73,9 +73,9 @@ def repair(
     """
     amount_of = dict(amounts or {})
     for kind, amount in amount_of.items():
-        if kind not in _AMOUNTS or (kind == "mass" and amount < 0.0):
+        if kind not in _AMOUNTS:
             raise SettingError(
-                f"repair {kind} was given {amount:g}; a number goes with {AMOUNTS_IN_WORDS} alone, no mass is below 0"
+                f"repair {kind} was given {amount:g}; a number goes with {AMOUNTS_IN_WORDS} alone"
             )
     wanted = set(kinds) | set(amount_of)
     repaired, log = test, list[Finding]()
@@ -143,16 +143,6 @@ def _offset(test: DamperTest, amount: float | None) -> _Done:
     return replace(test, force=freeze_samples(test.force - offset)), Measured(offset, "N"), message
 
 
-def _mass(test: DamperTest, amount: float | None) -> _Done:
-    motion = smooth_motion(test.displacement, test.dt)
-    seen = moving_mass(test, motion) if amount is None else Measured(amount, "kg")
-    if seen is None:
-        return "the force has no component in phase with the acceleration; give one"
-    inertia = seen.value * motion.acceleration
-    message = f"the inertia of {seen.in_words()} kg was taken out of the force"
-    return replace(test, force=freeze_samples(test.force - inertia)), seen, message
-
-
 def _velocity(test: DamperTest, _: float | None) -> _Done:
     if test.velocity_source == "derived":
         return "it is the derivative of the displacement already"
@@ -166,9 +156,9 @@ def _velocity(test: DamperTest, _: float | None) -> _Done:
 
 
 _REPAIRS: Final[Mapping[RepairKind, Callable[[DamperTest, float | None], _Done]]] = {
-    "rest": _rest, "delay": _delay, "offset": _offset, "mass": _mass, "velocity": _velocity,
+    "rest": _rest, "delay": _delay, "offset": _offset, "velocity": _velocity,
 }  # fmt: skip
-_AMOUNTS: Final[Mapping[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"}
+_AMOUNTS: Final[Mapping[RepairKind, str]] = {"delay": "s", "offset": "N"}
 AMOUNTS_IN_WORDS: Final = ", ".join(f"{kind} [{unit}]" for kind, unit in _AMOUNTS.items())
 """What may be given an amount, with its unit, for help."""
 
