@@ -11,14 +11,14 @@ shows a late force by its corners at reversals, see `force_delay`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import significant
-from mrwork.base.values import Floats
+from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.conversions import Conversion
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.commands import excerpts_of
@@ -86,7 +86,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
         slopes=Slopes.at(objective, problem.form, fitted.theta[:n_own]),
         matrix=covariance.matrix[:n_own, :n_own],
     )
-    errors = Weighed.of(fitted, effects, _at_one_frequency(objective.tests)).errors
+    errors = FitWithEffects.of(fitted, effects, _at_one_frequency(objective.tests)).errors
     estimates = [
         FittedParameter(
             name=box.names[index],
@@ -145,8 +145,8 @@ def _fit_with(
     return Slopes.at(at_start.objective, at_start.form, minimum.theta[0])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Weighed:
+@array_dataclass()
+class FitWithEffects:
     """A fit with free effects: their values and errors, (n_effects,), and the misfit with which it predicts groups."""
 
     effects: Effects
@@ -155,7 +155,7 @@ class Weighed:
     predicted: float
 
     @classmethod
-    def of(cls, slopes: Slopes, effects: Effects, groups: Sequence[Sequence[int]]) -> Weighed:
+    def of(cls, slopes: Slopes, effects: Effects, groups: Sequence[Sequence[int]]) -> FitWithEffects:
         """Errors are the largest of least squares and of jackknifes over tests and over three groups or more."""
         steps, predicted = _predict_tests(slopes)
         by_groups = [] if len(groups) < _FEWEST_GROUPS else [_predict_groups(slopes, groups)[0]]
@@ -212,7 +212,7 @@ def _held(slopes: Slopes) -> NDArray[np.bool_]:
     return ~np.isin(slopes.form.box.free, slopes.interior)[None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@array_dataclass()
 class _Found:
     """Effects that pay, the `best` of those that were `weighed`, beside a fit `theta` without them, (n_params,).
 
@@ -221,8 +221,8 @@ class _Found:
 
     problem: Problem
     theta: Floats
-    best: Weighed
-    weighed: Sequence[Weighed]
+    best: FitWithEffects
+    weighed: Sequence[FitWithEffects]
     earlier: float
 
     @property
@@ -317,7 +317,9 @@ def _paying(problem: Problem, covariance: Covariance) -> _Found | None:
         return None
     excerpts = problem.objective.on(form.spec, excerpts_of(problem))
     sets = [effects for effects in _SETS if not known & {*effects}]
-    weighed = [Weighed.of(_fit_with(excerpts, form, effects, theta), effects, groups) for effects in sets]
+    weighed = [
+        FitWithEffects.of(_fit_with(excerpts, form, effects, theta), effects, groups) for effects in sets
+    ]
     weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
     _, earlier = _predict_tests(Slopes.at(excerpts, form, theta))
     for best in weighed:
@@ -339,7 +341,7 @@ def _unknown_delay(problem: Problem, on_time: Slopes, errors: Floats) -> tuple[s
     highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
     seconds = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
     if len(groups) > 1:
-        seconds = min(seconds, Weighed.of(on_time, (_DELAY,), groups).errors[-1])
+        seconds = min(seconds, FitWithEffects.of(on_time, (_DELAY,), groups).errors[-1])
     normal, held = on_time.normal, _held(on_time)
     held[:, -1] = True
     # The step with which the other parameters follow the delay.
