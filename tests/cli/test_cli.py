@@ -72,19 +72,17 @@ def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) 
     assert {"file", "fit_percent", "nrmse", "rmse_n", "n_time"} <= set(predicted["files"][0])
 
 
-def test_a_prediction_without_the_nuisances_of_its_fit_says_so(tmp_path: Path, record: Path) -> None:
+def test_a_prediction_observed_otherwise_than_its_fit_says_so(tmp_path: Path, record: Path) -> None:
     out = tmp_path / "run"
-    offset = ("--model", "hyperbolic_tangent_guo", "--nuisance", "offset")
+    offset = ("--model", "hyperbolic_tangent_guo", "--observe", "offset=each")
     fitted = json.loads(printed("identify", record, *offset, "--out", out, "--json", *FAST))
     as_fitted = json.loads(printed("predict", out, record, "--json"))
-    assert (as_fitted["nuisances"], as_fitted["warnings"]) == (["offset"], [])
+    assert (as_fitted["observe"], as_fitted["warnings"]) == (["detect", "offset=each"], [])
     assert as_fitted["files"][0]["fit_percent"] == pytest.approx(fitted["fit_percent"], abs=1e-6)
-    assert as_fitted["files"][0]["nuisance"]["offset"] != 0.0
-    (warning,) = json.loads(printed("predict", out, record, "--nuisance", "none", "--json"))["warnings"]
+    assert as_fitted["files"][0]["estimated"]["offset"] != 0.0
+    (warning,) = json.loads(printed("predict", out, record, "--observe", "none", "--json"))["warnings"]
     assert "estimated the offset of the force for each test" in warning
-    command_refusal(
-        "predict", out, record, "--nuisance", "none", "--nuisance", "level", match="one or the other"
-    )
+    command_refusal("predict", out, record, "--observe", "lag=free", match="leaves lag to a fit")
 
 
 def test_several_tests_have_a_median_a_worst_and_each_finding_once(tmp_path: Path, record: Path) -> None:

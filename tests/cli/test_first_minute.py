@@ -173,7 +173,6 @@ MISSPELT = [
     ("identify", "synthetic:spencer1997", "--bound", "sgma=1:2"),
     ("identify", "synthetic:spencer1997", "--repair", "ofset"),
     ("identify", "synthetic:spencer1997", "--observe", "averge=1"),
-    ("identify", "synthetic:spencer1997", "--nuisance", "ofset"),
     ("check", "f.csv", "--column", "forc=F:kN"),
     ("models", "bouc_wem"),
     ("convert", "spencer", "--to", "normalised", "alpa=1"),

@@ -64,16 +64,22 @@ def identification_calls(_: Path) -> Calls:
     fit, test = small_fit(), small_test()
     values = {
         **{"model": "bingham", "tests": (test, _other_test()), "search": _QUICK, "bounds": _FREE, "rng": 1},
-        **{"nuisances": ("level",), "observe": ("gain=1.1",), "starts": ({"c0": 1000.0},), "threads": 1},
+        **{"observe": ("gain=1.1", "offset=each"), "starts": ({"c0": 1000.0},), "threads": 1},
         **{"ties": {"f0": "0.01*c0"}, "force_exponent": 1.0, "engine": "lanes"},
     }
     yield from calls_with(values, identification.FitSettings)
     quick = small_test(n_time=50)
     rest = {name: values[name] for name in ("model", "search", "bounds", "starts", "ties", "engine")}
     yield call(mr.identify, tests=(quick,), **rest)
-    # Of one candidate, whose nuisances are none.
+    # Of one candidate, without effects of each test.
     weighed = {"weights": [np.linspace(0.0, 1.0, test.n_time)], "masks": [np.arange(test.n_time) > 3]}
-    huber = {"loss": "huber", "loss_scale": 100.0, "coordinates": "unit", "tests": (test,), "nuisances": ()}
+    huber = {
+        "loss": "huber",
+        "loss_scale": 100.0,
+        "coordinates": "unit",
+        "tests": (test,),
+        "observe": "gain=1.1",
+    }
     yield from calls_with(values | weighed | huber, mr.objective)
     yield call(Race, samples=2, starts=1, population=5, generations=2, most_rounds=1)
     yield call(mr.start_from, fit=fit, model=mr.damper(MODEL))
@@ -81,7 +87,7 @@ def identification_calls(_: Path) -> Calls:
     yield call(mr.fit_like, fit=fit, model="bingham", loadings=[still], rng=1, threads=1)
     asked = {"test": test, "force": test.force}
     yield from calls_with(asked, fit.observed, fit.seen, fit.other_condition, fit.outside)
-    settings = identification.FitSettings(nuisances=("offset",), force_exponent=0.5)
+    settings = identification.FitSettings(observe="offset=each", force_exponent=0.5)
     yield call(identification.Objective.of, spec=_BINGHAM, tests=(test,), settings=settings, threads=1)
     yield call(objective, theta=start[None], shares=np.array([[1.0]]))
     yield from calls_with({"theta": start[None]}, objective.misfits, objective.residuals)
@@ -111,7 +117,7 @@ def uncertainty_calls(folder: Path) -> Calls:
     fit, test = small_fit(), small_test()
     yield call(mr.export, run=fit, to="csv", output=folder / "fit.csv", command=None, replace=True)
     yield call(mr.save, result=fit, folder=folder / "saved")
-    yield call(mr.predict, fit=fit, test=_other_test(), nuisances=("offset",))
+    yield call(mr.predict, fit=fit, test=_other_test(), observe="offset=each")
     calibration = mr.calibrate([_prediction()], held_out="not seen")
     yield call(mr.predict, fit=fit, test=[_other_test()], calibration=calibration, level=0.9)
     left_out = {"tests": [test, _other_test()], "identify_rest": lambda tests: small_fit()}

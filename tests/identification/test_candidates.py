@@ -77,7 +77,7 @@ VARIANTS: dict[str, dict[str, object]] = {
     "plain": {},
     "unit": {"coordinates": "unit"},
     "held": {"bounds": {"v_s": (0.005, 0.005), "f_c": (300.0, 900.0)}},
-    "nuisance": {"nuisances": ("offset",)},
+    "of each test": {"observe": "offset=each"},
     "huber": {"loss": "huber", "loss_scale": 60.0},
     "soft_l1": {"loss": "soft_l1", "loss_scale": 60.0, "coordinates": "unit"},
     "cauchy": {"loss": "cauchy", "loss_scale": 60.0},
@@ -177,7 +177,8 @@ def test_it_goes_to_another_process(test: mr.DamperTest) -> None:
     ("settings", "word"),
     [
         ({"loss": "huber"}, "`loss_scale`"),
-        ({"weights": [1.0], "nuisances": ("offset",)}, "`nuisances`"),
+        ({"weights": [1.0], "observe": "offset=each"}, "`weights`"),
+        ({"observe": "mass=free"}, "leaves mass to a fit"),
         ({"masks": [np.zeros(251, dtype=bool)]}, "none of its 251 samples"),
     ],
 )

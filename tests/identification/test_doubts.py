@@ -19,7 +19,6 @@ import mrwork as mr
 from mrwork.dampers import LawName, damper
 from mrwork.dampers.command import CommandValues
 from mrwork.identification import Fit
-from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, cut
 
 MODEL = "viscous_dahl"
@@ -99,24 +98,24 @@ def test_the_remedy_of_a_measured_velocity_is_its_derivation_and_of_a_derived_on
 
 
 @pytest.mark.parametrize(
-    ("f0", "nuisances", "repaired", "warned"),
+    ("f0", "observe", "repaired", "warned"),
     [
-        (None, (), False, False),
-        (0.0, (), False, True),
-        (-90.0, (), False, False),
-        (None, ("offset",), False, False),
-        (0.0, (), True, False),
+        (None, "detect", False, False),
+        (0.0, "detect", False, True),
+        (-90.0, "detect", False, False),
+        (None, "offset=each", False, False),
+        (0.0, "detect", True, False),
     ],
 )
 def test_only_an_offset_that_the_model_cannot_describe_is_a_warning(
-    f0: float | None, nuisances: tuple[NuisanceName, ...], repaired: bool, warned: bool
+    f0: float | None, observe: str, repaired: bool, warned: bool
 ) -> None:
     test = cut(mr.synthetic_test("spencer1997_fast"), every=8)
     if repaired:
         test, _ = mr.records.repair(test, ["offset"])
     assert any(each.code == "force_offset" for each in test.findings) != repaired
     bounds = {} if f0 is None else {"f0": (f0, f0)}
-    fit = fitted(test, "dahl", bounds=bounds, nuisances=nuisances)
+    fit = fitted(test, "dahl", bounds=bounds, observe=observe)
     about = [each for each in fit.warnings if "static offset" in each]
     assert bool(about) == warned
     assert all("f0 is fixed at 0" in each and "--repair offset" in each for each in about)

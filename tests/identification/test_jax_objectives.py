@@ -17,9 +17,9 @@ from mrwork.identification import CandidateObjective
 TESTS = (small_test(), small_test(7, 90))
 FIRST, SECOND = mr.damper(MODEL).names[:2]
 PIPELINES: dict[str, dict[str, Any]] = {
-    "tied, offset, level and delay": {
+    "tied, offset, gain and delay": {
         "ties": {FIRST: f"3*{SECOND}/2 + {SECOND}**0.5"},
-        "nuisances": ["offset", "level", "delay"],
+        "observe": ["offset=each", "gain=each", "delay=each"],
         "force_exponent": 0.5,
     },
     "held, weights and masks": {

@@ -1,4 +1,4 @@
-"""One model for all tests of a rig: laws, observation and nuisance parameters are found again from synthetic tests."""
+"""One model for all tests of a rig: laws, observation and effects of each test are found again from synthetic tests."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from mrwork.identification.equivalent import leaves_range, within_range
 from mrwork.identification.excerpts import excerpt
 from mrwork.identification.minimise import level_search
 from mrwork.identification.minimise.level_search import unlike_tests
-from mrwork.identification.residual import nuisance_of, without_nuisance
+from mrwork.identification.residual import estimated_of, without_effects
 from mrwork.identification.result import free_run
 from mrwork.identification.suspicious import far_worse, far_worse_sentence
 from mrwork.records import DamperTest, Observation, cut
+from mrwork.records.observation import EFFECTS
 from mrwork.records.reading import synthetic_test
 from mrwork.search import EfficientGA, StopRules
 
@@ -31,6 +32,7 @@ PRESET = damper("static_hysteretic").preset("kwok2006")
 TRUTH = np.array(PRESET.theta)
 CURRENTS = (0.0, 0.5, 1.0, 1.5)
 NOISE_N = 5.0
+EACH = tuple(EFFECTS[name] for name in ("offset", "gain", "delay"))
 SEARCH = EfficientGA(stop=StopRules(max_generations=25))
 TRUE_LAWS = {"c": "linear", "k": "linear", "alpha": "quadratic", "delta": "linear", "f0": "linear"}
 # The hysteresis changes side within one sample, so no test tells over which displacement.
@@ -84,45 +86,44 @@ def test_a_smoothed_record_misleads_a_model_that_is_not_told(tests: tuple[Damper
     assert aware.quality[0].observation == observation
 
 
-def test_nuisance_parameters_are_told_from_the_damper(tests: tuple[DamperTest, ...]) -> None:
-    offsets, levels, delays = (120.0, -60.0, 30.0, 0.0), (1.03, 0.98, 1.0, 1.01), (2e-3, -1e-3, 0.0, 1e-3)
+def test_effects_of_each_test_are_told_from_the_damper(tests: tuple[DamperTest, ...]) -> None:
+    offsets, gains, delays = (120.0, -60.0, 30.0, 0.0), (1.03, 0.98, 1.0, 1.01), (2e-3, -1e-3, 0.0, 1e-3)
     shifted = [
         replace(
             test,
-            force=Observation(delay_seconds=delay, gain=level, offset=offset).observe(test.force, test.dt),
+            force=Observation(delay_seconds=delay, gain=gain, offset=offset).observe(test.force, test.dt),
         )
-        for test, offset, level, delay in zip(tests, offsets, levels, delays, strict=True)
+        for test, offset, gain, delay in zip(tests, offsets, gains, delays, strict=True)
     ]
-    for test, offset, level, delay in zip(shifted, offsets, levels, delays, strict=True):
-        _, quality = free_run(PRESET.spec, TRUTH, test, nuisances=("offset", "level", "delay"))
-        assert quality.nuisance.offset == pytest.approx(offset, abs=2.0)
-        assert quality.nuisance.level == pytest.approx(level, abs=5e-3)
+    for test, offset, gain, delay in zip(shifted, offsets, gains, delays, strict=True):
+        _, quality = free_run(PRESET.spec, TRUTH, test, each=EACH)
+        assert quality.estimated.offset == pytest.approx(offset, abs=2.0)
+        assert quality.estimated.gain == pytest.approx(gain, abs=5e-3)
         # To first order in the delay: a fifth of a sample is left at a delay of one sample.
-        assert quality.nuisance.delay == pytest.approx(delay, abs=4e-4)
+        assert quality.estimated.delay_seconds == pytest.approx(delay, abs=4e-4)
         assert quality.rmse_n < 2.0 * NOISE_N
 
 
 def test_an_offset_of_each_test_leaves_none_to_the_model(tests: tuple[DamperTest, ...]) -> None:
     shifted = [replace(test, force=test.force + 130.0) for test in tests]
-    shifted_fit = identify(PRESET.spec, shifted, search=SEARCH, bounds=FIXED, nuisances=("offset",), rng=2)
+    shifted_fit = identify(PRESET.spec, shifted, search=SEARCH, bounds=FIXED, observe="offset=each", rng=2)
     values = dict(zip(shifted_fit.spec.names, shifted_fit.theta, strict=True))
     assert (values["f0.0"], values["f0.1"]) == (0.0, 0.0)
     assert values["alpha.1"] == pytest.approx(918.0, rel=0.01)
     plain = damper("static_hysteretic")
-    held = identify(plain, shifted[2], search=SEARCH, bounds=FIXED, nuisances=("offset",), rng=2)
+    held = identify(plain, shifted[2], search=SEARCH, bounds=FIXED, observe="offset=each", rng=2)
     by_name = {estimate.name: estimate for estimate in held.estimates}
     assert (by_name["f0"].value, by_name["f0"].remark) == (0.0, "fixed")
-    assert held.quality[0].nuisance.offset == pytest.approx(130.0 + 57.0 - 18.0, abs=2.0)
+    assert held.quality[0].estimated.offset == pytest.approx(130.0 + 57.0 - 18.0, abs=2.0)
 
 
-def test_nuisance_parameters_of_rows_are_those_of_each_alone() -> None:
+def test_effects_of_rows_are_those_of_each_alone() -> None:
     rng = np.random.default_rng(3)
     force, measured = rng.normal(size=(4, 300)).cumsum(axis=1), rng.normal(size=300).cumsum()
-    names = ("offset", "level", "delay")
-    together = without_nuisance(force, measured, names)
+    together = without_effects(force, measured, EACH)
     for row, residual in zip(force, together, strict=True):
-        found = nuisance_of(row, measured, 1.0, names)
-        expected = found.level * row - found.delay * np.gradient(row) + found.offset - measured
+        found = estimated_of(row, measured, 1.0, EACH)
+        expected = found.gain * row - found.delay_seconds * np.gradient(row) + found.offset - measured
         np.testing.assert_allclose(residual, expected, rtol=0, atol=1e-9 * np.max(np.abs(measured)))
 
 
@@ -132,8 +133,8 @@ def test_misfit_and_residuals_agree_for_every_observation_model(tests: tuple[Dam
     observed = tuple(replace(test, observation=Observation(average_seconds=0.03)) for test in tests)
     for case in (
         Objective.of(PRESET.spec, tests),
-        Objective.of(PRESET.spec, tests, FitSettings(nuisances=("offset",))),
-        Objective.of(PRESET.spec, observed, FitSettings(nuisances=("level", "delay"))),
+        Objective.of(PRESET.spec, tests, FitSettings(observe="offset=each")),
+        Objective.of(PRESET.spec, observed, FitSettings(observe=["gain=each", "delay=each"])),
     ):
         np.testing.assert_allclose(case(theta), np.linalg.norm(case.residuals(theta), axis=1), rtol=1e-10)
 

@@ -1,4 +1,4 @@
-"""Residuals of several tests at once: exact Jacobians for every observation and nuisance, the bits of any threads."""
+"""Residuals of several tests at once: exact Jacobians for every observation, the bits of any threads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from mrwork.errors import SettingError
 from mrwork.identification import FitSettings, Objective
 from mrwork.identification.objective import linearise_residuals
 from mrwork.identification.progress import on_every_test
-from mrwork.identification.residual import NuisanceName
 from mrwork.records import DamperTest, Observation, cut
 from mrwork.records.reading import synthetic_test
 
@@ -46,18 +45,20 @@ def assert_exact(objective: Objective, theta: np.ndarray) -> None:
             assert error <= 1e-5 * np.linalg.norm(quotient) + 1e-14 / step[column]
 
 
+def settings_with(each: tuple[str, ...]) -> FitSettings:
+    return FitSettings(observe=["detect", *(f"{name}=each" for name in each)])
+
+
 def other(test: DamperTest) -> DamperTest:
     """Another test of the same motion: half the force."""
     return replace(test, name="other", force=0.5 * test.force + 30.0)
 
 
-@pytest.mark.parametrize("nuisances", [(), ("offset",), ("level",), ("delay",), ("offset", "level", "delay")])
+@pytest.mark.parametrize("each", [(), ("offset",), ("gain",), ("delay",), ("offset", "gain", "delay")])
 @pytest.mark.parametrize("n_tests", [1, 2])
-def test_jacobian_is_the_difference_quotient(
-    test: DamperTest, nuisances: tuple[NuisanceName, ...], n_tests: int
-) -> None:
+def test_jacobian_is_the_difference_quotient(test: DamperTest, each: tuple[str, ...], n_tests: int) -> None:
     tests = (test, other(test))[:n_tests]
-    assert_exact(Objective.of(SPEC, tests, FitSettings(nuisances=nuisances)), rows(1))
+    assert_exact(Objective.of(SPEC, tests, settings_with(each)), rows(1))
 
 
 def test_jacobian_goes_through_the_observation(test: DamperTest) -> None:
@@ -67,7 +68,7 @@ def test_jacobian_goes_through_the_observation(test: DamperTest) -> None:
             delay_seconds=1.3 * test.dt, lowpass_hz=40.0, average_seconds=5 * test.dt, gain=-0.9, offset=50.0
         ),
     )
-    assert_exact(Objective.of(SPEC, (observed,), FitSettings(nuisances=("offset",))), rows(2))
+    assert_exact(Objective.of(SPEC, (observed,), FitSettings(observe="offset=each")), rows(2))
 
 
 def test_jacobian_of_current_laws_over_several_tests(test: DamperTest) -> None:
@@ -101,7 +102,7 @@ def test_tests_side_by_side_give_the_bits_of_one_after_the_other(test: DamperTes
 def test_a_failed_row_has_residuals_of_one_and_no_slope(test: DamperTest) -> None:
     theta = rows(4)
     theta[1] = np.nan
-    objective = Objective.of(SPEC, (test,), FitSettings(nuisances=("offset",)))
+    objective = Objective.of(SPEC, (test,), FitSettings(observe="offset=each"))
     residuals, jacobian = linearise_residuals(objective, theta, [0, 1])
     assert np.all(residuals[1] == 1.0)
     assert np.all(jacobian[1] == 0.0)
@@ -151,13 +152,12 @@ def with_one_unresolved() -> np.ndarray:
     return theta
 
 
-@pytest.mark.parametrize("nuisances", [(), ("offset",)])
+@pytest.mark.parametrize("each", [(), ("offset",)])
 @pytest.mark.parametrize("n_tests", [1, 5])
-def test_threads_change_no_bit_of_an_objective(n_tests: int, nuisances: tuple[NuisanceName, ...]) -> None:
+def test_threads_change_no_bit_of_an_objective(n_tests: int, each: tuple[str, ...]) -> None:
     tests, theta = given_tests(n_tests), with_one_unresolved()
     alone, *several = (
-        Objective.of(SPEC, tests, FitSettings(nuisances=nuisances), threads=threads)
-        for threads in (1, 0, 2, 3)
+        Objective.of(SPEC, tests, settings_with(each), threads=threads) for threads in (1, 0, 2, 3)
     )
     for objective in several:
         np.testing.assert_array_equal(objective(theta), alone(theta))

@@ -28,7 +28,7 @@ OPTIONS = [
     "--repair",
     "offset=30",
 ]
-RIG = ["--observe", "average=0.02", "--nuisance", "level"]
+RIG = ["--observe", "average=0.02", "--observe", "gain=each"]
 SEARCH = ["--model", "bingham", "--search", "genetic", "--generations", "2", "--quiet"]
 
 
@@ -70,7 +70,7 @@ def test_tests_come_back_as_they_were_read_from_any_folder(run: Path) -> None:
     )
     assert test.observation.average_seconds == 0.02
     assert test.observation == quality.observation
-    assert opened.fit.nuisances == ("level",)
+    assert opened.fit.settings.observe == ("average=0.02", "gain=each")
     assert any(finding.code == "repaired_offset" for finding in test.findings)
 
 

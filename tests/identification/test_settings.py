@@ -27,8 +27,7 @@ OTHER = FitSettings(
     ties={"f0": "0.1*alpha"},
     force_exponent=0.5,
     engine="optimistix",
-    nuisances=("level",),
-    observe=("average=0.1T", "gain=1.1", "lag=free"),
+    observe=("average=0.1T", "gain=each", "lag=free"),
     rng=3,
 )
 

@@ -10,7 +10,7 @@ from mrwork.cli.derived import add_options_of
 from mrwork.cli.options import add_run, add_threads, end_parser, on_workers
 from mrwork.cli.output import end_addition, is_quiet, progress_line, told_findings
 from mrwork.cli.terminal import note
-from mrwork.cli.tests import add_files, add_observation, nuisances_of, observation_of, opened_run, read_tests
+from mrwork.cli.tests import add_files, add_observation, observation_of, opened_run, read_tests
 from mrwork.store.run_folder import CALIBRATION, FOLDS
 from mrwork.store.run_writer import adding
 from mrwork.uncertainty.bands.calibration_files import StoredBands, cross_validated, write_bands
@@ -64,8 +64,7 @@ def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], 
     tests = [observed(test, words) for test in read]
     for condition in filter(None, map(fit.other_condition, tests)):
         note(condition.condition_in_words)
-    nuisances = nuisances_of(options, fit.nuisances)
-    return predict(fit, tests, nuisances=nuisances).predictions, findings
+    return predict(fit, tests, observe=words).predictions, findings
 
 
 def _predict_held_out(

@@ -11,7 +11,7 @@ from mrwork.cli.derived import add_option_of, add_options_of, arguments_of, read
 from mrwork.cli.numbers import finite_number, named_path
 from mrwork.cli.options import add_threads, end_parser, on_workers
 from mrwork.cli.own_models import is_own, own_model
-from mrwork.cli.tests import add_files, add_observation, command_unit, nuisances_of
+from mrwork.cli.tests import add_files, add_observation, command_unit
 from mrwork.dampers.laws import LawName
 from mrwork.dampers.spec import ALL, DamperSpec, damper
 from mrwork.errors import SettingError
@@ -84,7 +84,7 @@ def add_options(parser: CommandParser) -> None:
         dest="starts",
         repeated=True,
     )
-    elsewhere = ("bounds", "ties", "starts", "nuisances", "observe", "search", "rng")
+    elsewhere = ("bounds", "ties", "starts", "observe", "search", "rng")
     add_option_of(parser, FitSettings, SEARCH, "search", choices=searches(), metavar="NAME")
     add_options_of(
         parser,
@@ -127,7 +127,7 @@ def run(options: argparse.Namespace) -> int:
 def _settings_of(options: argparse.Namespace) -> FitSettings:
     """The settings that the command line gives; starts from earlier fits are added once the model is known."""
     fixed = {name: (value, value) for name, value in options.fixed.items()}
-    extra = {"search": _search(options), "bounds": options.bounds | fixed, "nuisances": nuisances_of(options)}
+    extra = {"search": _search(options), "bounds": options.bounds | fixed}
     return FitSettings(**arguments_of(options, FitSettings) | extra)
 
 

@@ -8,7 +8,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
 from mrwork.cli.output import is_quiet, renew_page, show_results, told_findings
-from mrwork.cli.tests import add_files, add_observation, nuisances_of, observation_of, read_tests
+from mrwork.cli.tests import add_files, add_observation, observation_of, read_tests
 from mrwork.store.run_folder import FIT_RUN, HELD_OUT, RunFolder
 from mrwork.uncertainty.bands.predictions import Predictions
 
@@ -40,13 +40,11 @@ def run(options: argparse.Namespace) -> int:
     """Predict every test, keep what the fit has not seen for its page, and print how the forces compare."""
     # Readers of runs and of tests are slow to load.
     from mrwork.identification.fit_file import fit_of, read_others
-    from mrwork.records import observed
     from mrwork.uncertainty.bands.calibration_files import read_calibration, stored_calibration
     from mrwork.uncertainty.bands.held_out import keep_held_out
 
     folder = RunFolder.open(options.run_folder, FIT_RUN)
     fit = fit_of(folder)
-    nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
     # Tests of a calibration are not kept for test, whether its bands are printed or not.
     calibration = stored_calibration(folder) if options.level is None else read_calibration(folder)
@@ -54,13 +52,13 @@ def run(options: argparse.Namespace) -> int:
     findings = told_findings("predict", tests, options)
     predictions = Predictions.of(
         fit,
-        [observed(test, words) for test in tests],
-        nuisances=nuisances,
+        tests,
+        observe=words,
         others=read_others(folder) or (),
         calibration=calibration,
         **arguments_of(options, Predictions.of),
     )
-    as_fitted = options.substep_factor == 1 and nuisances == fit.nuisances
+    as_fitted = options.substep_factor == 1 and words == fit.settings.observe
     stored = as_fitted and keep_held_out(options.run_folder, predictions)
     if stored:
         renew_page(options.run_folder, quiet=is_quiet(options))

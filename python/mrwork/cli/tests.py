@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 from mrwork.base.keys import suggestion
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
@@ -16,7 +15,6 @@ from mrwork.cli.numbers import finite_number
 from mrwork.cli.output import is_quiet, reading_line
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
-from mrwork.identification.residual import NuisanceName
 from mrwork.identification.settings import FitSettings
 from mrwork.records.columns import parse_column_option
 from mrwork.records.finding import REPAIR_KINDS, RepairKind
@@ -30,7 +28,6 @@ if TYPE_CHECKING:
     from mrwork.records.reading import Reading
     from mrwork.records.rig_table import EveryUse, Use
 
-_NONE = "none"
 _READING = "mrwork.records.reading:Reading"
 
 
@@ -72,12 +69,16 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
 
 def add_observation(parser: CommandParser, *, as_fitted: bool = False) -> None:
     """Options on the measurement, of an identification or of a verb that does by default as the identification did."""
-    measured = partial(
-        add_option_of, parser, FitSettings, MEASUREMENT, default=() if as_fitted else UNCHANGED
+    default, usual = ((), "default: as in the identification") if as_fitted else (UNCHANGED, "")
+    add_option_of(
+        parser,
+        FitSettings,
+        MEASUREMENT,
+        "observe",
+        default=default,
+        metavar="WHAT=VALUE|free|each",
+        more=usual,
     )
-    usual = "default: as in the identification" if as_fitted else ""
-    measured("observe", metavar="WHAT=VALUE|free", more=usual)
-    measured("nuisances", choices=[_NONE], more=usual)
 
 
 def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None = None) -> Reading:
@@ -130,17 +131,6 @@ def opened_run(options: argparse.Namespace) -> OpenedRun:
 
     with reading_line(quiet=is_quiet(options)) as on_read:
         return reopen(options.run_folder, on_read=on_read)
-
-
-def nuisances_of(
-    options: argparse.Namespace, default: Sequence[NuisanceName] = ()
-) -> tuple[NuisanceName, ...]:
-    """The nuisance parameters of the command line, each once; `default` where it names none."""
-    names = options.nuisances
-    if _NONE in names and {*names} != {_NONE}:
-        raise SettingError("--nuisance none cannot be combined with others; give one or the other")
-    chosen = tuple(name for name in get_args(NuisanceName) if name in names)
-    return chosen if names else tuple(default)
 
 
 def observation_of(options: argparse.Namespace, default: Sequence[str]) -> tuple[str, ...]:

@@ -35,9 +35,9 @@ from mrwork.identification.objective import Objective, linearise_residuals, ties
 from mrwork.identification.residual import (
     LossFunction,
     LossName,
-    NuisanceName,
     bounds_without_offsets,
     loss_of,
+    refuse_free,
 )
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
@@ -300,7 +300,6 @@ def objective(
     *,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     ties: Mapping[str, str] | None = None,
-    nuisances: Sequence[NuisanceName] = (),
     observe: str | Sequence[str] = DETECT,
     force_exponent: float = 1.0,
     weights: Sequence[Samples | float | None] = (),
@@ -316,7 +315,7 @@ def objective(
 
     Parameters
     ----------
-    model, tests, ties, nuisances, observe, force_exponent
+    model, tests, ties, observe, force_exponent
         As in `mr.identify`.
     bounds
         Parameter name to (lower, upper); equal bounds hold the parameter. Parameters that are not named have
@@ -339,7 +338,7 @@ def objective(
     ------
     SettingError
         Where bounds, weights or masks do not fit the model and its tests, every parameter is held, or weights or a loss
-        are given together with nuisance parameters, which have their least-squares values.
+        are given together with effects of each test, which have their least-squares values, or an effect is free.
 
     Examples
     --------
@@ -353,15 +352,16 @@ def objective(
     """
     spec = damper(model) if isinstance(model, str) else model
     settings = FitSettings(
-        bounds=bounds_without_offsets(tuple(nuisances), spec) | dict(bounds or {}),
+        bounds=bounds_without_offsets(as_words(observe), spec) | dict(bounds or {}),
         ties=dict(ties or {}),
         force_exponent=force_exponent,
-        nuisances=tuple(nuisances),
         observe=as_words(observe),
     )
-    if settings.nuisances and (weights or loss != "linear"):
+    refuse_free(settings.observe, "an objective")
+    if settings.effects_of_each and (weights or loss != "linear"):
         raise SettingError(
-            "`nuisances` have their least-squares values, which go with neither `weights` nor a `loss`; leave one out"
+            "the effects that `observe` estimates for each test have their least-squares values, which go with neither "
+            "`weights` nor a `loss`; leave one out"
         )
     unmasked = tuple(observed(test, settings.observe) for test in as_tests(tests))
     masked = list(unmasked)

@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from mrwork.base.numbers import significant
 from mrwork.base.values import Floats, array_dataclass
-from mrwork.dampers.conversions import Conversion
-from mrwork.dampers.coordinates import Box
 from mrwork.identification.commands import excerpts_of
 from mrwork.identification.covariance import Covariance, Slopes, remark_of
 from mrwork.identification.equivalent import Form
@@ -28,7 +26,7 @@ from mrwork.identification.fit import FittedParameter
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
 from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, observe_tests_by
-from mrwork.identification.problem import Problem
+from mrwork.identification.problem import Problem, with_free
 from mrwork.records import DamperTest
 from mrwork.records.finding import Measured
 from mrwork.records.motion import spectrum
@@ -106,26 +104,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
 
 def _with_effects(objective: Objective, form: Form, effects: Effects, theta: Floats) -> Slopes:
     """Slopes of a fit with free effects, whose values are the last parameters of `theta`, (n_params + n_effects,)."""
-    ranges = [effect.free or (-np.inf, np.inf) for effect in effects]
-    box = Box(
-        names=(*form.box.names, *(f"force_{effect.name}" for effect in effects)),
-        lower=(*form.box.lower, *(lower for lower, _ in ranges)),
-        upper=(*form.box.upper, *(upper for _, upper in ranges)),
-        log=(*form.box.log, *(False for _ in effects)),
-    )
-    beside = len(effects)
-    form = replace(
-        form, box=box, to_model=_beside(form.to_model, beside), from_model=_beside(form.from_model, beside)
-    )
-    compared = tuple(replace(test, free=effects) for test in objective.compared)
-    return Slopes.at(replace(objective, compared=compared), form, theta)
-
-
-def _beside(conversion: Conversion, n_last: int) -> Conversion:
-    """The conversion of all parameters but the last ones, which stay."""
-    return Conversion(
-        lambda theta: np.concatenate([conversion(theta[..., :-n_last]), theta[..., -n_last:]], axis=-1)
-    )
+    return Slopes.at(*with_free(objective, form, effects), theta)
 
 
 def _fit_with(
@@ -298,7 +277,7 @@ def _known(problem: Problem) -> set[Effect]:
         if any(getattr(test.observation, effect.field) for test in tests)
     }
     varies = any(test.has_varying_command for test in tests)
-    if known & {_DELAY, _LAG} or "delay" in problem.settings.nuisances:
+    if known & {_DELAY, _LAG} or _DELAY in problem.settings.effects_of_each:
         known |= {_DELAY, _LAG}
     return known | {_MASS, _DELAY, _LAG} if varies else known
 

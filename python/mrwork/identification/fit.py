@@ -20,7 +20,6 @@ from mrwork.dampers.laws import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import outside_of
 from mrwork.errors import RecordError, UnknownNameError
-from mrwork.identification.residual import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
@@ -208,7 +207,7 @@ class FitQuality(Summarised):
     """Error of a free-run simulation on one measured test, over the `n_time` samples that count.
 
     The first `settle_seconds` are simulated but not compared, see `DamperTest`. The `observation` model and the
-    `nuisance` parameters were applied to the simulated force before the comparison.
+    effects `estimated` for this test were applied to the simulated force before the comparison.
     """
 
     _made_by: ClassVar[str] = "fit.quality"
@@ -225,12 +224,12 @@ class FitQuality(Summarised):
     settle_seconds: NotNegative
     substeps: Count
     observation: Observation = AS_IT_IS
-    nuisance: Nuisance = NONE
+    estimated: Observation = AS_IT_IS
 
     @property
     def recorded_in_words(self) -> str:
         """What was applied to the model's force before the comparison, as a participle; empty for nothing."""
-        return ", ".join(filter(None, (self.observation.in_words, self.nuisance.in_words)))
+        return ", ".join(filter(None, (self.observation.in_words, self.estimated.in_words)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -354,7 +353,6 @@ class Fit(Plotted, WithAxes, Summarised):
     provenance: Provenance
     current: CurrentLaws | None = None
     own: DamperSpec | None = None
-    nuisances: Sequence[NuisanceName] = ()
     n_effective: Positive | None = None
     directions: tuple[Direction, ...] = ()
     intervals: Intervals | None = None
@@ -386,14 +384,15 @@ class Fit(Plotted, WithAxes, Summarised):
 
     @property
     def fingerprint(self) -> str:
-        """Digest of the inputs of later verbs: model, parameters, laws, nuisance parameters and tests."""
+        """Digest of the inputs of later verbs: model, parameters, laws, effects of each test and tests."""
         values = [
             (estimate.name, float(estimate.value), float(estimate.lower), float(estimate.upper))
             for estimate in self.estimates
         ]
         inputs = sorted(self.provenance.inputs.items())
         equations = () if self.own is None or self.own.own is None else (self.own.own.digest,)
-        return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs, *equations)
+        each = [effect.name for effect in self.settings.effects_of_each]
+        return digest_of(self.model, values, self.current, each, inputs, *equations)
 
     @checked
     def observed(self, test: DamperTest) -> DamperTest:
@@ -435,8 +434,7 @@ class Fit(Plotted, WithAxes, Summarised):
         """The settings of the identification; of a fit that was read from its file, the recorded ones."""
         if self.live_settings is not None:
             return self.live_settings
-        separate = {"nuisances": self.nuisances, "rng": self.provenance.rng}
-        return FitSettings.of_record(self.provenance.settings | separate)
+        return FitSettings.of_record(self.provenance.settings | {"rng": self.provenance.rng})
 
     @checked
     def reading(self, *, origin: str = "this fit") -> Reading:
@@ -485,6 +483,11 @@ class Fit(Plotted, WithAxes, Summarised):
     def fitted(self) -> tuple[FittedParameter, ...]:
         """The parameters, and the effects on the recorded force that were fitted with them."""
         return (*self.estimates, *self.effects)
+
+    @property
+    def theta_with_effects(self) -> tuple[float, ...]:
+        """Parameter values in spec order, and then those of the fitted effects on the recorded force."""
+        return tuple(estimate.value for estimate in self.fitted)
 
     @property
     def theta(self) -> tuple[float, ...]:
@@ -617,7 +620,6 @@ class Fit(Plotted, WithAxes, Summarised):
             "uncertainty": self.uncertainty_heading,
             "current_laws": None if self.current is None else asdict(self.current),
             "directions": [asdict(direction) for direction in self.directions],
-            "nuisances": self.nuisances,
             "observation": self.observation_in_words,
             **named(self, "fit_percent", "nrmse", "rmse_n"),
             "error_norms": asdict(self.error_norms),

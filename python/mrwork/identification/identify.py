@@ -34,6 +34,7 @@ from mrwork.identification.settings import FitSettings, Race
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
+from mrwork.records.observation import EFFECTS, FREE
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import interruptible
 
@@ -174,13 +175,17 @@ def identify_with(
 
 
 def moved_to(fit: Fit, tests: Sequence[DamperTest], theta: Floats, *, found_by: str, threads: int = 0) -> Fit:
-    """The fit to its tests anew from a point of less misfit, (n_params,), that what is named has found."""
-    names = fit.spec.names
-    start = dict(zip(names, theta.tolist(), strict=True))
+    """The fit to its tests anew from a point of less misfit, (n_params,), that what is named has found.
+
+    Effects that it has found are found again.
+    """
+    start = dict(zip(fit.spec.names, theta.tolist(), strict=True))
+    names = [estimate.name for estimate in fit.effects]
+    free = {effect: FREE for effect in EFFECTS.values() if effect.parameter in names}
     moved = identify_with(
         fit.spec,
         tests,
-        replace(fit.settings, starts=(start,)),
+        replace(fit.settings.with_effects(free), starts=(start,)),
         threads=threads,
         warns=False,
         searched=(Problem.of_fit(fit, tuple(tests)).form.box, fit.trace),

@@ -58,7 +58,7 @@ def _observe_tests(
     """
     if not tests:
         raise RecordError("no test was given to identify from; name at least one file")
-    compared = [ObservedTest.of(spec, test, settings.nuisances) for test in tests]
+    compared = [ObservedTest.of(spec, test, settings.effects_of_each) for test in tests]
     shares = np.ones(len(compared))
     if settings.force_exponent != EQUAL_SHARES:
         deviations = np.array([test.deviation for test in compared])
@@ -92,8 +92,8 @@ class Objective(Summarised):
 
     The misfit is the root mean square over tests of the NRMSE: all have the same share, independent of length and
     force. A `force_exponent` below 1 gives larger shares to tests of large force. The observation model
-    of the test and the nuisance parameters are applied to the simulated force before the comparison. Of the `settings`
-    it has the exponent and the nuisance parameters. Costly steps are recorded in the `journal`, if any.
+    of the test and the effects of each test are applied to the simulated force before the comparison. Of the `settings`
+    it has the exponent and these effects. Costly steps are recorded in the `journal`, if any.
     """
 
     _made_by: ClassVar[str] = "mr.identification.Objective.of(spec, tests)"
@@ -151,9 +151,9 @@ class Objective(Summarised):
     def is_direct(self) -> bool:
         """Whether the simulated force is compared directly, from a sample on.
 
-        There are no observation models, free effects, nuisance parameters, weights, losses or uncompared spans.
+        There are no observation models, free effects, effects of each test, weights, losses or uncompared spans.
         """
-        return not self.settings.nuisances and all(
+        return not self.settings.effects_of_each and all(
             test.is_plain and not test.free and test.test.observation == AS_IT_IS and not test.test.uncompared
             for test in self.compared
         )
@@ -293,7 +293,7 @@ def linearise_residuals(objective: Objective, theta: Floats, columns: Sequence[i
     """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
 
     Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; derivatives are zero
-    where a simulation failed. They include the observation model and the nuisance parameters.
+    where a simulation failed. They include the observation model and the effects of each test.
     """
     objective.tally.simulations += len(theta)
 

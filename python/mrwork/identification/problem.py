@@ -17,16 +17,19 @@ from mrwork.base.arguments import checked
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.dampers.command import command_level
+from mrwork.dampers.conversions import Conversion
+from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import CommandLaw
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
-from mrwork.identification.fit import Fit, Provenance
+from mrwork.identification.fit import Fit, FittedParameter, Provenance
 from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.residual import bounds_without_offsets, offset_warning
 from mrwork.identification.settings import FitSettings, Race, Start, UnregisteredSearch
 from mrwork.records import DamperTest, observed
+from mrwork.records.observation import EFFECTS, Effect
 from mrwork.search import Optimiser
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
@@ -43,7 +46,7 @@ class Problem:
     """A model `spec` with the settings of its identification, and the objective on the tests.
 
     `form` is the equivalent model that is searched, see `identifiable_form`; the `objective` is of that form. The
-    settings are complete: they include the search, and bounds that fix offsets which nuisance parameters replace.
+    settings are complete: they include the search, and bounds that fix offsets which those of each test replace.
     """
 
     spec: DamperSpec
@@ -65,7 +68,7 @@ class Problem:
         settings = replace(
             settings,
             search=settings.search or Race(),
-            bounds=bounds_without_offsets(settings.nuisances, spec) | dict(settings.bounds),
+            bounds=bounds_without_offsets(settings.observe, spec) | dict(settings.bounds),
         )
         if any(effect.name == "mass" for effect in settings.free_effects):
             _refuse_one_frequency(tests)
@@ -88,6 +91,15 @@ class Problem:
         """The problem that a fit solved, on its own tests or others of the same damper."""
         return cls.of(fit.spec, tests, fit.settings, threads=threads)
 
+    def freeing(self, estimates: Sequence[FittedParameter]) -> Problem:
+        """The problem in which fitted effects are free again: the last parameters of its form and of its model."""
+        names = [estimate.name for estimate in estimates]
+        effects = tuple(effect for effect in EFFECTS.values() if effect.parameter in names)
+        if not effects:
+            return self
+        objective, form = with_free(self.objective, self.form, effects)
+        return replace(self, objective=objective, form=form)
+
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on why any result is likely to mislead, known before the search."""
@@ -100,7 +112,7 @@ class Problem:
         return (
             *command_warning(tests, (self.spec,)),
             *rate,
-            *offset_warning(settings.nuisances, self.spec, settings.bounds, tests),
+            *offset_warning(settings.observe, self.spec, settings.bounds, tests),
         )
 
     @property
@@ -126,6 +138,27 @@ class Problem:
     def inside(self, theta: ArrayLike) -> Floats:
         """Parameters of the requested model, (n_params,), converted to the form and moved inside its box."""
         return np.asarray(self.form.box.inside(self.form.from_model(np.asarray(theta, dtype=np.float64))))
+
+
+def with_free(objective: Objective, form: Form, effects: tuple[Effect, ...]) -> tuple[Objective, Form]:
+    """Objective and form with free effects as last parameters, of the form as of the model."""
+    ranges = [effect.free or (-np.inf, np.inf) for effect in effects]
+    box = Box(
+        names=(*form.box.names, *(effect.parameter for effect in effects)),
+        lower=(*form.box.lower, *(lower for lower, _ in ranges)),
+        upper=(*form.box.upper, *(upper for _, upper in ranges)),
+        log=(*form.box.log, *(False for _ in effects)),
+    )
+
+    def beside(conversion: Conversion) -> Conversion:
+        n_last = len(effects)
+        return Conversion(
+            lambda theta: np.concatenate([conversion(theta[..., :-n_last]), theta[..., -n_last:]], axis=-1)
+        )
+
+    compared = tuple(replace(test, free=effects) for test in objective.compared)
+    form = replace(form, box=box, to_model=beside(form.to_model), from_model=beside(form.from_model))
+    return replace(objective, compared=compared), form
 
 
 def tied_form(form: Form, spec: DamperSpec, settings: FitSettings) -> Form:
@@ -159,9 +192,9 @@ def provenance_of(problem: Problem) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
     tests = problem.objective.tests
     record = problem.settings.as_record()
-    # The others are separate fields of a fit.
+    # The seed is a field of its own.
     return provenance_with(
-        {name: value for name, value in record.items() if name not in ("nuisances", "rng")}
+        {name: value for name, value in record.items() if name != "rng"}
         | {
             "windows": {
                 test.label: {

@@ -1,7 +1,7 @@
-"""Residuals of a model on one test: simulation, observation model, nuisance parameters, weight, loss.
+"""Residuals of a model on one test: simulation, observation model, effects of each test, weight, loss.
 
-Misfits, local minimisations, likelihoods and predictions all use them. Nuisance parameters of a test are the offset,
-level and delay of its force channel. By a loss, outliers count less than their squares: with z = (r/scale)^2 the sum of
+Misfits, local minimisations, likelihoods and predictions all use them. Effects of each test are the delay, gain and
+offset of its force channel. By a loss, outliers count less than their squares: with z = (r/scale)^2 the sum of
 squares `sum r^2` becomes `scale^2 sum rho(z)`, as in `scipy.optimize.least_squares`.
 """
 
@@ -34,68 +34,64 @@ from mrwork.records import DamperTest
 from mrwork.records.checks import FORCE_OFFSET, half_range, static_force
 from mrwork.records.contradictions import refuse_velocity
 from mrwork.records.damper_test import loading_of
-from mrwork.records.observation import AS_IT_IS, Effect, Observation, delay_signal
+from mrwork.records.observation import (
+    AS_IT_IS,
+    EACH,
+    EFFECTS,
+    WEIGH,
+    Effect,
+    Observation,
+    effects_of_each,
+    free_effects,
+)
 
 _stiffness_shares = unchecked(stiffness_shares)
 _simulate_forces, _simulate_sensitivities = unchecked(simulate_forces), unchecked(simulate_sensitivities)
 
-NuisanceName = Literal["offset", "level", "delay"]
+_OFFSET = EFFECTS["offset"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Nuisance:
-    """Estimates for one test: `F = level f(t - delay) + offset`, offset [N], delay [s]."""
-
-    offset: float = 0.0
-    level: float = 1.0
-    delay: float = 0.0
-
-    @property
-    def in_words(self) -> str:
-        """The estimates as text; empty where nothing was estimated."""
-        parts = [
-            (self.offset, f"offset by {self.offset:.4g} N"),
-            (self.level - 1.0, f"times {self.level:.4g}"),
-            (self.delay, f"late by {1e3 * self.delay:.3g} ms"),
-        ]
-        return ", ".join(text for value, text in parts if value != 0.0)
-
-
-NONE = Nuisance()
-
-
-def estimated_in_words(names: Sequence[NuisanceName]) -> str:
+def estimated_in_words(effects: Sequence[Effect]) -> str:
     """What is estimated from the measured force of each test."""
-    return " and ".join(f"{name} of the force" for name in names)
+    return " and ".join(f"{effect.name} of the force" for effect in effects)
 
 
-def missing_warnings(fitted: Sequence[NuisanceName], used: Sequence[NuisanceName]) -> tuple[str, ...]:
-    """A warning where the fit estimated nuisance parameters for each test that a prediction does not use."""
-    missing = [name for name in fitted if name not in used]
+def missing_warnings(fitted: Sequence[str], used: Sequence[str]) -> tuple[str, ...]:
+    """A warning where the fit estimated effects of each test that a prediction, observed by other words, does not."""
+    missing = [effect for effect in effects_of_each(fitted) if effect not in effects_of_each(used)]
     if not missing:
         return ()
-    held = ", and its model has no offset of its own" if "offset" in missing else ""
+    held = ", and its model has no offset of its own" if _OFFSET in missing else ""
+    words = " ".join(f"--observe {effect.name}={EACH}" for effect in missing)
     return (
         f"the fit estimated the {estimated_in_words(missing)} for each test{held}; this prediction does not, so it is "
-        f"worse than the fit by what they change; --nuisance {' --nuisance '.join(fitted)}, the default, estimates "
-        "them from the measured force of each test",
+        f"worse than the fit by what they change; {words}, as in the fit, estimates them from the measured force of "
+        "each test",
     )
 
 
-def bounds_without_offsets(names: Sequence[NuisanceName], spec: DamperSpec) -> dict[str, tuple[float, float]]:
-    """Bounds that fix the model's own force offset at zero, where the offset is a nuisance parameter of each test."""
-    return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if "offset" in names else {}
+def refuse_free(words: Sequence[str], who: str) -> None:
+    """Refuse words that leave an effect to a fit, where there is none."""
+    if left := [word for word in words if word == WEIGH] or [effect.name for effect in free_effects(words)]:
+        raise SettingError(
+            f"{who} fits no effect that tests have in common, and --observe leaves {left[0]} to a fit; give its value"
+        )
+
+
+def bounds_without_offsets(words: Sequence[str], spec: DamperSpec) -> dict[str, tuple[float, float]]:
+    """Bounds that fix the model's own force offset at zero, where the offset is estimated for each test."""
+    return dict.fromkeys(_shifts(spec), (0.0, 0.0)) if _OFFSET in effects_of_each(words) else {}
 
 
 def offset_warning(
-    names: Sequence[NuisanceName],
+    words: Sequence[str],
     spec: DamperSpec,
     bounds: Mapping[str, tuple[float, float]],
     tests: Sequence[DamperTest],
 ) -> tuple[str, ...]:
     """A warning where tests have a static offset of the force that the model cannot describe, or unequal ones."""
     shifts = _shifts(spec)
-    if "offset" in names:
+    if _OFFSET in effects_of_each(words):
         return ()
     if any(bounds.get(name) != (0.0, 0.0) for name in shifts):
         return _unequal_offsets(tests) if set(shifts) <= set(spec.without_laws.names) else ()
@@ -108,7 +104,7 @@ def offset_warning(
         lacks, cure = f"no parameter of {spec.name} adds a constant force", "add one to its equations"
     return (
         f"the force has a static offset in {list_names(shifted)}, and {lacks}, so the model cannot describe it; "
-        f"{cure}, subtract the offset by --repair offset, or estimate it for each test by --nuisance offset",
+        f"{cure}, subtract the offset by --repair offset, or estimate it for each test by --observe offset=each",
     )
 
 
@@ -127,7 +123,7 @@ def _unequal_offsets(tests: Sequence[DamperTest]) -> tuple[str, ...]:
     return (
         f"the static offset of the force is {offsets[least]:+.3g} N in {held[least].label} and {offsets[most]:+.3g} N "
         f"in {held[most].label}, and the model has one for all tests; subtract it by --repair offset, or estimate it "
-        "for each test by --nuisance offset",
+        "for each test by --observe offset=each",
     )
 
 
@@ -141,23 +137,23 @@ def _shifts(spec: DamperSpec) -> tuple[str, ...]:
     return tuple(parameter.name for parameter in spec.parameters if parameter.plain_name in shifts)
 
 
-def without_nuisance(force: AnyArray, measured: AnyArray, names: Sequence[NuisanceName]) -> Any:
-    """Residuals [N] of `force`, shape (n_batch, n_time), with the nuisance parameters at their least-squares values.
+def without_effects(force: AnyArray, measured: AnyArray, each: Sequence[Effect]) -> Any:
+    """Residuals [N] of `force`, shape (n_batch, n_time), with the effects of each test at their least-squares values.
 
-    The residuals are linear in these parameters (in the delay to first order), so their values have a closed form. The
+    The residuals are linear in these effects (in the delay to first order), so their values have a closed form. The
     arrays are of NumPy or of JAX.
     """
     residuals = force - measured
-    if names:
-        coefficients, columns = _best(force, residuals, names)
+    if each:
+        coefficients, columns = _best(force, residuals, each)
         residuals = residuals - force.__array_namespace__().einsum("kb,kbt->bt", coefficients, columns)
     return residuals
 
 
-def linearised_without_nuisance(
-    force: Floats, slope: Floats, measured: Floats, names: Sequence[NuisanceName]
+def linearised_without_effects(
+    force: Floats, slope: Floats, measured: Floats, each: Sequence[Effect]
 ) -> tuple[Floats, Floats]:
-    """Residuals as in `without_nuisance`, and their derivatives, from the force's, shape (n_batch, n_params, n_time).
+    """Residuals as in `without_effects`, and their derivatives, from the force's, shape (n_batch, n_params, n_time).
 
     Residuals are r = y - C c with c = C^+ y. The columns C, except the offset's, depend on the force, hence
 
@@ -166,12 +162,14 @@ def linearised_without_nuisance(
     (Golub, Pereyra, SIAM J. Numer. Anal. 10, 1973, 413-432).
     """
     residuals = force - measured
-    if not names:
+    if not each:
         return residuals, slope
-    coefficients, columns = _best(force, residuals, names)
+    coefficients, columns = _best(force, residuals, each)
     residuals = residuals - np.einsum("kb,kbt->bt", coefficients, columns)
     # The column of the offset depends on nothing.
-    change = np.stack([np.zeros_like(slope) if name == "offset" else _column(name, slope) for name in names])
+    change = np.stack(
+        [np.zeros_like(slope) if effect is _OFFSET else _column(effect, slope) for effect in each]
+    )
     moved = slope - np.einsum("kb,kbpt->bpt", coefficients, change)
     along = np.einsum("kbpt,bt->kbp", change, residuals)
     derivative = np.empty_like(slope)
@@ -185,23 +183,23 @@ def linearised_without_nuisance(
     return residuals, derivative
 
 
-def nuisance_of(force: Floats, measured: Floats, dt: float, names: Sequence[NuisanceName]) -> Nuisance:
-    """Least-squares nuisance parameters for one `force` [N], shape (n_time,)."""
-    if not names:
-        return NONE
-    coefficients, _ = _best(force[None], (force - measured)[None], names)
-    best = dict(zip(names, -coefficients[:, 0], strict=True))
-    return Nuisance(
-        offset=float(best.get("offset", 0.0)),
-        level=1.0 + float(best.get("level", 0.0)),
-        delay=-float(best.get("delay", 0.0)) * dt,
+def estimated_of(force: Floats, measured: Floats, dt: float, each: Sequence[Effect]) -> Observation:
+    """Least-squares effects of a test for one `force` [N], shape (n_time,)."""
+    if not each:
+        return AS_IT_IS
+    coefficients, _ = _best(force[None], (force - measured)[None], each)
+    best = dict(zip((effect.name for effect in each), coefficients[:, 0].tolist(), strict=True))
+    return Observation(
+        delay_seconds=best.get("delay", 0.0) * dt,
+        gain=1.0 - best.get("gain", 0.0),
+        offset=-best.get("offset", 0.0),
     )
 
 
-def _best(force: Any, residuals: Any, names: Sequence[NuisanceName]) -> tuple[Any, Any]:
-    """Least-squares coefficients, shape (n_names, n_batch), of the columns, (n_names, n_batch, n_time)."""
+def _best(force: Any, residuals: Any, each: Sequence[Effect]) -> tuple[Any, Any]:
+    """Least-squares coefficients, shape (n_effects, n_batch), of the columns, (n_effects, n_batch, n_time)."""
     xp = force.__array_namespace__()
-    columns = xp.stack([_column(name, force) for name in names])
+    columns = xp.stack([_column(effect, force) for effect in each])
     unit, length = scale_columns(columns)
     gram = xp.einsum("jbt,kbt->bjk", unit, unit)
     right = xp.einsum("jbt,bt->bj", unit, residuals)
@@ -209,7 +207,7 @@ def _best(force: Any, residuals: Any, names: Sequence[NuisanceName]) -> tuple[An
 
 
 def scale_columns(columns: Any) -> tuple[Any, Any]:
-    """Columns of unit length, and their lengths, shape (n_names, ...).
+    """Columns of unit length, and their lengths, shape (n_effects, ...).
 
     Without it the normal equations are ill-conditioned: a force of 1e3 N is far larger than its change per sample.
     """
@@ -220,12 +218,12 @@ def scale_columns(columns: Any) -> tuple[Any, Any]:
     return columns / length[..., None], length
 
 
-def _column(name: NuisanceName, force: Any) -> Any:
-    """Derivative of the residuals with respect to one nuisance parameter, to first order."""
+def _column(effect: Effect, force: Any) -> Any:
+    """Derivative of the residuals with respect to an effect of each test, to first order."""
     xp = force.__array_namespace__()
-    if name == "offset":
+    if effect is _OFFSET:
         return xp.ones_like(force)
-    return force if name == "level" else xp.gradient(force, axis=-1)
+    return xp.gradient(force, axis=-1) if effect.of_time else force
 
 
 LossName = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]
@@ -315,19 +313,20 @@ class ObservedTest:
     """One test that a model is compared with; the splines of its `history` are computed once for all candidates.
 
     `share` is the factor of its squared NRMSE in the squared misfit of all tests, whose shares add up to 1. Residuals
-    are the model's force minus the measured one [N], over the samples that are compared, with the nuisance parameters
-    at their least-squares values for each candidate. They are multiplied by the `weights`, shape (n_counted,), and then
-    transformed by the `loss`, if any. Candidates have their tied parameters by the `ties`, whatever they had for them.
-    Those that want more sub-steps a second than `stiffest` [1/s] are no candidates. The last columns of candidates are
-    the values of the `free` effects on the recorded force, and not the ones of the observation. `counted` are these
-    samples, `measured` the force there [N], shape (n_counted,), `variance` its variance [N^2], and `acceleration` that
-    of the motion [m/s^2], shape (n_time,), where a mass needs it: found once, because every simulation needs them.
+    are the model's force minus the measured one [N], over the samples that are compared, with the effects of `each`
+    test at their least-squares values for each candidate. They are multiplied by the `weights`, shape (n_counted,), and
+    then transformed by the `loss`, if any. Candidates have their tied parameters by the `ties`, whatever they had for
+    them. Those that want more sub-steps a second than `stiffest` [1/s] are no candidates. The last columns of
+    candidates are the values of the `free` effects on the recorded force, and not the ones of the observation.
+    `counted` are these samples, `measured` the force there [N], shape (n_counted,), `variance` its variance [N^2], and
+    `acceleration` that of the motion [m/s^2], shape (n_time,), where a mass needs it: found once, because every
+    simulation needs them.
     """
 
     spec: DamperSpec
     test: DamperTest
     history: _rust.LoadingHistory
-    nuisances: Sequence[NuisanceName] = ()
+    each: tuple[Effect, ...] = ()
     share: float = 1.0
     weights: Floats | None = None
     loss: Loss | None = None
@@ -360,10 +359,8 @@ class ObservedTest:
         return int(substeps.sum()) * self.test.n_time
 
     @classmethod
-    def of(cls, spec: DamperSpec, test: DamperTest, nuisances: Sequence[NuisanceName] = ()) -> ObservedTest:
+    def of(cls, spec: DamperSpec, test: DamperTest, each: tuple[Effect, ...] = ()) -> ObservedTest:
         """Compute the splines of the test's motion."""
-        if len(set(nuisances)) != len(nuisances):
-            raise SettingError(f"`nuisances` are {', '.join(nuisances)}; name each once")
         refuse_velocity(test)
         if test.n_counted == 0:
             raise SettingError(
@@ -375,11 +372,11 @@ class ObservedTest:
                 raise RecordError(
                     f"{test.label}: the {channel} is constant, so there is nothing to compare; check the channel"
                 )
-        return cls(spec=spec, test=test, history=loading_of(test, spec).history(), nuisances=nuisances)
+        return cls(spec=spec, test=test, history=loading_of(test, spec).history(), each=each)
 
     def of_test(self, test: DamperTest) -> ObservedTest:
         """Another test, compared as this one, with its share."""
-        return replace(ObservedTest.of(self.spec, test, self.nuisances), share=self.share)
+        return replace(ObservedTest.of(self.spec, test, self.each), share=self.share)
 
     @property
     def is_plain(self) -> bool:
@@ -409,7 +406,7 @@ class ObservedTest:
     def residuals(self, theta: Floats, *, threads: int = 0) -> tuple[Floats, NDArray[np.bool_]]:
         """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""
         force, failed = self.forces(theta, threads=threads)
-        residuals = without_nuisance(force[:, self.counted], self.measured, self.nuisances)
+        residuals = without_effects(force[:, self.counted], self.measured, self.each)
         return residuals if self.is_plain else self._emphasise(residuals)[0], failed
 
     def linearise_residuals(
@@ -443,8 +440,8 @@ class ObservedTest:
             further[:, column] += step
             moved = self._observe(run.force, further) - force
             slope = np.concatenate([slope, moved[:, None] / step], axis=1)
-        residuals, derivative = linearised_without_nuisance(
-            force[:, counted], slope[..., counted], self.measured, self.nuisances
+        residuals, derivative = linearised_without_effects(
+            force[:, counted], slope[..., counted], self.measured, self.each
         )
         if not self.is_plain:
             residuals, factor = self._emphasise(residuals)
@@ -485,13 +482,10 @@ class ObservedTest:
         transformed, factor = self.loss.transform(weighted)
         return transformed, factor * weights
 
-    def predict_force(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Nuisance, int]:
-        """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps."""
+    def predict_force(self, theta: Floats, *, substep_factor: int = 1) -> tuple[Floats, Observation, int]:
+        """Force of one set of parameters as recorded [N], shape (n_time,), effects of the test, number of sub-steps."""
         run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
         refuse_failure(f"{self.spec.name} on {self.test.name}", run.outcome[0])
         force = self._observed(run.force[0], self.test.observation)
-        nuisance = nuisance_of(force[self.counted], self.measured, self.test.dt, self.nuisances)
-        if self.nuisances:
-            late = delay_signal(force, nuisance.delay / self.test.dt)
-            force = np.asarray(nuisance.level * late + nuisance.offset)
-        return force, nuisance, int(run.substeps[0])
+        estimated = estimated_of(force[self.counted], self.measured, self.test.dt, self.each)
+        return estimated.observe(force, self.test.dt), estimated, int(run.substeps[0])

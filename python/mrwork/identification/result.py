@@ -20,11 +20,12 @@ from mrwork.identification.covariance import Covariance
 from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace, step_in_words
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, provenance_of
-from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
+from mrwork.identification.residual import ObservedTest
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of, range_of_tests
 from mrwork.records.likeness import RecordedMotion
+from mrwork.records.observation import AS_IT_IS, Effect, Observation
 
 
 def free_run(
@@ -32,16 +33,16 @@ def free_run(
     theta: Floats,
     test: DamperTest,
     *,
-    nuisances: Sequence[NuisanceName] = (),
+    each: tuple[Effect, ...] = (),
     substep_factor: int = 1,
 ) -> tuple[Floats, FitQuality]:
     """Free-run simulation of a model on a test: the force as recorded [N], shape (n_time,), and its quality.
 
-    `nuisances`: parameters that are estimated from the test itself before the comparison.
+    `each`: effects that are estimated from the test itself before the comparison.
     """
-    observed = ObservedTest.of(spec, test, nuisances)
-    force, nuisance, substeps = observed.predict_force(theta, substep_factor=substep_factor)
-    return force, fit_quality(test, force, substeps=substeps, nuisance=nuisance)
+    observed = ObservedTest.of(spec, test, each)
+    force, estimated, substeps = observed.predict_force(theta, substep_factor=substep_factor)
+    return force, fit_quality(test, force, substeps=substeps, estimated=estimated)
 
 
 @contextmanager
@@ -56,7 +57,9 @@ def explain_failures(fit: Fit, test: DamperTest) -> Iterator[None]:
         ) from error
 
 
-def fit_quality(test: DamperTest, force: Floats, *, substeps: int, nuisance: Nuisance = NONE) -> FitQuality:
+def fit_quality(
+    test: DamperTest, force: Floats, *, substeps: int, estimated: Observation = AS_IT_IS
+) -> FitQuality:
     """Compare a simulated force as recorded, that is after the observation model [N], shape (n_time,), with the test.
 
     `E_t = e_t/s_F` and likewise `E_x`, `E_v`, with `e_t^2 = int r^2 dt`, `e_x^2 = int r^2 |x'| dt`,
@@ -86,7 +89,7 @@ def fit_quality(test: DamperTest, force: Floats, *, substeps: int, nuisance: Nui
         settle_seconds=test.window.start * test.dt,
         substeps=substeps,
         observation=test.observation,
-        nuisance=nuisance,
+        estimated=estimated,
     )
 
 
@@ -108,7 +111,7 @@ def fit_at(
     values = np.asarray(problem.form.to_model(theta))
     estimates, directions = fitted_parameters(problem, theta, covariance)
     tested = range_of_tests(objective.tests, spec.command_unit)
-    runs = [free_run(spec, values, test, nuisances=objective.settings.nuisances) for test in objective.tests]
+    runs = [free_run(spec, values, test, each=objective.settings.effects_of_each) for test in objective.tests]
     quality = tuple(test_quality for _, test_quality in runs)
     # After Ctrl-C nothing is compiled.
     change = (
@@ -141,7 +144,6 @@ def fit_at(
         n_time=sum(test_quality.n_time for test_quality in quality),
         provenance=provenance_of(problem),
         current=spec.current_laws,
-        nuisances=objective.settings.nuisances,
         motions=tuple(RecordedMotion.of(test) for test in objective.tests),
         n_effective=None if covariance is None else covariance.n_effective,
         tests=objective.tests,
@@ -168,7 +170,7 @@ def _half_step_change(
         return None
     with suppress(SimulationError):
         finer = [
-            free_run(spec, theta, test, nuisances=objective.settings.nuisances, substep_factor=2)[0]
+            free_run(spec, theta, test, each=objective.settings.effects_of_each, substep_factor=2)[0]
             for test in objective.tests
         ]
         return max(

@@ -11,8 +11,7 @@ from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
 from mrwork.errors import RecordError
-from mrwork.identification.residual import NuisanceName
-from mrwork.records.observation import DETECT, NONE, WEIGH, Effect, as_words, free_effects
+from mrwork.records.observation import DETECT, NONE, WEIGH, Effect, as_words, effects_of_each, free_effects
 from mrwork.search import Optimiser
 from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.store.codec import built, plain
@@ -165,9 +164,6 @@ class FitSettings:
     engine
         What makes the final fit: lanes, or optimistix, which takes longer to reach the same minimum and serves
         comparisons.
-    nuisances
-        Nuisance parameter of the measurement, estimated for each test from its measured force: "offset", "level" or
-        "delay". With "offset" the model's own force offset is fixed at zero, because the two cannot be distinguished.
     observe
         Observation model of the tests that have none of their own, the effect of the measurement on the force: "detect"
         applies a moving average that was found in the record also to the model's force, and has no effect where none
@@ -175,14 +171,16 @@ class FitSettings:
         "lag=0.012" (of first order), "delay=0.002", "mass=20" (that moves between damper and load cell), "gain=1.02"
         and "offset=-20" give values [s, Hz, kg, N]. "mass=free", "lag=free" or "delay=free" is one number of all tests,
         fitted with the parameters; it stands among them with its error, and predictions have it. "weigh" fits those of
-        mass, lag and delay with which tests at several frequencies are predicted better, if any.
+        mass, lag and delay with which tests at several frequencies are predicted better, if any. "offset=each",
+        "gain=each" or "delay=each" is estimated for each test from its measured force; with the offset the model's own
+        force offset is fixed at zero, because the two cannot be distinguished.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
 
     Raises
     ------
     SettingError
-        Where the exponent of the force, the engine, a nuisance parameter or an observation is impossible.
+        Where the exponent of the force, the engine or an observation is impossible.
     UnknownNameError
         Where no search has the name.
     """
@@ -193,14 +191,16 @@ class FitSettings:
     ties: Mapping[str, str] = field(default_factory=dict)
     force_exponent: Annotated[float, Within(least=0.0, most=EQUAL_SHARES)] = EQUAL_SHARES
     engine: Engine = "lanes"
-    nuisances: Sequence[NuisanceName] = ()
     observe: str | Sequence[str] = DETECT
     rng: Seed = 0
 
     def __post_init__(self) -> None:
         search = search_named(self.search) if isinstance(self.search, str) else self.search
-        plain: dict[str, Any] = {"search": search, "observe": as_words(self.observe)}
-        plain |= {name: tuple(getattr(self, name)) for name in ("starts", "nuisances")}
+        plain: dict[str, Any] = {
+            "search": search,
+            "observe": as_words(self.observe),
+            "starts": tuple(self.starts),
+        }
         for name, value in plain.items():
             object.__setattr__(self, name, value)
 
@@ -209,14 +209,17 @@ class FitSettings:
         """The effects on the recorded force that are fitted with the parameters, one number each for all tests."""
         return free_effects(self.observe)
 
-    def with_effects(self, values: Mapping[Effect, float]) -> FitSettings:
-        """The settings with these effects given, whatever they say of them."""
+    @property
+    def effects_of_each(self) -> tuple[Effect, ...]:
+        """The effects that are estimated for each test from its own force."""
+        return effects_of_each(self.observe)
+
+    def with_effects(self, values: Mapping[Effect, float | str]) -> FitSettings:
+        """The settings with these effects given, or `FREE`, whatever they say of them."""
         names = [NONE, WEIGH, *(effect.name for effect in values)]
         words = [word for word in self.observe if word.partition("=")[0] not in names]
-        return replace(
-            self,
-            observe=(*words, *(f"{effect.name}={value!r}" for effect, value in values.items())) or (NONE,),
-        )
+        given = [f"{effect.name}={value}" for effect, value in values.items()]
+        return replace(self, observe=(*words, *given) or (NONE,))
 
     @property
     def again(self) -> FitSettings:

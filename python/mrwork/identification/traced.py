@@ -25,10 +25,10 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.candidates import CandidateObjective, loading_for, objective
 from mrwork.identification.objective import Objective
-from mrwork.identification.residual import Loss, NuisanceName, without_nuisance
+from mrwork.identification.residual import Loss, without_effects
 from mrwork.identification.ties import Ties
 from mrwork.records import DamperTest, Observation
-from mrwork.records.observation import AS_IT_IS, observe_by
+from mrwork.records.observation import AS_IT_IS, Effect, observe_by
 from mrwork.twins.kernel import Kernel
 from mrwork.twins.models import on_processor
 from mrwork.twins.record_arrays import RecordArrays
@@ -59,7 +59,7 @@ class Residuals:
 
     kernel: Kernel
     observed: tuple[tuple[Observation, float], ...]
-    nuisances: Sequence[NuisanceName]
+    each: tuple[Effect, ...]
     loss: Loss | None
     ties: Ties | None
 
@@ -87,7 +87,7 @@ class Residuals:
                 (test.observation, 1.0 if test.observation == AS_IT_IS else test.dt)
                 for test in objective.tests
             ),
-            nuisances=objective.settings.nuisances,
+            each=objective.settings.effects_of_each,
             loss=first.loss,
             ties=first.ties,
         )
@@ -100,7 +100,7 @@ class Residuals:
             force = self.kernel(tied, test.record)
             failed = jnp.isinf(force[-1])
             force = observe_by(observation, _filtered, jnp.where(failed, 0.0, force), dt, test.acceleration)
-            (residual,) = without_nuisance(force[None, test.counted], test.measured, self.nuisances)
+            (residual,) = without_effects(force[None, test.counted], test.measured, self.each)
             results.append((jnp.where(failed, 0.0, residual), failed))
         return results
 
@@ -260,7 +260,7 @@ def misfit(
     Parameters
     ----------
     model
-        A model or its name; or an objective, `mr.objective(...)`, with its bounds, ties, nuisance parameters, weights,
+        A model or its name; or an objective, `mr.objective(...)`, with its bounds, ties, effects of each test, weights,
         masks and loss, and then no `tests`.
     tests
         The tests.

@@ -23,6 +23,7 @@ from mrwork.identification.equivalent import search_box
 from mrwork.identification.fit import Direction, FittedParameter, ParameterChange, Verdict
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
+from mrwork.records.observation import Effect
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25
@@ -61,13 +62,21 @@ class Scale:
         return _times(share, whole)
 
 
-def scales_of(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: Floats) -> tuple[Scale, ...]:
-    """The scale of each parameter at `theta`, shape (n_params,)."""
+def scales_of(
+    spec: DamperSpec,
+    box: Box,
+    tests: tuple[DamperTest, ...],
+    theta: Floats,
+    effects: Sequence[Effect] = (),
+) -> tuple[Scale, ...]:
+    """The scale of each parameter, and then of each free effect, at `theta`, shape (n_params + n_effects,)."""
     ranges, scales = search_box(spec, box, tests), []
-    for index, (parameter, value) in enumerate(zip(spec.parameters, theta.tolist(), strict=True)):
+    kinds = [(each.name, each.unit, each.nominal) for each in spec.parameters]
+    kinds += [(effect.parameter, effect.unit, 0.0) for effect in effects]
+    for index, ((name, unit, nominal), value) in enumerate(zip(kinds, theta.tolist(), strict=True)):
         bounds, log = (box.lower[index], box.upper[index]), box.log[index]
         lower, upper = ranges.lower[index], ranges.upper[index]
-        nominal, most = abs(parameter.nominal), abs(value)
+        nominal, most = abs(nominal), abs(value)
         most = most if most > _AS_ZERO * nominal else nominal
         ends = max(bounds[0], -most), min(bounds[1], most)
         if (lower, upper) == bounds and not log and most > 0.0 and ends[0] < ends[1]:
@@ -76,8 +85,8 @@ def scales_of(spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: 
         of_range = not log and half > abs(value)
         scales.append(
             Scale(
-                name=parameter.name,
-                unit=parameter.unit,
+                name=name,
+                unit=unit,
                 value=value,
                 size=half if of_range else abs(value),
                 of_range=of_range,

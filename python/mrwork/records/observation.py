@@ -1,6 +1,7 @@
 """The observation model of a test: what rig and processing make of the force of the damper.
 
-An effect is given as a number, or free: then it is one number of all tests, which a fit finds with the parameters.
+An effect is given as a number, or free: one number of all tests, which a fit finds with the parameters; or it is a
+nuisance of each test, estimated from the force of that test.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from mrwork.errors import SettingError
 class Effect:
     """An effect on the recorded force: its name in settings, the field of `Observation`, its unit.
 
-    One that may be free has a range, outside of which no rig is. One `of_time` may be given as a share of a period.
+    One that may be free has a range, outside of which no rig is; one that may be estimated for each test is `of_each`.
+    One `of_time` may be given as a share of a period.
     """
 
     name: str
@@ -31,6 +33,12 @@ class Effect:
     unit: str
     of_time: bool = False
     free: tuple[float, float] | None = None
+    of_each: bool = False
+
+    @property
+    def parameter(self) -> str:
+        """Name among the parameters of a fit that has found it."""
+        return f"force_{self.name}"
 
 
 _LONGEST = 0.5
@@ -38,12 +46,12 @@ EFFECTS: Final = {
     effect.name: effect
     for effect in (
         Effect("mass", "mass", "kg", free=(0.0, 5e3)),
-        Effect("delay", "delay_seconds", "s", of_time=True, free=(-_LONGEST, _LONGEST)),
+        Effect("delay", "delay_seconds", "s", of_time=True, free=(-_LONGEST, _LONGEST), of_each=True),
         Effect("lag", "lag_seconds", "s", of_time=True, free=(0.0, _LONGEST)),
         Effect("lowpass", "lowpass_hz", "Hz"),
         Effect("average", "average_seconds", "s", of_time=True),
-        Effect("gain", "gain", "1"),
-        Effect("offset", "offset", "N"),
+        Effect("gain", "gain", "1", of_each=True),
+        Effect("offset", "offset", "N", of_each=True),
     )
 }
 """The effects by name, in the order in which they act."""
@@ -215,11 +223,15 @@ def _low_passed(filtered: Filter, signal: Any, corner_hz: float, dt: float) -> A
 DETECT: Final = "detect"
 NONE: Final = "none"
 FREE: Final = "free"
+EACH: Final = "each"
 WEIGH: Final = "weigh"
 
 
 def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
-    """The words of an observation setting, checked: `detect`, `none`, `weigh`, WHAT=VALUE or WHAT=free each."""
+    """The words of an observation setting, checked: `detect`, `none`, `weigh`, WHAT=VALUE, free or each.
+
+    Words that leave all effects to the fit leave `detect`, too.
+    """
     words = (observe,) if isinstance(observe, str) else tuple(observe)
     if not words or (NONE in words and len(words) > 1):
         raise SettingError(
@@ -229,27 +241,37 @@ def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
         if word in (DETECT, NONE, WEIGH):
             continue
         effect, text = _effect_of(word)
-        if text != FREE:
+        if text not in (FREE, EACH):
             value_of(word, period=1.0)
-        elif effect.free is None:
-            free = " or ".join(each.name for each in EFFECTS.values() if each.free)
+        elif not (effect.free if text == FREE else effect.of_each):
+            able = " or ".join(
+                other.name for other in EFFECTS.values() if (other.free if text == FREE else other.of_each)
+            )
             raise SettingError(
-                f"--observe is {word!r}, and no fit tells {effect.name} from the force of the damper; give its value, "
-                f"or free {free}"
+                f"--observe is {word!r}, and no fit tells {effect.name} from the force of the damper; give its value; "
+                f"what may be {text} is {able}"
             )
     names = [word.partition("=")[0] for word in words]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise SettingError(f"--observe gives {twice} twice; give it once")
-    if {"lag", "delay"} <= {effect.name for effect in free_effects(words)}:
+    if {"lag", "delay"} <= {effect.name for effect in (*free_effects(words), *effects_of_each(words))}:
         raise SettingError(
-            "--observe frees a lag and a delay, which tests hardly tell apart; free one of them, and give the other"
+            "--observe estimates a lag and a delay, which tests hardly tell apart; estimate one of them, and give the "
+            "other"
         )
+    if all(word == WEIGH or word.endswith((f"={FREE}", f"={EACH}")) for word in words):
+        return (DETECT, *words)
     return words
 
 
 def free_effects(words: Sequence[str]) -> tuple[Effect, ...]:
     """The effects that the words of an observation setting leave free, one number each for all tests."""
     return tuple(effect for name, effect in EFFECTS.items() if f"{name}={FREE}" in words)
+
+
+def effects_of_each(words: Sequence[str]) -> tuple[Effect, ...]:
+    """The effects that are estimated for each test from its own force."""
+    return tuple(effect for name, effect in EFFECTS.items() if f"{name}={EACH}" in words)
 
 
 def _effect_of(word: str) -> tuple[Effect, str]:

@@ -23,6 +23,7 @@ from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.observation import (
     AS_IT_IS,
     DETECT,
+    EACH,
     EFFECTS,
     FREE,
     NONE,
@@ -179,7 +180,7 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
             # With a window in the displacement alone, the force was not averaged.
             if test.smoothing is not None and "force" in test.smoothing.channels:
                 values["average_seconds"] = test.smoothing.window_seconds
-        elif word not in (NONE, WEIGH) and not word.endswith(f"={FREE}"):
+        elif word not in (NONE, WEIGH) and word.partition("=")[2] not in (FREE, EACH):
             period = 1.0
             if word.endswith("T"):
                 period = 1.0 / (test.frequency or spectrum(test.displacement, test.dt).dominant)

@@ -214,7 +214,7 @@ def _as_recorded(quality: FitQuality) -> dict[str, Any]:
         "name": quality.test,
         "words": quality.recorded_in_words,
         "observation": asdict(quality.observation),
-        "nuisance": asdict(quality.nuisance),
+        "estimated": asdict(quality.estimated),
     }
 
 

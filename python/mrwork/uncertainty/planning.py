@@ -25,10 +25,11 @@ from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
-from mrwork.identification.residual import NuisanceName, linearised_without_nuisance
+from mrwork.identification.residual import linearised_without_effects
 from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
+from mrwork.records.observation import Effect
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
 # Rows of a plan that a summary has.
@@ -132,7 +133,7 @@ class LinearisedPosterior:
     theta: Floats
     precision: Floats
     weight: float
-    nuisances: Sequence[NuisanceName]
+    each: tuple[Effect, ...]
     threads: int
 
     @classmethod
@@ -140,29 +141,37 @@ class LinearisedPosterior:
         cls, fit: Fit, tests: DamperTest | Sequence[DamperTest], *, threads: int = 0
     ) -> LinearisedPosterior:
         """The linearised posterior of a fit."""
-        problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
+        without = Problem.of_fit(fit, as_tests(tests), threads=threads)
+        problem = without.freeing(fit.effects)
         if problem.settings.ties:
             tied = ", ".join(problem.settings.ties)
             raise SettingError(
                 f"the fit has tied {tied}, and the choice of the next test knows no ties; plan with a fit without them"
             )
         objective, spec, box = problem.objective, problem.form.spec, problem.form.box
-        theta = problem.inside(fit.theta)
+        theta = problem.inside(fit.theta_with_effects)
         slopes = Slopes.at(objective, problem.form, theta)
         residuals, derivative = slopes.residuals, slopes.by_free.T * box.unit_slope(theta)
         weight = slopes.dof / float(residuals @ residuals)
         ends = np.array(
-            [(scale.lower, scale.upper) for scale in scales_of(spec, box, objective.tests, theta)]
+            [
+                (scale.lower, scale.upper)
+                for scale in scales_of(spec, box, objective.tests, theta, objective.compared[0].free)
+            ]
         ).T
         lower, upper = box.unit_from_theta(np.clip(ends, box.lower, box.upper))
-        prior = np.diag(12.0 / (upper - lower) ** 2)
+        precision = np.diag(12.0 / (upper - lower) ** 2) + weight * derivative.T @ derivative
+        # Of the parameters alone, whatever the free effects are, which the tests tell and candidates are not asked for.
+        n_own = len(without.form.box.free)
+        by_effects = precision[:n_own, n_own:]
+        taken = by_effects @ np.linalg.solve(precision[n_own:, n_own:], by_effects.T)
         return cls(
             spec=spec,
-            box=box,
-            theta=theta,
-            precision=prior + weight * derivative.T @ derivative,
+            box=without.form.box,
+            theta=theta[: len(without.form.box.names)],
+            precision=precision[:n_own, :n_own] - taken,
             weight=weight / len(objective.tests),
-            nuisances=fit.nuisances,
+            each=fit.settings.effects_of_each,
             threads=threads,
         )
 
@@ -258,7 +267,7 @@ def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -
         # A force that never changes tells nothing, and has no deviation to divide by.
         if run.outcome[0] != Outcome.FINISHED or not np.ptp(force) > 0.0:
             continue
-        _, corrected = linearised_without_nuisance(force, derivative, force[0], posterior.nuisances)
+        _, corrected = linearised_without_effects(force, derivative, force[0], posterior.each)
         # Columns, (n_free, n_counted), whose products with themselves are means over time.
         scale = np.std(force) * np.sqrt(force.size)
         of_force, of_test = derivative[0] / scale, corrected[0] / scale

@@ -62,7 +62,7 @@ def _held_out(fit: Fit, predictions: Sequence[Prediction], calibration: Calibrat
         replace(prediction, outside=fit.outside(prediction.test, prediction.model_force))
         for prediction in predictions
     ]
-    return Predictions.about(fit, judged, nuisances=fit.nuisances, calibration=calibration, level=_LEVEL)
+    return Predictions.about(fit, judged, observe=fit.settings.observe, calibration=calibration, level=_LEVEL)
 
 
 def keep_held_out(path: Path, predictions: Predictions) -> bool:

@@ -18,13 +18,14 @@ from mrwork.dampers.law_sets import SetsApart, sets_apart
 from mrwork.dampers.tested_range import Outside
 from mrwork.errors import MrworkError, SettingError, SimulationError
 from mrwork.identification.fit import Fit, FitQuality
-from mrwork.identification.residual import NONE, Nuisance, NuisanceName, ObservedTest
+from mrwork.identification.residual import ObservedTest
 from mrwork.identification.result import explain_failures, fit_quality, free_run, rms
 from mrwork.identification.settings import Fold as Fold
-from mrwork.records import DamperTest, Likeness
+from mrwork.records import DamperTest, Likeness, observed
 from mrwork.records.damper_test import range_of_test, same_commands
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
+from mrwork.records.observation import AS_IT_IS, Observation, effects_of_each
 
 IN_WORDS: dict[Fold, str] = {
     "test": "each predicted without itself",
@@ -60,7 +61,7 @@ class Prediction(Plotted, WithAxes, Summarised):
     only then does the error tell how the fit predicts. `outside` is what of the test lies outside the
     tested ranges of the fit. `other_forces` are of other sets of laws [N], shape (n_sets, n_time), and
     `sets_apart` how far they are apart where the tests of the fit end, `None` where the test does not reach there.
-    `substeps` is the number in a sample, `nuisance` the parameters that were estimated from the test itself.
+    `substeps` is the number in a sample, `estimated` the effects that were estimated from the test itself.
     Properties are of the counted samples, shape (n_counted,).
     """
 
@@ -71,7 +72,7 @@ class Prediction(Plotted, WithAxes, Summarised):
     seen: Likeness | None = None
     outside: Outside = field(default=Outside(known=False), repr=False)
     substeps: Count = 1
-    nuisance: Nuisance = NONE
+    estimated: Observation = AS_IT_IS
     other_forces: Floats = field(default_factory=lambda: np.empty((0, 0)), repr=False)
     sets_apart: SetsApart | None = None
 
@@ -114,7 +115,7 @@ class Prediction(Plotted, WithAxes, Summarised):
     @property
     def quality(self) -> FitQuality:
         """The errors of the prediction, as a fit has them of its tests."""
-        return fit_quality(self.test, self.model_force, substeps=self.substeps, nuisance=self.nuisance)
+        return fit_quality(self.test, self.model_force, substeps=self.substeps, estimated=self.estimated)
 
     @property
     def nrmse(self) -> float:
@@ -164,18 +165,18 @@ def predictions_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Prediction, .
     theta = np.array(fit.theta)
     tests = [fit.observed(test) for test in tests]
     forces = fit.forces or tuple(
-        free_run(fit.spec, theta, test, nuisances=fit.nuisances)[0] for test in tests
+        free_run(fit.spec, theta, test, each=fit.settings.effects_of_each)[0] for test in tests
     )
     return tuple(Prediction(test=test, model_force=force) for test, force in zip(tests, forces, strict=True))
 
 
 def with_others(
-    prediction: Prediction, fit: Fit, others: Sequence[Fit], nuisances: Sequence[NuisanceName] | None
+    prediction: Prediction, fit: Fit, others: Sequence[Fit], observe: Sequence[str]
 ) -> Prediction:
     """The prediction with the forces of other sets of laws, without those that cannot be simulated."""
     test, forces = prediction.test, [prediction.model_force]
     for other in others:
-        observed = ObservedTest.of(other.spec, test, other.nuisances if nuisances is None else nuisances)
+        observed = ObservedTest.of(other.spec, test, effects_of_each(observe))
         with suppress(SimulationError):
             forces.append(observed.predict_force(np.array(other.theta))[0])
     if len(forces) == 1:
@@ -194,21 +195,24 @@ def with_others(
 def predict_test(
     fit: Fit,
     test: DamperTest,
-    nuisances: Sequence[NuisanceName] | None = None,
+    observe: Sequence[str] | None = None,
     substep_factor: int = 1,
 ) -> Prediction:
     """A prediction without a warning, with `substep_factor` times as many integration steps."""
-    test = fit.observed(test)
-    observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
+    words = fit.settings.observe if observe is None else observe
+    test = observed(test, words)
+    compared = ObservedTest.of(fit.spec, test, effects_of_each(words))
     with explain_failures(fit, test):
-        force, nuisance, substeps = observed.predict_force(np.array(fit.theta), substep_factor=substep_factor)
+        force, estimated, substeps = compared.predict_force(
+            np.array(fit.theta), substep_factor=substep_factor
+        )
     return Prediction(
         test=test,
         model_force=force,
         seen=fit.seen(test),
         outside=fit.outside(test, force),
         substeps=substeps,
-        nuisance=nuisance,
+        estimated=estimated,
     )
 
 

@@ -16,9 +16,10 @@ from mrwork.dampers.tested_range import worst_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification.fit import Fit, FitSpread
 from mrwork.identification.problem import prediction_warning
-from mrwork.identification.residual import NuisanceName, estimated_in_words, missing_warnings
+from mrwork.identification.residual import estimated_in_words, missing_warnings, refuse_free
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.likeness import likenesses_in_words
+from mrwork.records.observation import as_words, effects_of_each
 from mrwork.uncertainty.bands.band import Band, BandScore, score
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.prediction import Prediction, predict_test, with_others
@@ -37,7 +38,7 @@ class Predictions(Summarised):
 
     fit: Fit
     predictions: tuple[Prediction, ...]
-    nuisances: Sequence[NuisanceName]
+    observe: Sequence[str]
     used: tuple[Likeness | None, ...]
     bands: tuple[tuple[Band, BandScore] | None, ...] = ()
     level: float | None = None
@@ -50,7 +51,7 @@ class Predictions(Summarised):
         fit: Fit,
         tests: Sequence[DamperTest],
         *,
-        nuisances: Sequence[NuisanceName] | None = None,
+        observe: str | Sequence[str] | None = None,
         others: Sequence[Fit] = (),
         substep_factor: Annotated[int, Within(least=1, most=256)] = 1,
         calibration: Calibration | None = None,
@@ -66,12 +67,12 @@ class Predictions(Summarised):
             Also give the half width and the coverage of the prediction band of this level, such as 0.9; needs a
             calibration.
         """
-        chosen = fit.nuisances if nuisances is None else nuisances
+        words = fit.settings.observe if observe is None else as_words(observe)
+        refuse_free(words, "a prediction")
         predictions = [
-            with_others(predict_test(fit, test, chosen, substep_factor), fit, others, chosen)
-            for test in tests
+            with_others(predict_test(fit, test, words, substep_factor), fit, others, words) for test in tests
         ]
-        return cls.about(fit, predictions, nuisances=chosen, calibration=calibration, level=level)
+        return cls.about(fit, predictions, observe=words, calibration=calibration, level=level)
 
     @classmethod
     def about(
@@ -79,7 +80,7 @@ class Predictions(Summarised):
         fit: Fit,
         predictions: Sequence[Prediction],
         *,
-        nuisances: Sequence[NuisanceName],
+        observe: Sequence[str],
         calibration: Calibration | None,
         level: float | None,
     ) -> Predictions:
@@ -96,7 +97,7 @@ class Predictions(Summarised):
         return cls(
             fit=fit,
             predictions=tuple(predictions),
-            nuisances=nuisances,
+            observe=observe,
             used=tuple(
                 None if calibration is None else calibration.knows(prediction.test)
                 for prediction in predictions
@@ -126,7 +127,7 @@ class Predictions(Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the command, the nuisance parameters and the tested ranges of the fit say against the predictions."""
+        """What the command, the observation and the tested ranges of the fit say against the predictions."""
         cases = [(prediction.test.label, prediction.outside) for prediction in self.predictions]
         worst = [
             f"{exceedance.in_words}, {label}"
@@ -136,7 +137,7 @@ class Predictions(Summarised):
         limits = worst_laws(limit for _, outside in cases for limit in outside.laws)
         conditions = [self.fit.other_condition(prediction.test) for prediction in self.predictions]
         return (
-            *missing_warnings(self.fit.nuisances, self.nuisances),
+            *missing_warnings(self.fit.settings.observe, self.observe),
             *prediction_warning(self.fit.spec, [prediction.test for prediction in self.predictions]),
             *(
                 f"{in_words}; test there before you rely on it"
@@ -166,7 +167,7 @@ class Predictions(Summarised):
         return {
             "model": self.fit.model,
             "files": [self._file(number) for number in range(len(self.predictions))],
-            "nuisances": self.nuisances,
+            "observe": self.observe,
             "warnings": list(self.warnings),
             **{name: asdict(spread) for name, spread in spreads.items() if spread is not None},
             **{name: text for name, text in named(self, "sets_apart", "basis").items() if text},
@@ -183,7 +184,7 @@ class Predictions(Summarised):
             **named(quality, "n_time", "settle_seconds", "substeps"),
             "seen": None if each.seen is None else asdict(each.seen),
             "other_condition": None if condition is None else asdict(condition),
-            "nuisance": asdict(quality.nuisance) if self.nuisances else None,
+            "estimated": asdict(quality.estimated) if effects_of_each(self.observe) else None,
             "outside_tested_range": list(each.outside.names) if each.outside.known else None,
             "warnings": list(each.outside.sentences),
             "sets_apart_percent": None if each.sets_apart is None else each.sets_apart.percent,
@@ -226,10 +227,8 @@ class Predictions(Summarised):
                 )
             )
         notes = [self.spread.in_words] if len(self.predictions) > 1 else []
-        if self.nuisances:
-            notes.append(
-                f"Estimated from the measured force of each test: {estimated_in_words(self.nuisances)}."
-            )
+        if each := effects_of_each(self.observe):
+            notes.append(f"Estimated from the measured force of each test: {estimated_in_words(each)}.")
         notes += [f"{self.sets_apart}."] if self.sets_apart else []
         if self.bands:
             notes.append(f"Bands of {100.0 * (self.level or 0.0):g} %, {self.basis}.")
@@ -264,7 +263,7 @@ def predict(
     fit: Fit,
     test: DamperTest,
     *,
-    nuisances: Sequence[NuisanceName] | None = None,
+    observe: str | Sequence[str] | None = None,
     others: Sequence[Fit] | None = None,
 ) -> Prediction: ...
 @overload
@@ -272,7 +271,7 @@ def predict(
     fit: Fit,
     test: Sequence[DamperTest],
     *,
-    nuisances: Sequence[NuisanceName] | None = None,
+    observe: str | Sequence[str] | None = None,
     others: Sequence[Fit] | None = None,
     calibration: Calibration | None = None,
     level: Level | None = None,
@@ -282,7 +281,7 @@ def predict(
     fit: Fit,
     test: DamperTest | Sequence[DamperTest],
     *,
-    nuisances: Sequence[NuisanceName] | None = None,
+    observe: str | Sequence[str] | None = None,
     others: Sequence[Fit] | None = None,
     calibration: Calibration | None = None,
     level: Level | None = None,
@@ -293,8 +292,8 @@ def predict(
     ----------
     test
         A test, or several, whose predictions are then a table.
-    nuisances
-        Nuisance parameters that are estimated from the test; by default as in the fit.
+    observe
+        Observation model of tests that have none of their own, as in `mr.identify`; by default as in the fit.
     others
         Fits of other sets of laws that predict nearly as well, `others` of a run that is loaded: the prediction says
         how far they are apart where the tests of the fit end.
@@ -322,6 +321,6 @@ def predict(
         # Of the line that calls `predict`.
         warn(sentence, MrworkWarning, stacklevel=3)
     predictions = Predictions.of(
-        fit, tests, nuisances=nuisances, others=others or (), calibration=calibration, level=level
+        fit, tests, observe=observe, others=others or (), calibration=calibration, level=level
     )
     return predictions.predictions[0] if isinstance(test, DamperTest) else predictions

@@ -342,11 +342,11 @@ def profile(
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
     call: LongCall[ProfileProgress, Profiles] = LongCall(on_progress=on_progress)
-    problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
+    problem = Problem.of_fit(fit, as_tests(tests), threads=threads).freeing(fit.effects)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
-    theta = np.clip(problem.form.from_model(np.array(fit.theta)), box.lower, box.upper)
+    theta = problem.inside(fit.theta_with_effects)
     profiled = _profiled_indices(box, parameters)
-    scales = scales_of(spec, box, objective.tests, theta)
+    scales = scales_of(spec, box, objective.tests, theta, objective.compared[0].free)
     slopes = Slopes.at(objective, problem.form, theta)
     residuals, by_unit = slopes.residuals, box.unit_slope(theta)
     start = Point(position=box.unit_from_theta(theta), squared=float(residuals @ residuals))
@@ -423,7 +423,7 @@ def profile(
             origin = Point(position=box.unit_from_theta(minimum.theta), squared=minimum.misfit**2)
         better = None
         if origin is not start:
-            found = problem.form.to_model(box.theta_from_unit(origin.position))
+            found = problem.form.to_model(box.theta_from_unit(origin.position))[: len(fit.theta)]
             better = moved_to(
                 fit,
                 objective.tests,

@@ -211,18 +211,19 @@ class DrawSummary:
 class Draws(Plotted, WithAxes, Summarised):
     """Draws from a posterior, by walker.
 
-    `chains` (n_walkers, n_kept, n_params) are parameters of the model of the fit, in spec order; `noise_chains`
-    (n_walkers, n_kept, n_noise) are of the noise, in deviations of the test's force; `densities` (n_walkers, n_kept)
-    the log posterior in the coordinates that were sampled, up to a constant. `temper` is the factor of the
-    log-likelihood. Of `n_steps` steps the burn-in is left out, and every `thinning`-th of the others is kept.
-    `measured` has the force of each test [N] by its name. Draws that were read from a file have no `provenance`; the
-    file has it as text.
+    `chains` (n_walkers, n_kept, n_params) are parameters of the model of the fit, in spec order, and then its
+    `n_effects` free effects on the recorded force; `noise_chains` (n_walkers, n_kept, n_noise) are of the noise, in
+    deviations of the test's force; `densities` (n_walkers, n_kept) the log posterior in the coordinates that were
+    sampled, up to a constant. `temper` is the factor of the log-likelihood. Of `n_steps` steps the burn-in is left out,
+    and every `thinning`-th of the others is kept. `measured` has the force of each test [N] by its name. Draws that
+    were read from a file have no `provenance`; the file has it as text.
     """
 
     _made_by: ClassVar[str] = "mr.sample(fit, tests)"
 
     model: str
     names: tuple[str, ...]
+    n_effects: int
     noise_model: str
     noise_names: tuple[str, ...]
     chains: Floats
@@ -240,7 +241,12 @@ class Draws(Plotted, WithAxes, Summarised):
 
     @property
     def theta(self) -> Floats:
-        """Parameters of all draws, shape (n_draws, n_params)."""
+        """Parameters of the model in all draws, shape (n_draws, n_params)."""
+        return self.with_effects[:, : len(self.names) - self.n_effects]
+
+    @property
+    def with_effects(self) -> Floats:
+        """Parameters and free effects of all draws, shape (n_draws, n_params + n_effects)."""
         return self.chains.reshape(-1, len(self.names))
 
     @property
@@ -266,7 +272,11 @@ class Draws(Plotted, WithAxes, Summarised):
         return Intervals(
             kind="posterior",
             level=LEVEL,
-            intervals=tuple(summary.interval for summary in self.varied if summary.name in self.names),
+            intervals=tuple(
+                summary.interval
+                for summary in self.varied
+                if summary.name in self.names[: len(self.names) - self.n_effects]
+            ),
         )
 
     @property
@@ -430,11 +440,12 @@ def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
     columns = {name: _numbers(member) for name, member in posterior.items()}
     facts = members[""].attributes
     noise = noise_model(facts["noise"])
-    names = fit.spec.names
+    names = tuple(estimate.name for estimate in fit.fitted)
     noise_names = tuple(NOISE + parameter.name for parameter in noise.parameters)
     return Draws(
         model=fit.model,
         names=names,
+        n_effects=len(fit.effects),
         noise_model=noise.name,
         noise_names=noise_names,
         chains=np.stack([columns[name] for name in names], axis=-1),

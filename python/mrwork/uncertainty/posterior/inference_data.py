@@ -85,7 +85,7 @@ def inference_data(
     >>> tree = mr.uncertainty.inference_data(mr.sample(fit, test), fit, test)  # doctest: +SKIP
     >>> arviz_stats.loo(tree).elpd  # doctest: +SKIP
     """
-    if draws.model != fit.model or draws.names != fit.spec.names:
+    if draws.model != fit.model or draws.names != tuple(each.name for each in fit.fitted):
         raise SettingError(
             f"the draws are of {draws.model} and the fit is of {fit.model}; give the draws of the fit"
         )
@@ -99,7 +99,7 @@ def inference_data(
         noise_chains=draws.noise_chains[:, ::stride],
         densities=draws.densities[:, ::stride],
     )
-    theta = np.asarray(target.form.from_model(thinned.theta))
+    theta = np.asarray(target.form.from_model(thinned.with_effects))
     stream = np.random.default_rng(rng)
     names = [test.name for test in target.objective.tests]
     # Names that are there already have their number.

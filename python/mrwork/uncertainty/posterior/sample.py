@@ -23,6 +23,7 @@ from mrwork.identification.problem import provenance_with
 from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
+from mrwork.records.observation import Effect
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
@@ -104,7 +105,7 @@ class SamplingProblem:
                 name: {"kind": type(prior).__name__} | asdict(prior)  # type: ignore[call-overload] # priors are dataclasses
                 for name, prior in sorted(self.priors.items())
             },
-            "nuisances": list(objective.settings.nuisances),
+            "each": [effect.name for effect in objective.settings.effects_of_each],
             "temper": self.target.temper,
             "start": digest_of(self.target.start),
             "walkers": self.walkers,
@@ -123,6 +124,11 @@ class SamplingProblem:
             "version": {name: package_version(name) for name in _PACKAGES},
         }
 
+    @property
+    def _effects(self) -> dict[str, Effect]:
+        """The free effects by the names of their parameters."""
+        return {effect.parameter: effect for effect in self.target.objective.compared[0].free}
+
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
         """Convergence diagnostics of a chain after its burn-in."""
         space = self.target.space
@@ -136,6 +142,7 @@ class SamplingProblem:
         rows = select_kept_rows(ensemble.n_steps)
         space = self.target.space
         values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])[0]), 0, 1)
+        # Parameters of the model, and effects on the recorded force that are free.
         chains = np.asarray(self.target.form.to_model(values[..., : space.n_params]))
         noise_chains = values[..., space.n_params :]
         summaries = self._summaries(np.concatenate([chains, noise_chains], axis=-1))
@@ -144,7 +151,8 @@ class SamplingProblem:
         status: DrawsStatus = "not_converged" if diagnosis.shortcomings else "converged"
         return Draws(
             model=self.spec.name,
-            names=self.spec.names,
+            names=(*self.spec.names, *self._effects),
+            n_effects=len(self._effects),
             noise_model=self.target.noise.name,
             noise_names=space.box.names[space.n_params :],
             chains=np.ascontiguousarray(chains[:, ::thin]),
@@ -167,14 +175,14 @@ class SamplingProblem:
         )
 
     def _summaries(self, chains: Floats) -> tuple[DrawSummary, ...]:
-        """Summaries of the model's parameters, then the noise parameters; chains (n_walkers, n_kept, n_all)."""
+        """Summaries of the model's parameters, of effects and of the noise; chains (n_walkers, n_kept, n_all)."""
         box, space = Box.of(self.spec).with_bounds(self.target.objective.settings.bounds), self.target.space
-        names = self.spec.names + space.box.names[space.n_params :]
-        units = [parameter.unit for parameter in self.spec.parameters] + ["1"] * len(
-            self.target.noise.parameters
-        )
-        lower = box.lower + space.box.lower[space.n_params :]
-        upper = box.upper + space.box.upper[space.n_params :]
+        n_form, effects = space.n_params - len(self._effects), self._effects.values()
+        names = self.spec.names + space.box.names[n_form:]
+        units = [parameter.unit for parameter in self.spec.parameters] + [effect.unit for effect in effects]
+        units += ["1"] * len(self.target.noise.parameters)
+        lower = box.lower + space.box.lower[n_form:]
+        upper = box.upper + space.box.upper[n_form:]
         tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
         strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
         summaries = [
@@ -187,7 +195,7 @@ class SamplingProblem:
             )
             for index, name in enumerate(names)
         ]
-        theta = np.asarray(self.target.form.to_model(self.target.start))
+        theta = np.asarray(self.target.form.to_model(self.target.start))[: len(self.spec.names)]
         objective = self.target.objective
         scales = scales_of(self.spec, box, objective.tests, theta)
         sensitivity = np.linalg.norm(
@@ -281,7 +289,7 @@ def sample(
 
     Sampling stops when the chain is 50 autocorrelation times long, the rank-normalised R-hat of every parameter is
     below 1.01, and there are at least 400 effective draws of its bulk and of its tails. The first quarter of the chain
-    is discarded as burn-in. Bounds, nuisance parameters and observation models are as in the fit.
+    is discarded as burn-in. Bounds and observation models are as in the fit.
 
     Parameters
     ----------

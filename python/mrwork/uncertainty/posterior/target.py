@@ -277,7 +277,7 @@ class Target(Summarised):
     """Log posterior density of positions of a `space`, up to a constant, with the log-likelihood times `temper`.
 
     Residuals are of a free run, in units of the standard deviation of each test's force, `deviations` [N];
-    nuisance parameters take their least-squares values for each candidate. `start`, shape (n_params,), is the fit in
+    effects of each test take their least-squares values for each candidate. `start`, shape (n_params,), is the fit in
     the form that is sampled.
     """
 
@@ -309,14 +309,14 @@ class Target(Summarised):
         Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count as some
         tens of independent observations, and intervals would be far too narrow if all were counted.
         """
-        problem = Problem.of_fit(fit, tests, threads=threads)
+        problem = Problem.of_fit(fit, tests, threads=threads).freeing(fit.effects)
         form, objective = problem.form, problem.objective
         target = cls(
             form=form,
             objective=objective,
             noise=noise,
             space=Space.of(form, noise, priors or {}),
-            start=problem.inside(fit.theta),
+            start=problem.inside(fit.theta_with_effects),
             deviations=tuple(test.deviation for test in objective.compared),
             temper=1.0,
         )
