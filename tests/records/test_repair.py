@@ -36,35 +36,6 @@ def test_an_offset_is_measured_where_none_is_given(clean: DamperTest) -> None:
     assert after.measured.value - before.measured.value == pytest.approx(200.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("delay", [0.004, 0.0123, -0.0037])
-def test_a_known_delay_is_shifted_back_and_what_it_lost_is_cut(clean: DamperTest, delay: float) -> None:
-    from scipy.interpolate import CubicSpline
-
-    noiseless = 1000.0 * np.sin(2.0 * np.pi * 2.5 * clean.time + 0.3)
-    late = CubicSpline(clean.time, noiseless, extrapolate=True)(clean.time - delay)
-    repaired, _ = repair(replace(clean, force=late), ["delay"], amounts={"delay": delay})
-    lost = int(np.ceil(abs(delay) / clean.dt - 1e-9))
-    assert repaired.n_time == clean.n_time - lost
-    assert repaired.displacement.size == repaired.velocity.size == repaired.force.size
-    kept = slice(0, clean.n_time - lost) if delay > 0.0 else slice(lost, None)
-    np.testing.assert_array_equal(repaired.displacement, clean.displacement[kept])
-    assert repaired.start_time == pytest.approx(clean.time[kept][0])
-    # The error of a spline of a sine with 400 samples per cycle is 1e-9, and more at its extrapolated ends.
-    np.testing.assert_allclose(repaired.force[20:-20], noiseless[kept][20:-20], atol=1e-3)
-
-
-def test_a_delay_that_was_seen_is_taken_out(clean: DamperTest) -> None:
-    late = replace(clean, force=np.interp(clean.time - 0.006, clean.time, clean.force))
-    repaired, (entry,) = repair(late, ["delay"])
-    assert entry.measured is not None
-    assert entry.measured.value == pytest.approx(0.006, abs=0.0012)
-    inside = slice(100, repaired.n_time - 100)
-    before = np.std((late.force - clean.force)[inside])
-    after = np.std((repaired.force - clean.force[: repaired.n_time])[inside])
-    # At most half a millisecond of the 6 remains, and interpolated noise.
-    assert after < 0.2 * before + NOISE_N
-
-
 def test_a_late_velocity_is_derived_anew(clean: DamperTest) -> None:
     late = replace(clean, velocity=np.roll(clean.velocity, 15), velocity_source="measured")
     repaired, _ = repair(late, ["velocity"])
@@ -118,13 +89,5 @@ def test_every_repair_is_in_the_log_in_its_order(clean: DamperTest) -> None:
     assert [entry.code.split("_", 1)[1] for entry in log] == list(REPAIR_KINDS)
 
 
-@pytest.mark.parametrize(
-    ("amounts", "word"),
-    [
-        ({"rest": 1.0}, "delay .* offset .* alone"),
-        ({"delay": 50.0}, "0 samples would remain"),
-        ({"delay": -50.0}, "1 samples would remain"),
-    ],
-)
-def test_impossible_amounts_are_refused(clean: DamperTest, amounts: dict[str, float], word: str) -> None:
-    refusal(repair, clean, [], amounts=amounts, match=word)
+def test_an_amount_of_another_repair_is_refused(clean: DamperTest) -> None:
+    refusal(repair, clean, [], amounts={"rest": 1.0}, match="offset .* alone")

@@ -11,7 +11,7 @@ from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.dampers import damper
-from mrwork.records import Observation, cut, repair
+from mrwork.records import Observation, cut
 from mrwork.records.damper_test import range_of_test
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
 from mrwork.records.window import spikes_of
@@ -123,8 +123,6 @@ def test_the_spans_move_with_a_part_of_the_record() -> None:
     assert test.part(203, 250).uncompared == ()
     shorter = cut(test, start=190 * DT)
     assert shorter.uncompared == ((10, 13), (60, 61))
-    shifted, _ = repair(test, ["delay"], amounts={"delay": 2.0 * DT})
-    assert shifted.uncompared == ((198, 203), (248, 251))
 
 
 def test_every_path_of_the_misfit_leaves_the_spans_out() -> None:

@@ -30,7 +30,7 @@ def add_options(parser: CommandParser) -> None:
     parser.epilog = examples("mrwork calibrate out/rig rig", "mrwork calibrate out/rig --leave-out motion")
     add_run(parser)
     add_files(parser, required=False)
-    add_observation(parser, as_fitted=True)
+    add_observation(parser, usual="as in the identification")
     add_options_of(parser, cross_validated, "cross-validation", "leave_out")
     add_threads(parser, "the fits to the tests that remain")
     end_parser(parser, run)

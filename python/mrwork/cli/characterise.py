@@ -21,7 +21,7 @@ from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_threads, end_parser
 from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page
 from mrwork.cli.terminal import note, show
-from mrwork.cli.tests import command_unit
+from mrwork.cli.tests import add_observation, command_unit, observation_of
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, OutputError, RecordError, escape_text
 from mrwork.identification.fit_file import fit_of, read_fit
@@ -66,6 +66,7 @@ def add_options(parser: CommandParser) -> None:
     )
     models = "damper models to choose among, as A,B,C"
     parser.option("model", "--model", models, default=_MODELS, metavar="NAMES")
+    add_observation(parser, usual=f"{DETECT} and {WEIGH}")
     add_option_of(parser, FitSettings, COMPUTATION, "rng")
     add_threads(parser)
     end_parser(
@@ -173,7 +174,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
             "one way shows no loop to choose a model by; add strokes out and back at equal speeds, or fit one model by "
             "mrwork identify FILES --model NAME"
         )
-    settings = FitSettings(rng=options.rng, observe=(DETECT, WEIGH))
+    settings = FitSettings(rng=options.rng, observe=observation_of(options, (DETECT, WEIGH)))
     models, spare = options.model.split(","), ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True

@@ -28,7 +28,7 @@ def add_options(parser: CommandParser) -> None:
     )
     add_run(parser)
     add_files(parser)
-    add_observation(parser, as_fitted=True)
+    add_observation(parser, usual="as in the identification")
     add_option_of(parser, Predictions.of, "prediction", "substep_factor")
     add_option_of(
         parser, Predictions.of, "prediction", "level", metavar="SHARE", more="given by mrwork calibrate RUN"

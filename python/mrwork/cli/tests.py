@@ -58,7 +58,7 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
         RECORDS,
         "--repair",
         f"repair the records: {', '.join(REPAIR_KINDS)}; an amount replaces the estimate from the record, as in "
-        f"delay=0.002: {AMOUNTS_IN_WORDS}",
+        f"offset=20: {AMOUNTS_IN_WORDS}",
         _repair,
         metavar="KIND[=AMOUNT]",
         default={},
@@ -67,17 +67,16 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
     add_options_of(parser, _READING, RECORDS, "keep_velocity", "settle")
 
 
-def add_observation(parser: CommandParser, *, as_fitted: bool = False) -> None:
-    """Options on the measurement, of an identification or of a verb that does by default as the identification did."""
-    default, usual = ((), "default: as in the identification") if as_fitted else (UNCHANGED, "")
+def add_observation(parser: CommandParser, *, usual: str = "") -> None:
+    """The option on the measurement, of an identification or of a verb that has another, `usual`, default."""
     add_option_of(
         parser,
         FitSettings,
         MEASUREMENT,
         "observe",
-        default=default,
+        default=() if usual else UNCHANGED,
         metavar="WHAT=VALUE|free|each",
-        more=usual,
+        more=f"default: {usual}" if usual else "",
     )
 
 

@@ -169,11 +169,11 @@ class FitSettings:
         applies a moving average that was found in the record also to the model's force, and has no effect where none
         was found; "none" compares the model's force as it is; "average=0.1T" (T is the dominant period), "lowpass=50",
         "lag=0.012" (of first order), "delay=0.002", "mass=20" (that moves between damper and load cell), "gain=1.02"
-        and "offset=-20" give values [s, Hz, kg, N]. "mass=free", "lag=free" or "delay=free" is one number of all tests,
-        fitted with the parameters; it stands among them with its error, and predictions have it. "weigh" fits those of
-        mass, lag and delay with which tests at several frequencies are predicted better, if any. "offset=each",
-        "gain=each" or "delay=each" is estimated for each test from its measured force; with the offset the model's own
-        force offset is fixed at zero, because the two cannot be distinguished.
+        and "offset=-20" give values [s, Hz, kg, N]; "mass=free", "lag=free" or "delay=free" is one number of all tests,
+        fitted with the parameters; "offset=each", "gain=each" or "delay=each" is estimated for each test from its
+        measured force; "weigh" fits those of mass, lag and delay with which tests at several frequencies are predicted
+        better, if any. What is free stands among the parameters with its error, and predictions have it. With
+        "offset=each" the model's own force offset is fixed at zero, because the two cannot be distinguished.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
 

@@ -204,8 +204,7 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
 _LATE_FORCE: Final = FindingKind(
     "force_delay",
     "the force {0} the displacement by {late} ms ({samples:.1f} samples), measured at motion reversals",
-    "correct it by --repair delay",
-    cured_by="delay",
+    "fit it with tests at several frequencies by --observe delay=free, or give it by --observe delay=SECONDS",
 )
 
 

@@ -5,7 +5,6 @@ An observation model is given in words of a setting: a moving average that was d
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -16,7 +15,6 @@ from mrwork.base.arguments import checked
 from mrwork.base.values import freeze_samples
 from mrwork.errors import SettingError
 from mrwork.records.checks import rest_before_motion, samples_at_rest, static_force
-from mrwork.records.cycles import force_delay
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import OF_FILES, ONCE, REPAIR_KINDS, Finding, FindingKind, Measured, RepairKind
 from mrwork.records.motion import smooth_motion, spectrum
@@ -54,11 +52,10 @@ def repair(
     test
         Test to repair. It is not changed; the repaired test has it as its `original`.
     kinds
-        `rest`: the rest before the motion is cut off. `delay`: the force is shifted in time to match the displacement.
-        `offset`: the static force is subtracted. `velocity`: the measured velocity is replaced by the derivative of the
-        displacement.
+        `rest`: the rest before the motion is cut off. `offset`: the static force is subtracted. `velocity`: the
+        measured velocity is replaced by the derivative of the displacement.
     amounts
-        Known delay [s] or offset [N] by kind, used instead of the estimate from the record.
+        Known offset [N] by kind, used instead of the estimate from the record.
 
     Returns
     -------
@@ -109,30 +106,6 @@ def _rest(test: DamperTest, _: float | None) -> _Done:
     return shorter, Measured(seconds, "s"), f"the first {seconds:.3g} s, at rest, were cut off"
 
 
-def _delay(test: DamperTest, amount: float | None) -> _Done:
-    from scipy.interpolate import CubicSpline  # slow to load
-
-    motion = smooth_motion(test.displacement, test.dt)
-    seen = force_delay(test, motion) if amount is None else Measured(amount, "s")
-    if seen is None:
-        return "the force has no corner at motion reversals to estimate a delay from; give one"
-    lost = int(np.ceil(abs(seen.value) / test.dt - 1e-9))
-    late = seen.value > 0.0
-    whole = slice(0, test.n_time - lost) if late else slice(lost, test.n_time)
-    time = test.dt * np.arange(test.n_time)
-    shifted = CubicSpline(time, test.force)(time[whole] + seen.value) if lost < test.n_time else np.empty(0)
-    end = float(test.time[max(test.n_time - lost, 0)]) if late and lost else None
-    shorter = cut(test, start=None if late else float(test.time[min(lost, test.n_time - 1)]), end=end)
-    moved = "earlier" if late else "later"
-    message = f"the force was shifted {moved} by {seen.in_words(math.copysign(1e3, seen.value))} ms"
-    # The force across a spike was shifted too.
-    uncompared = tuple(
-        (max(first - lost, 0), last) if late else (first, min(last + lost, shorter.n_time))
-        for first, last in shorter.uncompared
-    )
-    return replace(shorter, force=freeze_samples(shifted), uncompared=uncompared), seen, message
-
-
 def _offset(test: DamperTest, amount: float | None) -> _Done:
     if test.has_varying_command and amount is None:
         return "the mean force under a varying command is no static one; give one"
@@ -157,9 +130,9 @@ def _velocity(test: DamperTest, _: float | None) -> _Done:
 
 
 _REPAIRS: Final[Mapping[RepairKind, Callable[[DamperTest, float | None], _Done]]] = {
-    "rest": _rest, "delay": _delay, "offset": _offset, "velocity": _velocity,
+    "rest": _rest, "offset": _offset, "velocity": _velocity,
 }  # fmt: skip
-_AMOUNTS: Final[Mapping[RepairKind, str]] = {"delay": "s", "offset": "N"}
+_AMOUNTS: Final[Mapping[RepairKind, str]] = {"offset": "N"}
 AMOUNTS_IN_WORDS: Final = ", ".join(f"{kind} [{unit}]" for kind, unit in _AMOUNTS.items())
 """What may be given an amount, with its unit, for help."""
 
