@@ -1,8 +1,7 @@
 """How often is the first fit the best one, on dampers that are no model of the package, and does it say where not?
 
-Three hundred records of ten dampers under six motions, each fitted with one of six models by `identify` as it is typed.
-The best fit known of each record comes from all searches with ten times the budget (`--best`, an hour of a core). Ten
-minutes of one core, the quick form ten seconds; ten thousand starts on three records (`--starts`) another hour.
+Three hundred records of ten dampers under six motions, each fitted as it is typed with one of six models. The best fits
+known are of all searches with ten times the budget (`--best`). Ten minutes; that or `--starts 10000` take an hour each.
 """
 
 import csv
@@ -27,9 +26,8 @@ script = Script(
 )
 DAMPERS = ["sharp friction", "power and cubic", "Stribeck", "sliders", "relaxing", "pinched", "digressive"]
 DAMPERS += ["clearance", "compressible", "play"]
-# Cycles of the short and of the long record.
-MOTIONS = {"sine": (3, 12), "triangle": (1, 6), "growing": (5, 20)}
-MOTIONS |= {"one-way": (1, 4), "random": (6, 25), "steps": (2, 8)}
+CYCLES = {"sine": (3, 12), "triangle": (1, 6), "growing": (5, 20)}
+CYCLES |= {"one-way": (1, 4), "random": (6, 25), "steps": (2, 8)}
 MODELS = ["normalised_bouc_wen", "normalised_modified_bouc_wen", "non_symmetric_bouc_wen"]
 MODELS += ["hyperbolic_tangent_gavin", "viscous_dahl", "static_hysteretic"]
 MISSED, NEARLY, TAU = 0.3, 0.05, 2.0 * math.pi
@@ -81,8 +79,8 @@ def damper(kind, u, x, v, dt):
         lost = 1 - u(0, 0.6) * travel / travel[-1]
         return w * lost * (1 - u(0, 0.5) * np.exp(-((x / (0.2 * S)) ** 2))) + u(0, 1500) * x / S
     if kind == "digressive":
-        out, back = u(0.3, 0.6), u(0.6, 1.2)
-        force = np.where(v > 0, 1.0, u(0.4, 0.8)) * np.sign(v) * np.abs(v / V) ** np.where(v > 0, out, back)
+        power = np.where(v > 0, u(0.3, 0.6), u(0.6, 1.2))
+        force = np.where(v > 0, 1.0, u(0.4, 0.8)) * np.sign(v) * np.abs(v / V) ** power
         return 1e3 * force + u(0, 300) * x / S
     if kind == "clearance":
         gap = u(0.1, 0.5) * S
@@ -100,9 +98,8 @@ def damper(kind, u, x, v, dt):
 def motion(kind, random, long):
     stroke = 1e-3 * math.exp(random.uniform(math.log(3), math.log(60)))
     period = math.exp(random.uniform(math.log(0.3), math.log(40)))
-    per_cycle, cycles = int(random.integers(60, 400)), MOTIONS[kind][long]
-    t = np.arange(min(max(per_cycle * cycles, 200), 4000)) * period / per_cycle
-    phase = t / period
+    per_cycle, cycles = int(random.integers(60, 400)), CYCLES[kind][long]
+    phase = np.arange(min(max(per_cycle * cycles, 200), 4000)) / per_cycle
     if kind == "sine":
         x = np.sin(TAU * phase)
     elif kind == "triangle":
@@ -121,13 +118,13 @@ def motion(kind, random, long):
         i = np.minimum((phase * 2).astype(int), len(levels) - 2)
         s = np.clip((phase * 2 - i) / 0.6, 0, 1)
         x = levels[i] + (levels[i + 1] - levels[i]) * s * s * (3 - 2 * s)
-    return t, stroke * x
+    return period * phase, stroke * x
 
 
 def record(number):
     """A record and the model that it is fitted with: of 60 in turn short, long, short noisy, long noisy, noisy."""
     random = np.random.default_rng([script.seed, number])
-    kind, moved, form = DAMPERS[number % 10], list(MOTIONS)[number // 10 % 6], number // 60
+    kind, moved, form = DAMPERS[number % 10], list(CYCLES)[number // 10 % 6], number // 60
     t, x = motion(moved, random, form in (1, 3))
     f = damper(kind, random.uniform, x, np.gradient(x, t), t[1] - t[0])
     level = random.uniform(0.002, 0.03) if form > 1 else 2e-4
@@ -139,10 +136,9 @@ def record(number):
 
 # %% The first answer, and the best one known: fit [%], and the status or the search.
 def first(number):
-    test, model = record(number)
-    began = time.process_time()
+    (test, model), began = record(number), time.process_time()
     fit = mr.identify(model, test, threads=script.threads)
-    return [100.0 * (1.0 - fit.nrmse), fit.status, time.process_time() - began]
+    return [fit.fit_percent, fit.status, time.process_time() - began]
 
 
 def best(number):
@@ -152,13 +148,12 @@ def best(number):
     searches = (race, "differential_evolution", "cma", "particle_swarm", "genetic")
     fits = [mr.identify(model, test, search=each, rng=7, threads=script.threads) for each in searches]
     least = min(fits, key=lambda fit: fit.nrmse)
-    return [100.0 * (1.0 - least.nrmse), least.settings.search.name]
+    return [least.fit_percent, least.settings.search.name]
 
 
 numbers = (3, 9, 18, 49, 77, 229) if script.quick else range(300)
 path = script.folder / "best_known.txt"
-lines = csv.reader(path.read_text().splitlines())
-known = {int(number): (float(fit), search) for number, fit, search in lines}
+known = {int(n): (float(fit), search) for n, fit, search in csv.reader(path.open())}
 rows = {number: script.kept(f"record {number}", partial(first, number)) for number in numbers}
 if script.options.best:
     known |= {n: max(known[n], tuple(script.kept(f"best {n}", partial(best, n)))) for n in numbers}
@@ -170,11 +165,8 @@ for name, some in {"all": [*rows], "converged": sure, "other": [*{*rows} - {*sur
     far, near = (100.0 * np.mean([short[each] > limit for each in some]) for limit in (MISSED, NEARLY))
     missed[name] = {"records": len(some), "by .3 points (%)": far, "by .05 points (%)": near}
 script.table("missed", missed, title="Records whose first fit misses the best one known", digits=3)
-script.say(
-    "processor time: median {:.2f} s, largest {:.1f} s".format(
-        *np.quantile([each[2] for each in rows.values()], (0.5, 1))
-    )
-)
+median, largest = np.quantile([each[2] for each in rows.values()], (0.5, 1))
+script.say(f"processor time: median {median:.2f} s, largest {largest:.1f} s")
 
 
 # %% Three records: where least squares of SciPy from random starts ends, and how often each route finds the best.
@@ -199,11 +191,10 @@ if script.options.starts:
         objective = mr.objective(model, test, coordinates="unit", threads=1)
         points = np.random.default_rng(script.seed).random((script.options.starts, len(objective.names)))
         ends = np.sort(script.kept(f"starts {number}", partial(minimise_all, objective, points)))[::-1]
-        rates = script.kept(f"rates {number}", partial(find_rates, number))
+        samples, population, race = script.kept(f"rates {number}", partial(find_rates, number))
         axes.plot(np.arange(1, len(ends) + 1), np.maximum(known[number][0] - ends, 1e-3))
         axes.set(xscale="log", yscale="log", xlabel="Start, best first", ylabel="Below the best (points)")
-        axes.set_title(
-            test.name + "\nsamples {:.0%}, population {:.0%}, race {:.0%}".format(*rates), fontsize=6
-        )
+        found = f"samples {samples:.0%}, population {population:.0%}, race {race:.0%}"
+        axes.set_title(f"{test.name}\n{found}", fontsize=6)
     script.figure(figure, "starts")
 script.check()

@@ -57,14 +57,14 @@ def subcommands(parser: CommandParser) -> dict[str, CommandParser]:
 def _offered_names() -> dict[tuple[str, str], list[str]]:
     """Names for arguments that take more than names, by verb and argument."""
     from mrwork.control.laws.control_law import control_laws
-    from mrwork.dampers.laws import named_laws
+    from mrwork.dampers.laws import LOGARITHMIC_LAWS, named_laws
     from mrwork.dampers.spec import ALL, damper_models
     from mrwork.records.finding import REPAIR_KINDS
     from mrwork.uncertainty.noise import NOISES
 
     models = [spec.name for spec in damper_models()]
     parameters = dict.fromkeys(name for spec in damper_models() for name in spec.names)
-    laws = [f"{name}={law}" for name in parameters for law in named_laws()]
+    laws = [f"{name}={law}" for name in parameters for law in (*named_laws(), *LOGARITHMIC_LAWS)]
     return {
         ("models", "name"): models,
         ("identify", "--model"): [*models, ALL],

@@ -239,6 +239,8 @@ CONSTANT = CommandLaw(0)
 """The law of a parameter that does not follow the command."""
 EXPONENTIAL = CommandLaw()
 """p.0 + p.1 exp(p.2 u)."""
+LOGARITHMIC_LAWS = tuple(CommandLaw(degree, form="log_polynomial") for degree in range(1, MOST_DEGREE + 1))
+"""Polynomials of the logarithm, in order of their degree."""
 
 
 def law_through(commands: Iterable[float], form: CurveForm) -> CommandLaw:
@@ -257,8 +259,7 @@ def law_of(text: LawName | CommandLaw) -> CommandLaw:
     """
     if isinstance(text, CommandLaw):
         return text
-    logarithmic = (CommandLaw(degree, form="log_polynomial") for degree in range(1, len(_POLYNOMIALS)))
-    named = {str(law): law for law in (*named_laws(), *logarithmic)}
+    named = {str(law): law for law in (*named_laws(), *LOGARITHMIC_LAWS)}
     if text in named:
         return named[text]
     name, _, commands = text.partition(":")
