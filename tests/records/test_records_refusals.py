@@ -89,7 +89,9 @@ def test_times_of_a_gap_or_of_an_impossible_unit_are_refused(tmp_path: Path) -> 
     refusal(read_damper_test, path, match="time step is 5e-12 s")
 
 
-def test_rows_in_the_order_of_the_displacement_are_refused_and_a_stroke_one_way_is_not() -> None:
+def test_rows_in_the_order_of_the_displacement_are_refused_and_a_stroke_one_way_is_not(
+    tmp_path: Path,
+) -> None:
     time = 0.005 * np.arange(800)
     phase, noise = 2.0 * np.pi * time, np.random.default_rng(1).normal(0.0, 5.0, time.size)
     displacement, velocity = 0.01 * np.sin(phase), 0.0628 * np.cos(phase)
@@ -97,6 +99,9 @@ def test_rows_in_the_order_of_the_displacement_are_refused_and_a_stroke_one_way_
     order = np.argsort(displacement)
     for rows in (order, order[::-1]):
         refusal(mr.test_from_arrays, time, displacement[rows], force[rows], match="ordered by displacement")
+    timeless = {"displacement_mm": 1e3 * displacement[order], "force_N": force[order]}
+    path = write_text(tmp_path / "rig.csv", timeless)
+    refusal(read_damper_test, path, match="ordered by displacement")
     # Friction and noise alone over a stroke that never turns back.
     mr.test_from_arrays(time, 0.01 * time, 50.0 + noise)
 

@@ -366,6 +366,7 @@ def read_damper_test(
         of_scalar = () if scalar is None or scalar.value is not None else (scalar.column,)
         numbers = table.read([*(choice.column for choice in chosen.values()), *of_scalar])
     except MrworkError as error:
+        _refuse_sorted(table, specs, source)
         marked = _marked(table)
         before = f"{source}: " if are_assigned else f"{error}; "
         refusal = type(error)(f"{before}{marked}") if marked else error
@@ -397,6 +398,16 @@ def read_damper_test(
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
     return replace(test, findings=(*test.findings, *unused_finding(table, used)))
+
+
+def _refuse_sorted(table: ColumnTable, columns: Mapping[str, str], source: str) -> None:
+    """Refuse rows in the order of the displacement before a file without times is asked for them."""
+    try:
+        chosen, _ = _assign_columns(table, {**columns, "time": "1 s"}, source)
+        numbers = table.read([choice.column for choice in chosen.values()])
+    except MrworkError:
+        return
+    checks.check_order(numbers[chosen["displacement"].column], numbers[chosen["force"].column], source=source)
 
 
 def _rows_between(time: Floats, start: float | None, end: float | None, source: str) -> slice:
