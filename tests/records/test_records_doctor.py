@@ -297,6 +297,15 @@ def test_a_wrong_label_in_a_set_is_named(wrong: int, label: float) -> None:
     assert np.sign(finding.measured.value) == np.sign(right - label)
 
 
+def test_a_force_in_another_unit_than_those_of_its_set_is_told_with_the_unit() -> None:
+    tests = [*_set_of_tests()]
+    assert "lbf" not in find_mislabelled([*tests[:7], replace(tests[7], current=1.0), *tests[8:]])[0].message
+    tests[8] = replace(tests[8], force=tests[8].force / 4.448)
+    (finding,) = find_mislabelled(tests)
+    assert finding.message.startswith(f"{tests[8].name}: ")
+    assert "in lbf instead of newtons" in finding.message
+
+
 @pytest.mark.parametrize(("held", "told"), [(60, True), (10, False)])
 def test_a_force_that_a_logger_holds_within_one_way_is_told(held: int, told: bool) -> None:
     time = 0.002 * np.arange(2000)

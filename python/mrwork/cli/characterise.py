@@ -19,7 +19,7 @@ from mrwork.cli.derived import add_option_of
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_threads, end_parser
-from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page
+from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page, told_findings
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import add_observation, command_unit, observation_of
 from mrwork.dampers.spec import damper
@@ -119,7 +119,7 @@ def _characterise(options: argparse.Namespace) -> int:
         )
     # A run that was begun in place of a complete one is resumed.
     fitted = fitting.continues and is_complete(path)
-    spare, steps = "", list[_Step]()
+    spare, findings, steps = "", list[dict[str, Any]](), list[_Step]()
     if fitted:
         names = {Path(name).name for name in read_fit(path).provenance.inputs}
         if names != {Path(row.file).name for row in _of_use(rows, "fit")}:
@@ -128,7 +128,7 @@ def _characterise(options: argparse.Namespace) -> int:
                 "instead of --resume"
             )
     else:
-        step, spare = _fitting(options, rows)
+        step, spare, findings = _fitting(options, rows)
         steps.append(step)
     if uses["calibration"] and not (fitted and (path / CALIBRATION).is_file()):
         steps.append(("calibrating the bands", partial(_calibrate, path, rows)))
@@ -145,7 +145,7 @@ def _characterise(options: argparse.Namespace) -> int:
         if status := work():
             return status
         done.append({"step": what, "seconds": time.perf_counter() - began})
-    return _end(options, path, uses, done, spare)
+    return _end(options, path, uses, done, spare, findings)
 
 
 # What a step does, and its work, which returns an exit status.
@@ -156,8 +156,13 @@ def _of_use(rows: Sequence[ListedTest], use: Use) -> list[ListedTest]:
     return [row for row in rows if row.use == use]
 
 
-def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_Step, str]:
-    """The step that chooses a model, and its laws where the tests run at several commands; why no test is spare."""
+def _fitting(
+    options: argparse.Namespace, rows: Sequence[ListedTest]
+) -> tuple[_Step, str, list[dict[str, Any]]]:
+    """The step that chooses a model, and its laws where the tests run at several commands.
+
+    With it come why no test is spare, and what the checks found, which is said first.
+    """
     # SciPy is slow to load.
     from mrwork.cli.identified import Identification
     from mrwork.uncertainty.choice.choose import choose_model
@@ -166,6 +171,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
 
     reading = _reading(_of_use(rows, "fit"))
     tests = _read(reading)
+    findings = told_findings("identify", tests, options)
     for test in tests:
         refuse_velocity(test)
     if all(ONE_WAY in {finding.kind for finding in test.findings} for test in tests):
@@ -189,7 +195,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
         work = partial(verb.choose, partial(choose_model, models=models, settings=settings))
     else:
         work = partial(verb.fit, damper(models[0]), settings)
-    return ("choosing model and laws", work), spare
+    return ("choosing model and laws", work), spare, findings
 
 
 def _calibrate(path: Path, rows: Sequence[ListedTest]) -> int:
@@ -222,7 +228,14 @@ def _draw(path: Path, *, quiet: bool) -> int:
     return renew_page(path, quiet=quiet) or renew_page(path, quiet=quiet, summary=True)
 
 
-def _end(options: argparse.Namespace, path: Path, uses: dict[str, int], done: list[Any], spare: str) -> int:
+def _end(
+    options: argparse.Namespace,
+    path: Path,
+    uses: dict[str, int],
+    done: list[Any],
+    spare: str,
+    findings: list[dict[str, Any]],
+) -> int:
     from mrwork.report.fit.front import verdict_of
     from mrwork.report.fit.page import open_run
 
@@ -243,6 +256,7 @@ def _end(options: argparse.Namespace, path: Path, uses: dict[str, int], done: li
                 "held_out": None
                 if held_out is None
                 else named(held_out.spread, "median_percent", "worst_percent", "worst_test"),
+                "findings": findings,
                 "warnings": list(fit.warnings),
                 "steps": done,
             }

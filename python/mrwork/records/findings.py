@@ -69,8 +69,11 @@ _MISLABELLED: Final = FindingKind(
     "command_mislabelled",
     "{label}: dissipates {share:.0f} % {more} than the other tests at {command:.3g} {unit} in similar motion (their "
     "spread is {spread:.0f} %){belongs}",
-    "check its {quantity}",
+    "check its {quantity}{other}",
 )
+# Factors between units of force that rigs export side by side.
+_FACTORS: Final = {"lbf": 4.448, "kgf": 9.807, "kN": 1e3}
+_OF_FACTOR: Final = 0.2
 
 
 def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
@@ -128,9 +131,20 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
                 spread=100.0 * spread,
                 belongs=_belongs(float(force[index]), levels, at, unit),
                 quantity=quantity,
+                other=_other_unit(float(difference)),
             )
         )
     return findings
+
+
+def _other_unit(difference: float) -> str:
+    """Units that would explain a difference of the logarithm of the force; empty where none would."""
+    units = [unit for unit, factor in _FACTORS.items() if abs(abs(difference) - np.log(factor)) < _OF_FACTOR]
+    return (
+        f", and whether its force is in {list_names(units)} instead of newtons, or the others"
+        if units
+        else ""
+    )
 
 
 def _of_others(row: int, alike: Sequence[NDArray[np.intp]], force: Floats, velocity: Floats) -> float:

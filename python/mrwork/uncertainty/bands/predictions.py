@@ -68,7 +68,9 @@ class Predictions(Summarised):
             calibration.
         """
         words = fit.settings.observe if observe is None else as_words(observe)
-        refuse_free(words, "a prediction")
+        # What the fit has weighed is decided.
+        if words != fit.settings.observe:
+            refuse_free(words, "a prediction")
         predictions = [
             with_others(predict_test(fit, test, words, substep_factor), fit, others, words) for test in tests
         ]
