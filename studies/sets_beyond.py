@@ -93,7 +93,7 @@ def shares(model: str, kind: str, seed: int) -> dict[str, float]:
     rows, tested = [], choice.best.tested
     for test in unseen:
         try:
-            found = mr.predict(choice.best, test, others=choice.others)
+            found = mr.predict(choice.best, test)
         except mr.errors.SimulationError:
             continue
         # Neither widened nor refused beyond the tests, so that the sets alone are asked.
@@ -117,7 +117,7 @@ def shares(model: str, kind: str, seed: int) -> dict[str, float]:
             }
         )
     means = {name: float(np.mean([row[name] for row in rows])) for name in rows[0]} if rows else {}
-    return {"sets": 1.0 + len(choice.others)} | means
+    return {"sets": 1.0 + len(choice.best.others)} | means
 
 
 # %% Samples beyond the tested ranges that are held [%], widths per standard deviation of the force.

@@ -31,7 +31,7 @@ def _sphere(unit: np.ndarray) -> np.ndarray:
 
 @cache
 def _prediction() -> mr.Prediction:
-    return mr.predict(small_fit(), _other_test(), others=[small_fit()])
+    return mr.predict(small_fit(), _other_test())
 
 
 @cache

@@ -50,7 +50,7 @@ def joint(opened: Open) -> object:
 def laws(opened: Open) -> object:
     settings = mr.identification.FitSettings(search=SEARCH)
     found = mr.choose_laws("viscous_dahl", TESTS, settings=settings, threads=1, journal_of=opened)
-    return [*numbers(found.best, *found.others), found.ranking.sentence]
+    return [*numbers(found.best, *found.best.others), found.ranking.sentence]
 
 
 def models(opened: Open) -> object:

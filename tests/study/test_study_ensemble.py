@@ -107,8 +107,8 @@ def test_sets_that_predict_nearly_as_well_are_fitted_to_all_tests_and_kept(folde
         for each in run.ranking.standings
         if each.verdict != "unusable" and each.left_out_percent >= chosen.left_out_percent - 1.0
     ]
-    assert run.others
-    for other in run.others:
+    assert run.fit.others
+    for other in run.fit.others:
         assert other.provenance.inputs == run.fit.provenance.inputs
         assert other.fit_percent == pytest.approx(run.fit.fit_percent, abs=1.0)
         assert other.spec != run.fit.spec
@@ -119,7 +119,7 @@ def test_sets_that_predict_nearly_as_well_are_fitted_to_all_tests_and_kept(folde
 def test_predict_says_how_far_the_sets_are_apart_where_the_tests_end(apart: Path) -> None:
     run = mr.load(apart / "run", mr.StoredRun)
     test = mr.read_damper_test(apart / "fast.csv")
-    prediction = mr.predict(run.fit, test, others=run.others)
+    prediction = mr.predict(run.fit, test)
     forces = np.concatenate([prediction.model_force[None], prediction.other_forces])
     ends = np.abs(test.velocity) >= 0.95 * run.fit.tested.velocity
     ends |= np.abs(test.displacement) >= 0.95 * run.fit.tested.stroke
@@ -129,7 +129,11 @@ def test_predict_says_how_far_the_sets_are_apart_where_the_tests_end(apart: Path
     assert prediction.sets_apart.percent == pytest.approx(100.0 * spread, rel=0.02)
     (row,) = json.loads(printed("predict", apart / "run", apart / "fast.csv", "--json"))["files"]
     assert row["sets_apart_percent"] == pytest.approx(prediction.sets_apart.percent)
-    slow = mr.predict(run.fit, made((0.002, 1.0), 1.0, 3), others=run.others)
+    # The page and Python read what the call has kept, with the same sets.
+    held_out = mr.load(apart / "run", mr.StoredRun).held_out
+    assert held_out is not None
+    np.testing.assert_allclose(held_out.predictions[0].other_forces, prediction.other_forces, rtol=1e-5)
+    slow = mr.predict(run.fit, made((0.002, 1.0), 1.0, 3))
     assert slow.sets_apart is None
 
 

@@ -125,8 +125,8 @@ def test_given_laws_and_parameters_with_bounds_are_not_chosen(
 
 
 def test_other_sets_are_kept_as_they_were_fitted_to_excerpts(choice: Choice) -> None:
-    assert choice.others
-    for other in choice.others:
+    assert choice.best.others
+    for other in choice.best.others:
         assert {quality.test for quality in other.quality} == {
             quality.test for quality in choice.best.quality
         }
@@ -225,11 +225,11 @@ def test_the_other_form_of_the_chosen_laws_is_a_set_that_differs_between_the_com
             "viscous_dahl", (800.0, 1080.0, 2000.0, 20.0), MOTIONS[0], noise=0.02, rng=9, command=1.0
         ),
     )
-    assert any("log_quadratic:0,0.5,1.5" in map(str, other.spec.laws) for other in gapped.others)
-    prediction = mr.predict(fit, test, others=gapped.others)
+    assert any("log_quadratic:0,0.5,1.5" in map(str, other.spec.laws) for other in gapped.best.others)
+    prediction = mr.predict(fit, test)
     assert prediction.outside.names == ("command",)
     assert prediction.sets_apart.percent > 20.0
-    at_tested = mr.predict(fit, fit.tests[-1], others=gapped.others)
+    at_tested = mr.predict(fit, fit.tests[-1])
     assert at_tested.sets_apart is None or at_tested.sets_apart.percent < 5.0
 
 

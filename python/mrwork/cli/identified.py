@@ -136,11 +136,11 @@ class Identification(Frame):
             else:
                 best = self._with_command(replace(choice.best, seconds=choice.seconds))
                 shown = best.document() | {"choice_of_laws": ranking.document()}
-                if choice.others:
-                    documents[NEAR_SETS] = others_content(choice.others)
-            if choice.others and not self.is_quiet:
+                if best.others:
+                    documents[NEAR_SETS] = others_content(best.others)
+            if best.others and not self.is_quiet:
                 note(
-                    f"{len(choice.others)} other sets of laws predict nearly as well, within 1 point; predict and "
+                    f"{len(best.others)} other sets of laws predict nearly as well, within 1 point; predict and "
                     "respond say how far they are apart where the tests end"
                 )
             return self._end(

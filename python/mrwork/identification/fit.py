@@ -322,7 +322,8 @@ class Fit(Plotted, WithAxes, Summarised):
     where there are no standard errors. `directions` are those in which the data determine the parameters weakly or not
     at all. `intervals` come from `profile` or `sample`; where there are any, tables show them and not the standard
     errors.
-    `effects` are those on the recorded force, common to all tests, that were fitted with the parameters.
+    `effects` are those on the recorded force, common to all tests, that were fitted with the parameters. `others` are
+    fits of other sets of laws that predict nearly as well, with which predictions are compared.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts steps of the final fit, one simulation with its derivatives each. `tests` were fitted, and
     `forces` are the forces of free runs on them, [N], shape (n_time,); `warnings` are sentences on what could
@@ -366,6 +367,7 @@ class Fit(Plotted, WithAxes, Summarised):
     tests: tuple[DamperTest, ...] = field(default=(), compare=False)
     forces: tuple[Floats, ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
+    others: tuple[Fit, ...] = field(default=(), compare=False)
 
     @property
     def spec(self) -> DamperSpec:
@@ -606,10 +608,10 @@ class Fit(Plotted, WithAxes, Summarised):
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Nested dictionaries and lists for the file of the fit, without tests, forces and live settings."""
-        document = asdict(replace(self, tests=(), forces=(), live_settings=None))
-        del document["tests"], document["forces"], document["live_settings"]
-        return document
+        """Nested dictionaries and lists for the file of the fit, without tests, forces, live settings and others."""
+        bare = replace(self, tests=(), forces=(), live_settings=None, others=())
+        apart = ("tests", "forces", "live_settings", "others")
+        return {name: value for name, value in asdict(bare).items() if name not in apart}
 
     def document(self) -> dict[str, Any]:
         """What `mrwork identify --json` prints; `files` name each test as `test` and, as `predict` does, as `file`."""

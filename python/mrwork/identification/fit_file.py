@@ -46,11 +46,12 @@ def read_fit(path: str | Path) -> Fit:
 
 
 def fit_of(run: RunFolder) -> Fit:
-    """The fit of a run folder; refused where `fit.json` is missing."""
+    """The fit of a run folder with the other fits that are as good; refused where `fit.json` is missing."""
     fit = run.read(Fit, FIT)
     if fit is None:
         raise RecordError(f"{run.path / FIT} is missing; run `mrwork identify` again")
-    return fit
+    stored = run.read(OtherFits, NEAR_SETS)
+    return fit if stored is None else replace(fit, others=stored.fits)
 
 
 def manifest_of(fit: Fit, status: str) -> dict[str, object]:
@@ -74,12 +75,6 @@ class OtherFits:
 def others_content(fits: Sequence[Fit]) -> Mapping[str, object]:
     """The document of the other fits in the run folder of a fit."""
     return {"fits": [fit.as_dict() for fit in fits]}
-
-
-def read_others(run: RunFolder) -> tuple[Fit, ...] | None:
-    """The other fits in the run folder of a fit, `None` where there are none."""
-    stored = run.read(OtherFits, NEAR_SETS)
-    return None if stored is None else stored.fits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import fit_of, manifest_of, read_others, write_run
+from mrwork.identification.fit_file import fit_of, manifest_of, write_run
 from mrwork.store.run_folder import (
     DRAWS,
     FIT_RUN,
@@ -45,9 +45,8 @@ class StoredRun(Plotted, Summarised):
 
     The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
     free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
-    `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models or `--law auto`, `others` the fits of
-    sets of laws that predict nearly as well, and `held_out` the tests that `mrwork predict` has predicted and neither
-    the fit nor its calibration has seen.
+    `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models or `--law auto`, and `held_out` the
+    tests that `mrwork predict` has predicted and neither the fit nor its calibration has seen.
     """
 
     _made_by: ClassVar[str] = "mr.load(run)"
@@ -59,7 +58,6 @@ class StoredRun(Plotted, Summarised):
     bands: StoredBands | None = None
     plan: Plan | None = None
     ranking: Ranking | None = None
-    others: tuple[Fit, ...] | None = None
     held_out: Predictions | None = None
 
     @property
@@ -214,6 +212,5 @@ def with_additions(run: RunFolder, fit: Fit) -> StoredRun:
         bands=read_bands(run),
         plan=run.read(Plan, PLAN, verb="plan"),
         ranking=run.read(Ranking, RANKING),
-        others=read_others(run),
         held_out=read_held_out(run, fit),
     )

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 def fitted_damper(run: Path) -> FittedDamper:
     """The fit of a run folder as a study takes it."""
     # Most studies name no run, and the wing of identification takes half as long again to load.
-    from mrwork.identification.fit_file import fit_of, read_others
+    from mrwork.identification.fit_file import fit_of
     from mrwork.uncertainty.posterior.draws import read_draws
 
     folder = RunFolder.open(run, FIT_RUN)
@@ -53,7 +53,7 @@ def fitted_damper(run: Path) -> FittedDamper:
         replace(
             chosen, spec=other.spec, theta=other.theta, draws=partial(np.atleast_2d, np.array(other.theta))
         )
-        for other in read_others(folder) or ()
+        for other in fit.others
     )
     return replace(chosen, others=others)
 

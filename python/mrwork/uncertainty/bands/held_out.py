@@ -21,7 +21,7 @@ from mrwork.uncertainty.bands.calibration_files import (
     stored_calibration,
 )
 from mrwork.uncertainty.bands.conformal import Calibration
-from mrwork.uncertainty.bands.prediction import Prediction, groups_of
+from mrwork.uncertainty.bands.prediction import Prediction, groups_of, with_others
 from mrwork.uncertainty.bands.predictions import Predictions
 
 
@@ -58,11 +58,13 @@ def write_held_out(run: RunFolder, fit: Fit, predictions: Sequence[Prediction]) 
 
 def _held_out(fit: Fit, predictions: Sequence[Prediction], calibration: Calibration | None) -> Predictions:
     """Predictions of held-out tests that were read from a file, which has nothing of the fit."""
+    words = fit.settings.observe
     judged = [
         replace(prediction, outside=fit.outside(prediction.test, prediction.model_force))
         for prediction in predictions
     ]
-    return Predictions.about(fit, judged, observe=fit.settings.observe, calibration=calibration, level=_LEVEL)
+    judged = [with_others(prediction, fit, words) for prediction in judged]
+    return Predictions.about(fit, judged, observe=words, calibration=calibration, level=_LEVEL)
 
 
 def keep_held_out(path: Path, predictions: Predictions) -> bool:

@@ -170,12 +170,10 @@ def predictions_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Prediction, .
     return tuple(Prediction(test=test, model_force=force) for test, force in zip(tests, forces, strict=True))
 
 
-def with_others(
-    prediction: Prediction, fit: Fit, others: Sequence[Fit], observe: Sequence[str]
-) -> Prediction:
-    """The prediction with the forces of other sets of laws, without those that cannot be simulated."""
+def with_others(prediction: Prediction, fit: Fit, observe: Sequence[str]) -> Prediction:
+    """The prediction with the forces of the other fits that are as good, without those that cannot be simulated."""
     test, forces = prediction.test, [prediction.model_force]
-    for other in others:
+    for other in fit.others:
         observed = ObservedTest.of(other.spec, test, effects_of_each(observe))
         with suppress(SimulationError):
             forces.append(observed.predict_force(np.array(other.theta))[0])

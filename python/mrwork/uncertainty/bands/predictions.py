@@ -52,7 +52,6 @@ class Predictions(Summarised):
         tests: Sequence[DamperTest],
         *,
         observe: str | Sequence[str] | None = None,
-        others: Sequence[Fit] = (),
         substep_factor: Annotated[int, Within(least=1, most=256)] = 1,
         calibration: Calibration | None = None,
         level: Level | None = None,
@@ -72,7 +71,7 @@ class Predictions(Summarised):
         if words != fit.settings.observe:
             refuse_free(words, "a prediction")
         predictions = [
-            with_others(predict_test(fit, test, words, substep_factor), fit, others, words) for test in tests
+            with_others(predict_test(fit, test, words, substep_factor), fit, words) for test in tests
         ]
         return cls.about(fit, predictions, observe=words, calibration=calibration, level=level)
 
@@ -266,7 +265,6 @@ def predict(
     test: DamperTest,
     *,
     observe: str | Sequence[str] | None = None,
-    others: Sequence[Fit] | None = None,
 ) -> Prediction: ...
 @overload
 def predict(
@@ -274,7 +272,6 @@ def predict(
     test: Sequence[DamperTest],
     *,
     observe: str | Sequence[str] | None = None,
-    others: Sequence[Fit] | None = None,
     calibration: Calibration | None = None,
     level: Level | None = None,
 ) -> Predictions: ...
@@ -284,11 +281,13 @@ def predict(
     test: DamperTest | Sequence[DamperTest],
     *,
     observe: str | Sequence[str] | None = None,
-    others: Sequence[Fit] | None = None,
     calibration: Calibration | None = None,
     level: Level | None = None,
 ) -> Prediction | Predictions:
     """Simulate a fitted damper on tests, with the observation model of the test, or else of the fit.
+
+    Where the fit has `others`, sets of laws that predict nearly as well, the prediction says how far they are apart
+    where the tests of the fit end.
 
     Parameters
     ----------
@@ -296,9 +295,6 @@ def predict(
         A test, or several, whose predictions are then a table.
     observe
         Observation model of tests that have none of their own, as in `mr.identify`; by default as in the fit.
-    others
-        Fits of other sets of laws that predict nearly as well, `others` of a run that is loaded: the prediction says
-        how far they are apart where the tests of the fit end.
     calibration, level
         Of several tests: the calibration of bands, and the level of the band that each is compared with.
 
@@ -322,7 +318,5 @@ def predict(
     for sentence in prediction_warning(fit.spec, tests):
         # Of the line that calls `predict`.
         warn(sentence, MrworkWarning, stacklevel=3)
-    predictions = Predictions.of(
-        fit, tests, observe=observe, others=others or (), calibration=calibration, level=level
-    )
+    predictions = Predictions.of(fit, tests, observe=observe, calibration=calibration, level=level)
     return predictions.predictions[0] if isinstance(test, DamperTest) else predictions

@@ -131,13 +131,12 @@ def _refuse_few_commands(
 class Choice(WithAxes, Summarised):
     """The ranking of candidates, and the fits to all tests of those that could be identified, in the same order.
 
-    Of laws only the chosen ones are fitted to the whole tests. `others` are up to four sets of laws that predict nearly
-    as well, within 1 point, those that differ most beyond the tests, best predictions first.
+    Of laws only the chosen ones are fitted to the whole tests; the fit has up to four `others`, sets of laws that
+    predict nearly as well, within 1 point, those that differ most beyond the tests, best predictions first.
     """
 
     ranking: Ranking
     fits: tuple[Fit, ...]
-    others: tuple[Fit, ...] = ()
     seconds: float = 0.0
 
     @property

@@ -90,7 +90,8 @@ class _ChoosingLaws(Choosing):
                     left = structure_warning(fit.rmse_n, fit.tests)
                     fit = replace(fit, warnings=(*fit.warnings, *left))
                 others = [self._fit_to_excerpts(*other) for other in self._choose_others(ranking)]
-                return Choice(ranking=ranking, fits=(fit,), others=tuple(others), seconds=self.seconds)
+                fit = replace(fit, others=tuple(others))
+                return Choice(ranking=ranking, fits=(fit,), seconds=self.seconds)
             search.fitted.clear()
 
     def best_so_far(self) -> Choice | None:
