@@ -243,7 +243,8 @@ def test_few_tests_make_the_band_wider_than_their_own_errors_ask_for() -> None:
     for _ in range(30):
         *known, unknown = group(rng, 5)
         calibration = calibrate(known, held_out="the fit has not seen")
-        wider.append(next_test_quantile(calibration.scores, 0.9) / pooled_quantile(calibration.scores, 0.9))
+        scores = calibration.scores.about_force
+        wider.append(next_test_quantile(scores, 0.9) / pooled_quantile(scores, 0.9))
         coverage.append(score(band_of(calibration, unknown, 0.9), unknown.measured).coverage)
     assert np.mean(wider) > 1.01
     # The sizes of the errors differ by a factor of three from test to test, so each coverage scatters by 0.1.
@@ -317,7 +318,7 @@ def test_versions_of_one_test_count_as_one() -> None:
         replace(each, test=replace(each.test, name=f"{each.test.name} again")) for each in predictions
     ]
     alone, doubled = (calibrate(each, held_out="") for each in (predictions, [*predictions, *versions]))
-    assert len(doubled.scores) == len(alone.scores)
+    assert len(doubled.tests) == len(alone.tests)
     assert "10 tests count as 5" in repr(doubled)
     test = predictions[0]
     assert band_of(doubled, test, 0.9).upper == pytest.approx(band_of(alone, test, 0.9).upper, rel=1e-9)

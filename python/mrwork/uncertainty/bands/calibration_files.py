@@ -164,7 +164,7 @@ def write_bands(path: Path, bands: StoredBands) -> None:
     """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`."""
     calibration = bands.calibration
     document = asdict(calibration) | {
-        "scores": _rounded(calibration.scores),
+        "scores": {name: _rounded(scores) for name, scores in asdict(calibration.scores).items()},
         "reach": [
             asdict(test_reach) | {"scores": _rounded(test_reach.scores)} for test_reach in calibration.reach
         ],

@@ -36,11 +36,12 @@ from mrwork.uncertainty.bands.band import (
 from mrwork.uncertainty.bands.error_shape import (
     ErrorGroup,
     ErrorShape,
+    Scores,
     best_variant,
     best_variants_without_each,
     calibrate_shape,
 )
-from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
 
 LEVELS = (0.5, 0.9, 0.95)
 
@@ -130,7 +131,7 @@ class Calibration(Summarised):
     _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
 
     shape: ErrorShape
-    scores: tuple[Floats, ...]
+    scores: Scores
     tests: tuple[str, ...]
     held_out: str
     motions: tuple[RecordedMotion, ...] = ()
@@ -201,7 +202,8 @@ class Calibration(Summarised):
         beyond = self.beyond(prediction)
         sides = {side_of(exceedance) for exceedance in beyond}
         farther = [reach_of_test.scores for reach_of_test in self.reach if reach_of_test.side in sides]
-        multiple = max(next_test_quantile(scores, level) for scores in (self.scores, *farther))
+        own = self.scores.of(periodic=has_regular_cycles(prediction.test))
+        multiple = max(next_test_quantile(scores, level) for scores in (own, *farther))
         band = Band.about(centre, multiple * scale, level=level, basis=self.basis)
         force, test = prediction.force, prediction.test
         between = is_untested(self.tested, test.command_in(self.tested.command_unit))
@@ -256,7 +258,7 @@ class Calibration(Summarised):
                 test,
                 *(format_rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)),
             )
-            for test, scores in zip(self.tests, self.scores, strict=True)
+            for test, scores in zip(self.tests, self.scores.about_mean, strict=True)
         ]
         return Summary(
             title=f"Calibration of prediction bands on {len(self.tests)} tests",
@@ -314,7 +316,7 @@ def calibrate(
     shape, scores = calibrate_shape(best_variant(errors), errors)
     return Calibration(
         shape=shape,
-        scores=tuple(scores),
+        scores=scores,
         tests=tuple(" with ".join(member.test.label for member in members) for members in groups),
         held_out=held_out,
         motions=motions,
@@ -369,7 +371,8 @@ def measured_coverage(
         shape, scores = calibrate_shape(variant, [*errors_of[:index], *errors_of[index + 1 :]])
         others = [np.concatenate(errors) for number, errors in enumerate(energy) if number != index]
         others = [other for other in others if other.size]
-        multiples = [next_test_quantile(scores, level) for level in levels]
+        own = scores.of(periodic=errors_of[index].periodic)
+        multiples = [next_test_quantile(own, level) for level in levels]
         for prediction, errors in zip(members, energy[index], strict=True):
             centre, scale = shape.of(prediction)
             deviation = float(np.std(prediction.measured))

@@ -51,10 +51,10 @@ class ErrorShape:
         return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
     def scores(self, prediction: Prediction) -> Floats:
-        """Absolute errors of a prediction in their scale, at evenly spaced samples."""
+        """Absolute errors of a prediction about the model's force, in their scale, at evenly spaced samples."""
         every = even_samples(prediction)
-        centre, scale = self.of(prediction)
-        return np.abs(prediction.measured - centre)[every] / scale[every]
+        scale = self.scale(prediction.deviation, prediction.steepness)
+        return np.abs(prediction.residual)[every] / scale[every]
 
 
 def _over_cycle(phase: Floats, bias: Sequence[float]) -> Floats:
@@ -134,21 +134,38 @@ class ErrorGroup:
     def scores(self, shape: ErrorShape) -> tuple[Floats, Floats]:
         """Absolute errors in the scale of a shape, about its mean over the cycle, and that scale [N]."""
         error, scale = self.error, shape.scale(self.deviation, self.steepness)
-        if shape.bias:
+        if shape.bias and self.periodic:
             error = error - self.deviation * _over_cycle(self.phase, shape.bias)
         return np.abs(error) / scale, scale
 
 
-def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[ErrorShape, list[Floats]]:
-    """Shape fitted to groups of tests, and the absolute errors of each in its scale, about the bias of the others."""
+@array_dataclass()
+class Scores:
+    """Absolute errors of each test in a scale: about the mean over the cycle of the others, or the model's force.
+
+    Tests whose motion does not repeat have no such mean, and all their error is about the model's force.
+    """
+
+    about_mean: tuple[Floats, ...]
+    about_force: tuple[Floats, ...]
+
+    def of(self, *, periodic: bool) -> tuple[Floats, ...]:
+        """Those that stand for the errors of a test whose motion repeats, or does not."""
+        return self.about_mean if periodic else self.about_force
+
+
+def calibrate_shape(variant: Variant, groups: Sequence[ErrorGroup]) -> tuple[ErrorShape, Scores]:
+    """Shape fitted to groups of tests, and their errors in its scale."""
     shape = _fit_scale(variant, groups)
-    shapes = [shape] * len(groups)
+    about_force = tuple(group.scores(shape)[0] for group in groups)
+    about_mean = about_force
     if variant.biased:
         total = np.sum([group.curve for group in groups], axis=0)
         others = [(total - group.curve) / max(len(groups) - 1, 1) for group in groups]
-        shapes = [replace(shape, bias=tuple(bias.tolist())) for bias in others]
+        biased = [replace(shape, bias=tuple(bias.tolist())) for bias in others]
+        about_mean = tuple(group.scores(own)[0] for group, own in zip(groups, biased, strict=True))
         shape = replace(shape, bias=tuple((total / len(groups)).tolist()))
-    return shape, [group.scores(own)[0] for group, own in zip(groups, shapes, strict=True)]
+    return shape, Scores(about_mean=about_mean, about_force=about_force)
 
 
 def best_variant(groups: Sequence[ErrorGroup]) -> Variant:
@@ -187,9 +204,9 @@ def _scores_left_out(variant: Variant, groups: Sequence[ErrorGroup], without: tu
     shape, scores = calibrate_shape(
         variant, [group for index, group in enumerate(groups) if index not in without]
     )
-    half = pooled_quantile(scores, _COMPARED_AT)
     result = []
     for index in without:
+        half = pooled_quantile(scores.of(periodic=groups[index].periodic), _COMPARED_AT)
         own, scale = groups[index].scores(shape)
         width = (2.0 * half + 2.0 / (1.0 - _COMPARED_AT) * np.maximum(own - half, 0.0)) * scale
         result.append(float(np.mean(width / groups[index].measured)))
