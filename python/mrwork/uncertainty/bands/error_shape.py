@@ -16,7 +16,7 @@ import numpy as np
 from mrwork.base.arguments import NotNegative
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.uncertainty.bands.band import pooled_quantile
-from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
+from mrwork.uncertainty.bands.prediction import Prediction, are_one_motion, has_regular_cycles, motion_of
 
 # Bins of the phase for the mean error; level at which variants of the shape are compared, and groups that takes.
 _BINS = 24
@@ -91,8 +91,8 @@ class ErrorGroup:
     """Errors of a test, or of tests that are alike, at evenly spaced samples.
 
     Arrays have shape (n_samples,): `error` [N], `deviation` and `measured`, the standard deviations of the model's and
-    the measured force [N]. `normal` and `right` are of the least squares for the terms of the scale, and `curve`,
-    (n_bins,), is the mean error over the cycle [deviations].
+    the measured force [N]; `motion` are stroke [m] and length of a cycle [s]. `normal` and `right` are of the least
+    squares for the terms of the scale, and `curve`, (n_bins,), is the mean error over the cycle [deviations].
     """
 
     error: Floats
@@ -101,6 +101,7 @@ class ErrorGroup:
     deviation: Floats
     measured: Floats
     periodic: bool
+    motion: tuple[float, float]
     normal: Floats
     right: Floats
     curve: Floats
@@ -126,6 +127,7 @@ class ErrorGroup:
             deviation=deviation,
             measured=measured,
             periodic=all(has_regular_cycles(member.test) for member in members),
+            motion=motion_of(members[0].test),
             normal=terms * weight @ terms.T,
             right=terms @ (weight * np.abs(error)),
             curve=total / np.maximum(np.bincount(index, minlength=_BINS), 1),
@@ -173,7 +175,7 @@ def best_variant(groups: Sequence[ErrorGroup]) -> Variant:
     if len(groups) < _LEAST_TO_CHOOSE:
         return PLAIN
     return min(
-        _variants(biased=all(group.periodic for group in groups)),
+        _variants(biased=_tell_of_cycles(groups)),
         key=lambda variant: sum(
             _scores_left_out(variant, groups, (index,))[0] for index in range(len(groups))
         ),
@@ -186,7 +188,8 @@ def best_variants_without_each(groups: Sequence[ErrorGroup]) -> list[Variant]:
     if n - 1 < _LEAST_TO_CHOOSE:
         return [PLAIN] * n
     irregular = {index for index, group in enumerate(groups) if not group.periodic}
-    variants = _variants(biased=len(irregular) <= 1)
+    regular = [group for group in groups if group.periodic]
+    variants = _variants(biased=len(irregular) <= 1 and _tell_of_cycles(regular))
     totals = np.zeros((len(variants), n))
     for number, variant in enumerate(variants):
         for pair in combinations(range(n), 2):
@@ -197,6 +200,18 @@ def best_variants_without_each(groups: Sequence[ErrorGroup]) -> list[Variant]:
         if variant.biased:
             totals[number, [not irregular <= {index} for index in range(n)]] = np.inf
     return [variants[int(best)] for best in np.argmin(totals, axis=0)]
+
+
+def _tell_of_cycles(groups: Sequence[ErrorGroup]) -> bool:
+    """Whether the mean error over a cycle of other motions follows from groups: from so many motions that repeat.
+
+    It is alike at all commands, so that tests of one motion tell nothing of another.
+    """
+    motions = list[tuple[float, float]]()
+    for group in groups:
+        if not any(are_one_motion(group.motion, other) for other in motions):
+            motions.append(group.motion)
+    return all(group.periodic for group in groups) and len(motions) >= _LEAST_TO_CHOOSE
 
 
 def _scores_left_out(variant: Variant, groups: Sequence[ErrorGroup], without: tuple[int, ...]) -> list[float]:

@@ -346,12 +346,13 @@ def alike_remark(tests: Sequence[DamperTest]) -> str:
     return f"left out together, as they are alike: {likenesses_in_words(pairs)}" if pairs else ""
 
 
-def _same_motion(one: DamperTest, other: DamperTest) -> bool:
-    pairs = zip(_motion(one), _motion(other), strict=True)
+def are_one_motion(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    """Whether strokes and lengths of a cycle agree within 15 %."""
+    pairs = zip(one, other, strict=True)
     return all(abs(first - second) <= _SAME_MOTION * max(first, second) for first, second in pairs)
 
 
-def _motion(test: DamperTest) -> tuple[float, float]:
+def motion_of(test: DamperTest) -> tuple[float, float]:
     """Stroke [m] and mean length of a cycle [s]."""
     return float(np.ptp(test.displacement[test.counted])), mean_cycle(test) * test.dt
 
@@ -359,7 +360,7 @@ def _motion(test: DamperTest) -> tuple[float, float]:
 # Whether two tests that are not alike belong to one fold.
 _TOGETHER: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
     "test": lambda one, other: False,
-    "motion": _same_motion,
+    "motion": lambda one, other: are_one_motion(motion_of(one), motion_of(other)),
     "command": same_commands,
 }
 
