@@ -119,7 +119,7 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
     if started + 1 >= moved.size:
         return None
     force = np.abs(test.force - (static_force(test.displacement, test.force, motion.velocity) or 0.0))
-    smoother = Differentiator(window=5, dt=test.dt)
+    smoother = Differentiator(windows=np.full(test.n_time, 5), dt=test.dt)
     noise = smoother.noise(test.force - smoother.smooth(test.force))
     first = slice(max(rest - 2, 0), started + 1)
     overshoot = float(force[first].max() - force[started + 1 :].max())
