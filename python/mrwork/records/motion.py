@@ -20,8 +20,6 @@ _ORDER: Final = 5
 _BLOCK: Final = 8192
 # Longer windows to either side are applied by Fourier transform.
 _LONG: Final = 16
-# Samples between stretches that are filtered apart.
-_APART: Final = 2048
 
 
 # A record has tens of windows at most, each with several derivatives.
@@ -33,9 +31,8 @@ def _fit(window: int) -> Floats:
     the centre (Savitzky, Golay, Analytical Chemistry 36, 1964, 1627-1639).
     """
     n_coefficients = min(_ORDER, window - 2) + 1
-    orthonormal, triangle = np.linalg.qr(
-        np.vander(np.linspace(-1.0, 1.0, window), n_coefficients, increasing=True)
-    )
+    powers = np.vander(np.linspace(-1.0, 1.0, window), n_coefficients, increasing=True)
+    orthonormal, triangle = np.linalg.qr(powers)
     coefficients = np.linalg.solve(triangle, orthonormal.T)
     coefficients.setflags(write=False)
     return coefficients
@@ -47,20 +44,14 @@ def weights(window: int, *, derivative: int = 0, step: float = 1.0) -> Floats:
 
 
 def savitzky_golay(
-    signal: Floats,
-    window: int,
-    *,
-    derivative: int = 0,
-    step: float = 1.0,
-    begin: int = 0,
-    end: int | None = None,
+    signal: Floats, window: int, *, derivative: int = 0, step: float = 1.0, part: slice = slice(None)
 ) -> Floats:
     """Savitzky-Golay derivative of a signal, shape (n_time,): quintics fitted to `window` samples each, cubics to five.
 
-    Near the ends, the polynomial of the outermost window is used. `begin`, `end`: first and beyond the last sample of
-    the result, if not all are wanted. In NumPy because `scipy.signal` takes a second to load.
+    Near the ends, the polynomial of the outermost window is used. `part`: samples of the result, if not all are wanted.
+    In NumPy because `scipy.signal` takes a second to load.
     """
-    half, end = window // 2, signal.size if end is None else end
+    half, (begin, end, _) = window // 2, part.indices(signal.size)
     inner = max(begin, half), min(end, signal.size - half)
     result = np.empty(end - begin)
     weight = weights(window, derivative=derivative, step=step)
@@ -71,20 +62,19 @@ def savitzky_golay(
         transform = np.fft.rfft(weight, size)
         for first in range(*inner, size - 2 * half):
             last = min(first + size - 2 * half, inner[1])
-            part = signal[first - half : last + half]
-            level = float(part[0])
-            product = np.fft.irfft(np.fft.rfft(part - level, size) * transform, size)
-            result[first - begin : last - begin] = product[2 * half : part.size] + level * (derivative == 0)
+            block = signal[first - half : last + half]
+            product = np.fft.irfft(np.fft.rfft(block - block[0], size) * transform, size)[
+                2 * half : block.size
+            ]
+            result[first - begin : last - begin] = product + block[0] * (derivative == 0)
     for first in range(*inner, _BLOCK) if half <= _LONG else ():
         last = min(first + _BLOCK, inner[1])
         block = weight[half] * signal[first:last]
         for by in range(half, 0, -1):
             block += weight[half + by] * pair(signal[first - by : last - by], signal[first + by : last + by])
         result[first - begin : last - begin] = block
-    for outermost, first, last in (
-        (0, begin, min(end, half)),
-        (signal.size - window, max(begin, signal.size - half), end),
-    ):
+    last_window, last_inner = signal.size - window, signal.size - half
+    for outermost, first, last in ((0, begin, min(end, half)), (last_window, max(begin, last_inner), end)):
         if first < last:
             fitted = _fit(window) @ signal[outermost : outermost + window]
             at = (np.arange(first, last) - outermost - half) / half
@@ -95,8 +85,8 @@ def savitzky_golay(
 
 # Half widths of the windows that are tried, and of those that they are compared with: of samples, and of means of
 # 2, 4, 8, ... of them.
-_OF_SAMPLES: Final = ((2, 3), (4, 3), (5, 4), (6, 4), (8, 5), (10, 7), (12, 8))
-_OF_MEANS: Final = ((8, 5), (10, 7), (12, 8))
+_OF_SAMPLES: Final[tuple[tuple[int, int], ...]] = ((2, 3), (4, 3), (5, 4), (6, 4), (8, 5), (10, 7), (12, 8))
+_OF_MEANS: Final[tuple[tuple[int, int], ...]] = ((8, 5), (10, 7), (12, 8))
 _LONGEST: Final = 32768
 # Samples, or means, of the shortest stretch for which these are tried.
 _CELL: Final = 8
@@ -176,27 +166,29 @@ def _compare(means: Floats, half: int, other: int) -> Floats:
 def _means_and_noise(displacement: Floats) -> tuple[Floats, int, float]:
     """The samples, or means over the repeats of a channel that repeats its values, how many, and their noise variance.
 
-    The noise is seen in sixth differences, where the channel does not stand still. A channel that does so for most of
-    its time is quantised: its quantum is the least change of its steps.
+    The noise is seen in sixth differences, where the channel does not stand still. Of a channel whose readings are
+    multiples of a quantum, it is that of rounding at least; its quantum is the least change of the size of its steps.
     """
     changes = np.flatnonzero(np.diff(displacement))
     span = int(np.median(np.diff(changes))) if changes.size > 1 else 1
     means = displacement[: displacement.size // span * span].reshape(-1, span).mean(axis=1)
-    rounding = float(np.finfo(np.float64).eps * np.ptp(displacement))
-    if means.size <= _DIFFERENCES:
-        return means, span, rounding**2
     steps = np.diff(means)
-    rough = np.abs(np.diff(means, _DIFFERENCES))[
-        steps[_DIFFERENCES // 2 : means.size - _DIFFERENCES // 2] != 0.0
-    ]
-    gain = comb(2 * _DIFFERENCES, _DIFFERENCES)
-    variance = float(np.mean(rough**2)) / gain if rough.size else 0.0
+    moving = steps[_DIFFERENCES // 2 : means.size - _DIFFERENCES // 2] != 0.0
+    rough = np.abs(np.diff(means, _DIFFERENCES))[moving] / np.sqrt(comb(2 * _DIFFERENCES, _DIFFERENCES))
+    epsilon = float(np.finfo(np.float64).eps)
+    variance = float(np.mean(rough**2)) if rough.size else 0.0
     if span == 1 and rough.size:
-        variance = (_MAD_TO_DEVIATION * float(np.median(rough))) ** 2 / gain
-        if np.count_nonzero(steps) < steps.size // 2:
-            bends = np.abs(np.diff(steps))
-            variance = min(variance, float(np.min(bends[bends > 1e3 * rounding], initial=np.inf)) ** 2 / 12.0)
-    return means, span, max(variance, rounding**2)
+        bends = np.abs(np.diff(np.abs(steps[steps != 0.0])))
+        quanta = bends[bends > 8.0 * epsilon * np.max(np.abs(means))]
+        quantum = float(np.min(quanta, initial=np.inf))
+        is_quantised = quanta.size > 0 and np.allclose(
+            quanta / quantum, np.rint(quanta / quantum), rtol=0.0, atol=0.01
+        )
+        of_rounding = min(variance, quantum**2 / 12.0) if is_quantised else 0.0
+        stands_still = is_quantised and np.count_nonzero(steps) < steps.size // 2
+        variance = 0.0 if stands_still else (_MAD_TO_DEVIATION * float(np.median(rough))) ** 2
+        variance = max(variance, of_rounding)
+    return means, span, max(variance, (epsilon * float(np.ptp(displacement))) ** 2)
 
 
 def best_windows(displacement: Floats) -> NDArray[np.intp]:
@@ -208,7 +200,7 @@ def best_windows(displacement: Floats) -> NDArray[np.intp]:
     beyond that of noise. Windows are no longer than three times the stretch.
     """
     means, span, variance = _means_and_noise(displacement)
-    if means.size < 4 * _OF_SAMPLES[-1][0]:
+    if means.size < 4 * _OF_SAMPLES[1][0] + 2:
         return np.full(displacement.size, 5, dtype=np.intp)
     shortest = _CELL * span
     table, halves, correlated = np.empty((3, 0, -(-means.size // _CELL))), list[int](), list[float]()
@@ -241,11 +233,10 @@ def best_windows(displacement: Floats) -> NDArray[np.intp]:
         longer = np.repeat(2 * np.array(halves)[best] + 1, length // shortest)[: chosen.size]
         chosen = np.where(better, longer, chosen)
         if risks.size == 1:
-            return np.repeat(chosen, shortest)[: displacement.size]
-        odd = risks.size % 2
-        least = np.pad(np.minimum(risks, least), (0, odd))
-        least = least[::2] + least[1::2]
-        table = np.pad(table, ((0, 0), (0, 0), (0, odd)), "edge") if odd else table
+            cell = np.arange(displacement.size) // shortest
+            return np.asarray(chosen[cell.clip(max=chosen.size - 1)])
+        least = np.add.reduceat(np.minimum(risks, least), np.arange(0, risks.size, 2))
+        table = np.pad(table, ((0, 0), (0, 0), (0, risks.size % 2)), "edge")
         table = 0.5 * (table[:, :, ::2] + table[:, :, 1::2])
         means = 0.5 * (means[: means.size // 2 * 2 : 2] + means[1::2])
         variance, span, length, tried = 0.5 * variance, 2 * span, 2 * length, _OF_MEANS
@@ -299,12 +290,10 @@ class Differentiator:
     @property
     def in_words(self) -> str:
         """Kind of the filter and length of its windows, in samples and milliseconds."""
-        shortest, longest = int(self.windows.min()), int(self.windows.max())
-        least, most = (
-            f"{shortest} to " * (shortest < longest),
-            f"{1e3 * shortest * self.dt:.3g} to " * (shortest < longest),
-        )
-        return f"a quintic Savitzky-Golay filter over {least}{longest} samples ({most}{1e3 * longest * self.dt:.3g} ms)"
+        ends = np.unique([self.windows.min(), self.windows.max()]).tolist()
+        samples = " to ".join(f"{window}" for window in ends)
+        times = " to ".join(f"{1e3 * window * self.dt:.3g}" for window in ends)
+        return f"a quintic Savitzky-Golay filter over {samples} samples ({times} ms)"
 
     def smooth(self, signal: Floats) -> Floats:
         """The smoothed signal, of the same shape."""
@@ -314,32 +303,28 @@ class Differentiator:
         """Time derivative of the smoothed signal, of the same shape, in its unit per s^`order`."""
         result = np.empty_like(signal)
         for window in np.unique(self.windows).tolist():
-            wanted = np.flatnonzero(self.windows == window)
-            # Stretches with this window, those together that are close.
-            apart = np.flatnonzero(np.diff(wanted) > _APART)
-            for part in np.split(wanted, apart + 1):
-                begin, end = int(part[0]), int(part[-1]) + 1
-                filtered = savitzky_golay(
-                    signal, window, derivative=order, step=self.dt, begin=begin, end=end
-                )
-                result[part] = filtered[part - begin]
+            samples = np.flatnonzero(self.windows == window)
+            # Close stretches with one window are filtered together.
+            apart = 1 + np.flatnonzero(np.diff(samples) > _BLOCK // 4)
+            for at in np.split(samples, apart):
+                part = slice(int(at[0]), int(at[-1]) + 1)
+                filtered = savitzky_golay(signal, window, derivative=order, step=self.dt, part=part)
+                result[at] = filtered[at - at[0]]
         return result
 
     def noise(self, removed: Floats) -> float:
         """Standard deviation of the white noise of a signal, estimated from the part that `smooth` removed."""
         # A least-squares smoother with centre weight c0 removes the fraction 1 - c0 of the variance of the noise.
-        return float(
-            np.sqrt(np.var(removed) / (1.0 - self._mean(lambda window: weights(window)[window // 2])))
-        )
+        left = self._mean(lambda window: weights(window)[window // 2])
+        return float(np.sqrt(np.var(removed) / (1.0 - left)))
 
     def noise_gain(self, order: int) -> float:
         """Standard deviation of `derivative` (order 0: `smooth`) per unit standard deviation of white noise."""
-        return float(
-            np.sqrt(self._mean(lambda window: np.sum(weights(window, derivative=order, step=self.dt) ** 2)))
-        )
+        squares = self._mean(lambda window: np.sum(weights(window, derivative=order, step=self.dt) ** 2))
+        return float(np.sqrt(squares))
 
     def _mean(self, of: Callable[[int], float]) -> float:
-        """Mean over the samples of what a function gives for their windows."""
+        """Mean over the samples of a number for each window."""
         windows, counts = np.unique(self.windows, return_counts=True)
         return float(np.average([of(window) for window in windows.tolist()], weights=counts))
 
