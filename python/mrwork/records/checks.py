@@ -174,7 +174,8 @@ def static_force(displacement: Floats, force: Floats, velocity: Floats) -> float
     design = np.stack([root, root * half], axis=1)
     (static, share), *_ = np.linalg.lstsq(design, root * middle, rcond=None)
     residual = root * middle - design @ (static, share)
-    variance = (residual @ residual) / max(np.count_nonzero(both) - 2, 1)
+    # Two speeds leave no residual.
+    variance = (residual @ residual) / free if (free := np.count_nonzero(both) - 2) > 0 else np.inf
     error = float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1] * variance))
     if abs(share) < max(_STRONGER, _SURELY_STRONGER * error):
         return mean
