@@ -52,32 +52,31 @@ def still_findings(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     A damper held at rest keeps the sign of its force, whatever its command does; one that moves to and fro has a force
     of either sign, which may be constant on one way.
     """
-    # A force moves where a displacement stands still, and has windows of its own.
+    # A force that moves while the displacement stands still has windows of its own.
     of_force = Differentiator.of(test.force, test.dt)
     smoothed = {
         "displacement": (test.displacement, motion.displacement, motion.differentiator.noise_gain(0)),
         "force": (test.force, of_force.smooth(test.force), of_force.noise_gain(0)),
     }
+    shortest = _SHORTEST_SWING / (motion.frequency * test.dt)
     for name, other, least_swings in (("displacement", "force", 1), ("force", "displacement", 2)):
-        if spans := _still_spans(*smoothed[name], *smoothed[other][:2], motion, least_swings):
+        if spans := _still_spans(smoothed[name], smoothed[other], shortest, least_swings):
             seconds = Measured(test.dt * sum(last - first for first, last in spans), "s")
             begin = test.start_time + test.dt * spans[0][0]
             yield _STILL_KINDS[name].found(name, measured=seconds, begin=begin)
 
 
 def _still_spans(
-    raw: Floats,
-    smooth: Floats,
-    gain: float,
-    raw_moving: Floats,
-    moving: Floats,
-    motion: SmoothMotion,
+    still: tuple[Floats, Floats, float],
+    other: tuple[Floats, Floats, float],
+    shortest: float,
     least_swings: int,
 ) -> list[tuple[int, int]]:
-    """Spans of samples, first and beyond the last, in which `moving` changes sides and the other stands still.
+    """Spans of samples, first and beyond the last, in which a channel stands still and the other one changes sides.
 
-    `gain`: what smoothing leaves of the noise of the other one.
+    Of each: the samples, the smoothed ones, and what smoothing leaves of noise. `shortest`: samples of a span.
     """
+    (raw, smooth, gain), (raw_moving, moving, _) = still, other
     low, high = np.percentile(moving, [1.0, 99.0])
     if high - low <= 2.0 * _STILL_NOISE * _noise(raw_moving, moving):
         return []
@@ -95,7 +94,6 @@ def _still_spans(
     least = max(min(_STILL_NOISE * noise, _STILL * stroke), _ROUNDING * stroke)
     padded = np.append(smooth, smooth[-1])
     ranges = (np.maximum.reduceat(padded, swings.ravel()) - np.minimum.reduceat(padded, swings.ravel()))[::2]
-    shortest = _SHORTEST_SWING / (motion.frequency * motion.differentiator.dt)
     runs = (run for run in runs_of(ranges <= least) if run[1] - run[0] >= least_swings)
     return [
         _widen_span(smooth, begin, end, least)

@@ -90,13 +90,9 @@ _OF_MEANS: Final[tuple[tuple[int, int], ...]] = ((8, 5), (10, 7), (12, 8))
 _LONGEST: Final = 32768
 # Samples, or means, of the shortest stretch for which these are tried.
 _CELL: Final = 8
-# A difference between windows is a bias that longer windows have, too, if it and the next three exceed this multiple of
-# their standard error and the next ones are no smaller, as those of coloured noise are, or if it exceeds the noise far.
-_SIGNIFICANT: Final = 3.0
-_NEXT: Final = 3
+# A squared difference beyond noise and this multiple of it is a bias that all longer windows have, too.
 _FAR_BEYOND: Final = 10.0
-# Ratio of the squared bias to the mean square difference from a shorter window: 1.4 of a sine, 5 where the velocity
-# jumps.
+# Ratio of the squared bias to the squared difference from a shorter window: 1.4 of a sine, 5 where the velocity jumps.
 _BIAS: Final = 2.0
 _MAD_TO_DEVIATION: Final = 1.4826
 _DIFFERENCES: Final = 6
@@ -185,9 +181,9 @@ def _means_and_noise(displacement: Floats) -> tuple[Floats, int, float]:
             quanta / quantum, np.rint(quanta / quantum), rtol=0.0, atol=0.01
         )
         of_rounding = min(variance, quantum**2 / 12.0) if is_quantised else 0.0
-        stands_still = is_quantised and np.count_nonzero(steps) < steps.size // 2
-        variance = 0.0 if stands_still else (_MAD_TO_DEVIATION * float(np.median(rough))) ** 2
-        variance = max(variance, of_rounding)
+        mostly_still = is_quantised and np.count_nonzero(steps) < steps.size // 2
+        seen = 0.0 if mostly_still else _MAD_TO_DEVIATION * float(np.median(rough))
+        variance = max(seen**2, of_rounding)
     return means, span, max(variance, (epsilon * float(np.ptp(displacement))) ** 2)
 
 
@@ -218,13 +214,8 @@ def best_windows(displacement: Floats) -> NDArray[np.intp]:
         squares, difference, noise = table
         error = np.sqrt(2.0 / length * np.array(correlated))[:, np.newaxis]
         bias = squares - difference
-        known = np.where(bias > _SIGNIFICANT * error * difference, bias, 0.0)
-        stays = known.copy()
-        for by in range(1, min(_NEXT, len(halves) - 1) + 1):
-            stays[:-by][known[by:] < known[:-by]] = 0.0
-        far = known > difference * np.maximum(_FAR_BEYOND, 5.0 * error)
         # The bias of cubics over five samples is not that of quintics.
-        held = np.maximum.accumulate(np.where(far, known, stays)[1:], axis=0)
+        held = np.maximum.accumulate(np.where(bias > _FAR_BEYOND * difference, bias, 0.0)[1:], axis=0)
         bias[1:] = np.maximum(bias[1:], held)
         risk = _BIAS * bias.clip(min=0.0) + noise * (1.0 + error)
         best = np.argmin(risk, axis=0)
