@@ -67,10 +67,7 @@ def still_findings(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
 
 
 def _still_spans(
-    still: tuple[Floats, Floats, float],
-    other: tuple[Floats, Floats, float],
-    shortest: float,
-    least_swings: int,
+    still: tuple[Floats, Floats, float], other: tuple[Floats, Floats, float], shortest: float, at_least: int
 ) -> list[tuple[int, int]]:
     """Spans of samples, first and beyond the last, in which a channel stands still and the other one changes sides.
 
@@ -94,7 +91,7 @@ def _still_spans(
     least = max(min(_STILL_NOISE * noise, _STILL * stroke), _ROUNDING * stroke)
     padded = np.append(smooth, smooth[-1])
     ranges = (np.maximum.reduceat(padded, swings.ravel()) - np.minimum.reduceat(padded, swings.ravel()))[::2]
-    runs = (run for run in runs_of(ranges <= least) if run[1] - run[0] >= least_swings)
+    runs = (run for run in runs_of(ranges <= least) if run[1] - run[0] >= at_least)
     return [
         _widen_span(smooth, begin, end, least)
         for begin, end in ((int(swings[first, 0]), int(swings[last - 1, 1])) for first, last in runs)

@@ -52,7 +52,8 @@ def savitzky_golay(
     In NumPy because `scipy.signal` takes a second to load.
     """
     half, (begin, end, _) = window // 2, part.indices(signal.size)
-    inner = max(begin, half), min(end, signal.size - half)
+    last_window, last_inner = signal.size - window, signal.size - half
+    inner = max(begin, half), min(end, last_inner)
     result = np.empty(end - begin)
     weight = weights(window, derivative=derivative, step=step)
     # In pairs, so that the odd derivative of a constant is exactly zero.
@@ -63,17 +64,15 @@ def savitzky_golay(
         for first in range(*inner, size - 2 * half):
             last = min(first + size - 2 * half, inner[1])
             block = signal[first - half : last + half]
-            product = np.fft.irfft(np.fft.rfft(block - block[0], size) * transform, size)[
-                2 * half : block.size
-            ]
-            result[first - begin : last - begin] = product + block[0] * (derivative == 0)
+            product = np.fft.irfft(np.fft.rfft(block - block[0], size) * transform, size)
+            level = block[0] * (derivative == 0)
+            result[first - begin : last - begin] = product[2 * half : block.size] + level
     for first in range(*inner, _BLOCK) if half <= _LONG else ():
         last = min(first + _BLOCK, inner[1])
         block = weight[half] * signal[first:last]
         for by in range(half, 0, -1):
             block += weight[half + by] * pair(signal[first - by : last - by], signal[first + by : last + by])
         result[first - begin : last - begin] = block
-    last_window, last_inner = signal.size - window, signal.size - half
     for outermost, first, last in ((0, begin, min(end, half)), (last_window, max(begin, last_inner), end)):
         if first < last:
             fitted = _fit(window) @ signal[outermost : outermost + window]
@@ -171,20 +170,20 @@ def _means_and_noise(displacement: Floats) -> tuple[Floats, int, float]:
     steps = np.diff(means)
     moving = steps[_DIFFERENCES // 2 : means.size - _DIFFERENCES // 2] != 0.0
     rough = np.abs(np.diff(means, _DIFFERENCES))[moving] / np.sqrt(comb(2 * _DIFFERENCES, _DIFFERENCES))
-    epsilon = float(np.finfo(np.float64).eps)
     variance = float(np.mean(rough**2)) if rough.size else 0.0
     if span == 1 and rough.size:
         bends = np.abs(np.diff(np.abs(steps[steps != 0.0])))
-        quanta = bends[bends > 8.0 * epsilon * np.max(np.abs(means))]
+        quanta = bends[bends > 8.0 * np.spacing(np.max(np.abs(means)))]
         quantum = float(np.min(quanta, initial=np.inf))
         is_quantised = quanta.size > 0 and np.allclose(
             quanta / quantum, np.rint(quanta / quantum), rtol=0.0, atol=0.01
         )
         of_rounding = min(variance, quantum**2 / 12.0) if is_quantised else 0.0
         mostly_still = is_quantised and np.count_nonzero(steps) < steps.size // 2
-        seen = 0.0 if mostly_still else _MAD_TO_DEVIATION * float(np.median(rough))
-        variance = max(seen**2, of_rounding)
-    return means, span, max(variance, (epsilon * float(np.ptp(displacement))) ** 2)
+        variance = max(
+            0.0 if mostly_still else (_MAD_TO_DEVIATION * float(np.median(rough))) ** 2, of_rounding
+        )
+    return means, span, max(variance, float(np.spacing(np.ptp(displacement))) ** 2)
 
 
 def best_windows(displacement: Floats) -> NDArray[np.intp]:
@@ -293,7 +292,8 @@ class Differentiator:
     def derivative(self, signal: Floats, order: int = 1) -> Floats:
         """Time derivative of the smoothed signal, of the same shape, in its unit per s^`order`."""
         result = np.empty_like(signal)
-        for window in np.unique(self.windows).tolist():
+        # No stretch is shorter than a cell.
+        for window in np.unique(self.windows[::_CELL]).tolist():
             samples = np.flatnonzero(self.windows == window)
             # Close stretches with one window are filtered together.
             apart = 1 + np.flatnonzero(np.diff(samples) > _BLOCK // 4)
