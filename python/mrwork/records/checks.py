@@ -119,7 +119,7 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
     if started + 1 >= moved.size:
         return None
     force = np.abs(test.force - (static_force(test.displacement, test.force, motion.velocity) or 0.0))
-    smoother = Differentiator(window=5, dt=test.dt)
+    smoother = Differentiator(windows=np.full(test.n_time, 5), dt=test.dt)
     noise = smoother.noise(test.force - smoother.smooth(test.force))
     first = slice(max(rest - 2, 0), started + 1)
     overshoot = float(force[first].max() - force[started + 1 :].max())
@@ -174,7 +174,8 @@ def static_force(displacement: Floats, force: Floats, velocity: Floats) -> float
     design = np.stack([root, root * half], axis=1)
     (static, share), *_ = np.linalg.lstsq(design, root * middle, rcond=None)
     residual = root * middle - design @ (static, share)
-    variance = (residual @ residual) / max(np.count_nonzero(both) - 2, 1)
+    # Two speeds leave no residual.
+    variance = (residual @ residual) / free if (free := np.count_nonzero(both) - 2) > 0 else np.inf
     error = float(np.sqrt(np.linalg.pinv(design.T @ design)[1, 1] * variance))
     if abs(share) < max(_STRONGER, _SURELY_STRONGER * error):
         return mean

@@ -52,21 +52,28 @@ def still_findings(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     A damper held at rest keeps the sign of its force, whatever its command does; one that moves to and fro has a force
     of either sign, which may be constant on one way.
     """
+    # A force that moves while the displacement stands still has windows of its own.
+    of_force = Differentiator.of(test.force, test.dt)
     smoothed = {
-        "displacement": (test.displacement, motion.displacement),
-        "force": (test.force, motion.differentiator.smooth(test.force)),
+        "displacement": (test.displacement, motion.displacement, motion.differentiator.noise_gain(0)),
+        "force": (test.force, of_force.smooth(test.force), of_force.noise_gain(0)),
     }
+    shortest = _SHORTEST_SWING / (motion.frequency * test.dt)
     for name, other, least_swings in (("displacement", "force", 1), ("force", "displacement", 2)):
-        if spans := _still_spans(*smoothed[name], *smoothed[other], motion, least_swings):
+        if spans := _still_spans(smoothed[name], smoothed[other], shortest, least_swings):
             seconds = Measured(test.dt * sum(last - first for first, last in spans), "s")
             begin = test.start_time + test.dt * spans[0][0]
             yield _STILL_KINDS[name].found(name, measured=seconds, begin=begin)
 
 
 def _still_spans(
-    raw: Floats, smooth: Floats, raw_moving: Floats, moving: Floats, motion: SmoothMotion, least_swings: int
+    still: tuple[Floats, Floats, float], other: tuple[Floats, Floats, float], shortest: float, at_least: int
 ) -> list[tuple[int, int]]:
-    """Spans of samples, first and beyond the last, in which `moving` changes sides and the other stands still."""
+    """Spans of samples, first and beyond the last, in which a channel stands still and the other one changes sides.
+
+    Of each: the samples, the smoothed ones, and what smoothing leaves of noise. `shortest`: samples of a span.
+    """
+    (raw, smooth, gain), (raw_moving, moving, _) = still, other
     low, high = np.percentile(moving, [1.0, 99.0])
     if high - low <= 2.0 * _STILL_NOISE * _noise(raw_moving, moving):
         return []
@@ -79,13 +86,12 @@ def _still_spans(
     first, last = decided[np.append(0, changes + 1)], decided[np.append(changes, -1)]
     within = (last - first) // 4
     swings = np.stack([(last - within)[:-1], (first + within)[1:] + 1], axis=1)
-    noise = _noise(raw, smooth) * motion.differentiator.noise_gain(0)
+    noise = _noise(raw, smooth) * gain
     stroke = float(np.ptp(smooth))
     least = max(min(_STILL_NOISE * noise, _STILL * stroke), _ROUNDING * stroke)
     padded = np.append(smooth, smooth[-1])
     ranges = (np.maximum.reduceat(padded, swings.ravel()) - np.minimum.reduceat(padded, swings.ravel()))[::2]
-    shortest = _SHORTEST_SWING / (motion.frequency * motion.differentiator.dt)
-    runs = (run for run in runs_of(ranges <= least) if run[1] - run[0] >= least_swings)
+    runs = (run for run in runs_of(ranges <= least) if run[1] - run[0] >= at_least)
     return [
         _widen_span(smooth, begin, end, least)
         for begin, end in ((int(swings[first, 0]), int(swings[last - 1, 1])) for first, last in runs)

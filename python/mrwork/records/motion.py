@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -17,188 +18,218 @@ from mrwork.base.values import Floats, array_dataclass
 _ORDER: Final = 5
 # Samples that stay in the processor's cache while all weights are applied.
 _BLOCK: Final = 8192
-# Longer windows to either side are applied by Fourier transform; a motion so noisy does not stand still exactly.
-_LONG: Final = 128
+# Longer windows to either side are applied by Fourier transform.
+_LONG: Final = 16
 
 
-def _powers(at: Floats) -> tuple[Floats, Floats]:
-    """Powers of positions in a window, shape (window, n_powers), and their exponents: five samples have a cubic."""
-    exponents = np.arange(min(_ORDER, at.size - 2) + 1.0)
-    return at[:, np.newaxis] ** exponents, exponents
+# A record has tens of windows at most, each with several derivatives.
+@lru_cache(maxsize=32)
+def _fit(window: int) -> Floats:
+    """Coefficients of the polynomial fitted to unit samples, shape (n_coefficients, window), over [-1, 1]: quintics.
 
-
-# Tests of one rig have few windows and steps, and each has several derivatives.
-@lru_cache(maxsize=16)
-def weights(window: int, *, derivative: int = 0, step: float = 1.0) -> Floats:
-    """Savitzky-Golay weights of a derivative at the centre of a window, shape (window,), to convolve with the signal.
-
-    Least-norm solution of the conditions that quintics (over five samples, cubics) are differentiated exactly
-    (Savitzky, Golay, Analytical Chemistry 36, 1964, 1627-1639).
+    Five samples have a cubic. Row d, times d! and divided by the half width to the power d, gives the derivatives at
+    the centre (Savitzky, Golay, Analytical Chemistry 36, 1964, 1627-1639).
     """
-    powers, exponents = _powers(np.linspace(1.0, -1.0, window))
-    wanted = np.where(
-        exponents == derivative, factorial(derivative) / (window // 2 * step) ** derivative, 0.0
-    )
-    solution = np.asarray(np.linalg.lstsq(powers.T, wanted, rcond=None)[0])
-    solution.setflags(write=False)
-    return solution
+    n_coefficients = min(_ORDER, window - 2) + 1
+    powers = np.vander(np.linspace(-1.0, 1.0, window), n_coefficients, increasing=True)
+    orthonormal, triangle = np.linalg.qr(powers)
+    coefficients = np.linalg.solve(triangle, orthonormal.T)
+    coefficients.setflags(write=False)
+    return coefficients
 
 
-def savitzky_golay(signal: Floats, window: int, *, derivative: int = 0, step: float = 1.0) -> Floats:
+def weights(window: int, *, derivative: int = 0, step: float = 1.0) -> Floats:
+    """Savitzky-Golay weights of a derivative at the centre, shape (window,), to convolve with the signal."""
+    return _fit(window)[derivative, ::-1] * (factorial(derivative) / (window // 2 * step) ** derivative)
+
+
+def savitzky_golay(
+    signal: Floats, window: int, *, derivative: int = 0, step: float = 1.0, part: slice = slice(None)
+) -> Floats:
     """Savitzky-Golay derivative of a signal, shape (n_time,): quintics fitted to `window` samples each, cubics to five.
 
-    Near the ends, the polynomial of the outermost window is used. In NumPy because `scipy.signal` takes a second to
-    load.
+    Near the ends, the polynomial of the outermost window is used. `part`: samples of the result, if not all are wanted.
+    In NumPy because `scipy.signal` takes a second to load.
     """
-    half = window // 2
-    n_inner = signal.size - 2 * half
+    half, (begin, end, _) = window // 2, part.indices(signal.size)
+    last_window, last_inner = signal.size - window, signal.size - half
+    inner = max(begin, half), min(end, last_inner)
+    result = np.empty(end - begin)
     weight = weights(window, derivative=derivative, step=step)
     # In pairs, so that the odd derivative of a constant is exactly zero.
     pair = np.subtract if derivative % 2 else np.add
-    result = np.empty_like(signal)
     if half > _LONG:
-        mean, size = signal.mean(), 1 << (signal.size - 1).bit_length()
-        product = np.fft.rfft(signal - mean, size) * np.fft.rfft(weight, size)
-        result[half:-half] = np.fft.irfft(product, size)[2 * half : signal.size] + mean * (derivative == 0)
-    for begin in range(half, half + n_inner if half <= _LONG else 0, _BLOCK):
-        end = min(begin + _BLOCK, half + n_inner)
-        inner = weight[half] * signal[begin:end]
+        size = 1 << (min(end - begin + window, max(_BLOCK, 4 * window)) - 1).bit_length()
+        transform = np.fft.rfft(weight, size)
+        for first in range(*inner, size - 2 * half):
+            last = min(first + size - 2 * half, inner[1])
+            block = signal[first - half : last + half]
+            product = np.fft.irfft(np.fft.rfft(block - block[0], size) * transform, size)
+            level = block[0] * (derivative == 0)
+            result[first - begin : last - begin] = product[2 * half : block.size] + level
+    for first in range(*inner, _BLOCK) if half <= _LONG else ():
+        last = min(first + _BLOCK, inner[1])
+        block = weight[half] * signal[first:last]
         for by in range(half, 0, -1):
-            inner += weight[half + by] * pair(signal[begin - by : end - by], signal[begin + by : end + by])
-        result[begin:end] = inner
-    at = np.linspace(-1.0, 1.0, window)
-    order = _powers(at)[1].size - 1
-
-    def beyond(outermost: Floats, at_which: Floats) -> Floats:
-        polynomial = np.polyder(np.polyfit(at, outermost, order), derivative)
-        return np.asarray(np.polyval(polynomial, at_which) / (half * step) ** derivative)
-
-    result[:half] = beyond(signal[:window], at[:half])
-    result[signal.size - half :] = beyond(signal[-window:], at[window - half :])
+            block += weight[half + by] * pair(signal[first - by : last - by], signal[first + by : last + by])
+        result[first - begin : last - begin] = block
+    for outermost, first, last in ((0, begin, min(end, half)), (last_window, max(begin, last_inner), end)):
+        if first < last:
+            fitted = _fit(window) @ signal[outermost : outermost + window]
+            at = (np.arange(first, last) - outermost - half) / half
+            values = np.polyval(np.polyder(fitted[::-1], derivative), at)
+            result[first - begin : last - begin] = values / (half * step) ** derivative
     return result
 
 
-# Half widths of windows that are compared with two thirds of themselves: of samples, and of means of 2, 4, 8, ... .
-_OF_SAMPLES: Final[tuple[int, ...]] = (3, 6, 9, 12, 15)
-_OF_MEANS: Final[tuple[int, ...]] = (9, 12, 15)
-# A difference between windows is bias if it exceeds the noise of the derivative far, or it and the next two exceed that
-# and a multiple of their standard error, and grow with the least power of the window: those of coloured noise fall.
-_SIGNIFICANT: Final = 5.0
-_FAR_BEYOND: Final = 30.0
-_LEAST_GROWTH: Final = 0.5
-_POWERS: Final = (1.0, 2.0 * (_ORDER + 1))
+# Half widths of the windows that are tried, and of those that they are compared with: of samples, and of means of
+# 2, 4, 8, ... of them.
+_OF_SAMPLES: Final[tuple[tuple[int, int], ...]] = ((2, 3), (4, 3), (5, 4), (6, 4), (8, 5), (10, 7), (12, 8))
+_OF_MEANS: Final[tuple[tuple[int, int], ...]] = ((8, 5), (10, 7), (12, 8))
+_LONGEST: Final = 32768
+# Samples, or means, of the shortest stretch for which these are tried.
+_CELL: Final = 8
+# A squared difference beyond noise and this multiple of it is a bias that all longer windows have, too.
+_FAR_BEYOND: Final = 10.0
+# Ratio of the squared bias to the squared difference from a shorter window: 1.4 of a sine, 5 where the velocity jumps.
+_BIAS: Final = 2.0
 _MAD_TO_DEVIATION: Final = 1.4826
 _DIFFERENCES: Final = 6
-_WINDOWS_TRIED: Final = 400
-# Ratio of the variances of the derivatives by cubics over five samples and by quintics over seven.
-_CUBIC_NOISE: Final = 0.772
 
 
-class _Shortened(NamedTuple):
-    """Derivative over a window of `half` samples to either side, less that over two thirds of it, per sample.
+class _Comparison(NamedTuple):
+    """Derivatives over windows of `half` samples to either side, less those of another window, per sample.
 
-    `inner`: weights within a record, shape (2 half + 1,). `ends`: those of its first `half` samples. Of white noise of
-    unit variance, at an inner sample and summed over an end: `variance`, sum of its squared covariances, and variance
-    `noise` of the derivative itself.
+    `weights`: of the first samples of a record, up to the first with whole windows, shape (n_rows, window). `noise`:
+    variances of the difference and of the derivative itself if the noise is white, with unit variance, shape
+    (2, n_rows). `correlated`: samples over which the squares of the difference are correlated.
     """
 
-    inner: Floats
-    ends: Floats
-    variance: Floats
-    covariance: Floats
+    weights: Floats
     noise: Floats
+    correlated: float
 
 
 @lru_cache(maxsize=len({*_OF_SAMPLES, *_OF_MEANS}))
-def _shortened(half: int) -> _Shortened:
-    def slopes(half: int) -> Floats:
-        at = np.linspace(-1.0, 1.0, 2 * half + 1)
-        powers, exponents = _powers(at)
-        rows = exponents * at[: half + 1, np.newaxis] ** (exponents - 1.0).clip(min=0.0) / half
-        return np.asarray(rows @ np.linalg.pinv(powers))
+def _comparison(half: int, other: int) -> _Comparison:
+    longest = max(half, other)
 
-    longer, shorter = slopes(half), slopes(half - half // 3)
-    rows = longer.copy()
-    for row in range(half + 1):
-        from_end = min(row, shorter.shape[0] - 1)
-        rows[row, row - from_end :][: shorter.shape[1]] -= shorter[from_end]
-    ends, inner = rows[:half], rows[half]
-    return _Shortened(
-        inner=inner,
-        ends=ends,
-        variance=np.array([inner @ inner, np.sum(ends**2)]),
-        covariance=np.array([np.sum(np.correlate(inner, inner, "full") ** 2), np.sum((ends @ ends.T) ** 2)]),
-        noise=np.array([longer[half] @ longer[half], np.sum(longer[:half] ** 2)]),
+    def slopes(half: int) -> Floats:
+        fit = _fit(2 * half + 1)
+        powers = np.vander(np.linspace(-1.0, 0.0, half + 1), fit.shape[0] - 1, increasing=True)
+        fitted = powers * np.arange(1.0, fit.shape[0]) / half @ fit[1:]
+        wide = np.zeros((longest + 1, 2 * longest + 1))
+        for row in range(longest + 1):
+            wide[row, row - min(row, half) :][: 2 * half + 1] = fitted[min(row, half)]
+        return wide
+
+    derivative = slopes(half)
+    difference = derivative - slopes(other)
+    inner = difference[longest]
+    return _Comparison(
+        weights=difference,
+        noise=np.sum(np.array([difference, derivative]) ** 2, axis=2),
+        correlated=float(np.sum(np.correlate(inner, inner, "full") ** 2) / (inner @ inner) ** 2),
     )
 
 
-def _bias_and_noise(displacement: Floats) -> Floats:
-    """Half widths, mean square difference from two thirds beyond noise, its error, noise; shape (4, n_windows).
+def _compare(means: Floats, half: int, other: int) -> Floats:
+    """Means over cells, shape (3, n_cells): of the squared difference from the other window, and of `noise`."""
+    of = _comparison(half, other)
+    longest = of.weights.shape[0] - 1
+    # Every second sample; the last cell is filled by reflection.
+    at = np.arange(0, means.size + -means.size % _CELL, 2)
+    row = np.minimum(at, np.abs(means.size - 1 - at)).clip(max=longest).reshape(-1, _CELL // 2)
+    begin, end = -(-longest // 2), -(-(means.size - longest) // 2)
+    squares = np.zeros(at.size)
+    squares[:begin] = of.weights[row.flat[:begin]] @ means[: 2 * longest + 1]
+    squares[end:] = of.weights[row.flat[end:]] @ means[: -2 * longest - 2 : -1]
+    for first in range(begin, end, _BLOCK):
+        block = squares[first : min(first + _BLOCK, end)]
+        for by in range(1, longest + 1):
+            later, earlier = (means[2 * first + side :: 2][: block.size] for side in (by, -by))
+            block += of.weights[longest, longest + by] * (later - earlier)
+    squares **= 2
+    result = np.empty((3, row.shape[0]))
+    result[0] = squares.reshape(row.shape) @ np.full(row.shape[1], 1.0 / row.shape[1])
+    result[1:] = of.noise[:, longest:]
+    for cells in (slice(0, longest), slice(-longest, None)):
+        result[1:, cells] = of.noise[:, row[cells]].mean(axis=2)
+    return result
 
-    The noise is seen in sixth differences: of the samples, or of means over the repeats of a channel that repeats its
-    values, as one that is quantised or held. All is per sample, without the step.
+
+def _means_and_noise(displacement: Floats) -> tuple[Floats, int, float]:
+    """The samples, or means over the repeats of a channel that repeats its values, how many, and their noise variance.
+
+    The noise is seen in sixth differences, where the channel does not stand still. Of a channel whose readings are
+    multiples of a quantum, it is that of rounding at least; its quantum is the least change of the size of its steps.
     """
     changes = np.flatnonzero(np.diff(displacement))
     span = int(np.median(np.diff(changes))) if changes.size > 1 else 1
     means = displacement[: displacement.size // span * span].reshape(-1, span).mean(axis=1)
-    rough = np.abs(np.diff(means, _DIFFERENCES)) if means.size > _DIFFERENCES else np.zeros(1)
-    level = _MAD_TO_DEVIATION * float(np.median(rough)) if span == 1 else 0.0
-    level = level or float(np.sqrt(np.mean(rough**2)))
-    rounding = float(np.finfo(np.float64).eps * np.ptp(displacement))
-    variance = max(level**2 / comb(2 * _DIFFERENCES, _DIFFERENCES), rounding**2)
-    windows, halves = list[tuple[float, ...]](), _OF_SAMPLES
-    while True:
-        for half in halves:
-            n_inner = means.size - 2 * half
-            if n_inner < 2 * half + 2:
-                return np.array(windows).reshape(-1, 4).T
-            of = _shortened(half)
-            counts, every = np.array([n_inner, 2]), max(half // 4, 1)
-            seen = np.zeros(-(-n_inner // every))
-            for by in range(1, half + 1):
-                later, earlier = (means[half + side : half + side + n_inner : every] for side in (by, -by))
-                seen += of.inner[half + by] * (later - earlier)
-            at_ends = [of.ends @ end[: 2 * half + 1] for end in (means, means[::-1])]
-            square = n_inner * float(np.mean(seen**2)) + float(np.sum(np.square(at_ends)))
-            beyond = square - variance * float(counts @ of.variance)
-            error = variance * float(np.sqrt(2.0 * counts @ of.covariance))
-            per_sample = 1.0 / (means.size * span**2)
-            noise = variance * float(counts @ of.noise)
-            windows.append((half * span, beyond * per_sample, error * per_sample, noise * per_sample))
-        means = 0.5 * (means[: means.size // 2 * 2 : 2] + means[1::2])
-        variance, span, halves = 0.5 * variance, 2 * span, _OF_MEANS
+    steps = np.diff(means)
+    moving = steps[_DIFFERENCES // 2 : means.size - _DIFFERENCES // 2] != 0.0
+    rough = np.abs(np.diff(means, _DIFFERENCES))[moving] / np.sqrt(comb(2 * _DIFFERENCES, _DIFFERENCES))
+    variance = float(np.mean(rough**2)) if rough.size else 0.0
+    if span == 1 and rough.size:
+        bends = np.abs(np.diff(np.abs(steps[steps != 0.0])))
+        quanta = bends[bends > 8.0 * np.spacing(np.max(np.abs(means)))]
+        quantum = float(np.min(quanta, initial=np.inf))
+        is_quantised = quanta.size > 0 and np.allclose(
+            quanta / quantum, np.rint(quanta / quantum), rtol=0.0, atol=0.01
+        )
+        of_rounding = min(variance, quantum**2 / 12.0) if is_quantised else 0.0
+        mostly_still = is_quantised and np.count_nonzero(steps) < steps.size // 2
+        variance = max(
+            0.0 if mostly_still else (_MAD_TO_DEVIATION * float(np.median(rough))) ** 2, of_rounding
+        )
+    return means, span, max(variance, float(np.spacing(np.ptp(displacement))) ** 2)
 
 
-def best_window(displacement: Floats) -> int:
-    """Window with the least mean square error of the velocity of a displacement, shape (n_time,): bias and noise.
+def best_windows(displacement: Floats) -> NDArray[np.intp]:
+    """Windows with the least mean square error of the velocity, shape (n_time,), of a displacement of that shape.
 
-    The squared bias is the mean square difference from the derivative over two thirds of the window, beyond noise,
-    times 1 + 4.4 / p. That is the ratio, within 15 %, of velocities whose spectrum falls as f^-(p+1) and whose bias
-    grows as window^p: 1 where the velocity jumps, 12 of a sine. Shorter windows than the first of significant bias have
-    that of this power law.
+    The record is halved into stretches, these again, and so on, wherever the halves have less error together. That of a
+    stretch is the bias and the noise of its best window, and the standard error of the noise, which keeps stretches
+    together whose windows differ by chance. The squared bias is the mean square difference from a shorter window,
+    beyond that of noise. Windows are no longer than three times the stretch.
     """
-    half, beyond, error, noise = _bias_and_noise(displacement)
-    if half.size < 4:
-        return 5
-    log_half, log_beyond = np.log(half), np.log(beyond.clip(min=np.finfo(np.float64).tiny))
-    significant = beyond > np.maximum(_SIGNIFICANT * error, noise)
-    grows = log_beyond[3:] - log_beyond[1:-2] > _LEAST_GROWTH * (log_half[3:] - log_half[1:-2])
-    from_here = significant & (beyond > _FAR_BEYOND * noise)
-    from_here[1:-2] |= significant[1:-2] & significant[2:-1] & significant[3:] & grows
-    # The window of two thirds of the first one has cubics, which differ from its quintics by their own bias.
-    if not from_here[1:-2].any():
-        return 5 if from_here[0] else 2 * int(half[-1]) + 1
-    first = 1 + int(np.argmax(from_here[1:-2]))
-    # A bias stays with all longer windows; once the motion is gone from both windows, they differ less.
-    log_bias = np.maximum.accumulate(log_beyond[first:])
-    steps = log_half[first + 1 : first + 3] - log_half[first]
-    power = float(np.clip(np.max((log_bias[1:3] - log_bias[0]) / steps), *_POWERS))
-    tried = np.unique(np.geomspace(half[0], half[-1], _WINDOWS_TRIED).round())
-    shorter = (log_half[first] - np.log(tried)).clip(min=0.0)
-    bias = np.exp(np.interp(np.log(tried), log_half[first:], log_bias) - power * shorter)
-    risk = (1.0 + 4.4 / power) * bias + np.exp(np.interp(np.log(tried), log_half, np.log(noise)))
-    of_cubics = (1.0 + 4.4 / power) * max(beyond[0], 0.0) + _CUBIC_NOISE * noise[0]
-    return 2 * int(tried[np.argmin(risk)] if risk.min() < of_cubics else half[0] * 2.0 / 3.0) + 1
+    means, span, variance = _means_and_noise(displacement)
+    if means.size < 4 * _OF_SAMPLES[1][0] + 2:
+        return np.full(displacement.size, 5, dtype=np.intp)
+    shortest = _CELL * span
+    table, halves, correlated = np.empty((3, 0, -(-means.size // _CELL))), list[int](), list[float]()
+    chosen = np.empty(table.shape[2], dtype=np.intp)
+    tried, length, least = _OF_SAMPLES, shortest, np.full(table.shape[2], np.inf)
+    while True:
+        for half, other in tried:
+            if means.size < 4 * half + 2 or half * span > _LONGEST:
+                break
+            cells = _compare(means, half, other) * np.array([[1.0], [variance], [variance]]) / span**2
+            cells = np.pad(cells, ((0, 0), (0, table.shape[2] - cells.shape[1])), "edge")
+            table = np.concatenate([table, cells[:, np.newaxis]], axis=1)
+            halves.append(half * span)
+            correlated.append(_comparison(half, other).correlated * span)
+        squares, difference, noise = table
+        error = np.sqrt(2.0 / length * np.array(correlated))[:, np.newaxis]
+        bias = squares - difference
+        # The bias of cubics over five samples is not that of quintics.
+        held = np.maximum.accumulate(np.where(bias > _FAR_BEYOND * difference, bias, 0.0)[1:], axis=0)
+        bias[1:] = np.maximum(bias[1:], held)
+        risk = _BIAS * bias.clip(min=0.0) + noise * (1.0 + error)
+        best = np.argmin(risk, axis=0)
+        risks = length * risk[best, np.arange(best.size)]
+        better = np.repeat(risks <= least, length // shortest)[: chosen.size]
+        longer = np.repeat(2 * np.array(halves)[best] + 1, length // shortest)[: chosen.size]
+        chosen = np.where(better, longer, chosen)
+        if risks.size == 1:
+            cell = np.arange(displacement.size) // shortest
+            return np.asarray(chosen[cell.clip(max=chosen.size - 1)])
+        least = np.add.reduceat(np.minimum(risks, least), np.arange(0, risks.size, 2))
+        table = np.pad(table, ((0, 0), (0, 0), (0, risks.size % 2)), "edge")
+        table = 0.5 * (table[:, :, ::2] + table[:, :, 1::2])
+        means = 0.5 * (means[: means.size // 2 * 2 : 2] + means[1::2])
+        variance, span, length, tried = 0.5 * variance, 2 * span, 2 * length, _OF_MEANS
 
 
 _BAND_POWER: Final = 0.999
@@ -226,45 +257,67 @@ def spectrum(displacement: Floats, dt: float) -> MotionBand:
     )
 
 
-@dataclass(frozen=True, slots=True)
+@array_dataclass()
 class Differentiator:
-    """How velocity and acceleration follow from a displacement: quintic Savitzky-Golay filter over `window` samples.
+    """How velocity and acceleration follow from a displacement: quintic Savitzky-Golay filters over `windows`.
 
-    Samples are `dt` [s] apart.
+    `windows`: samples of the window about each sample, shape (n_time,). Samples are `dt` [s] apart.
     """
 
-    window: int
+    windows: NDArray[np.intp]
     dt: float
 
     @classmethod
     def of(cls, displacement: Floats, dt: float) -> Differentiator:
-        """That of a displacement, shape (n_time,), of at least 5 samples: see `best_window`."""
-        return cls(window=best_window(displacement), dt=dt)
+        """That of a displacement, shape (n_time,), of at least 5 samples: see `best_windows`."""
+        return cls(windows=best_windows(displacement), dt=dt)
+
+    @property
+    def window(self) -> int:
+        """Harmonic mean of the windows: as many windows of this length have place in the record."""
+        return round(1.0 / float(np.mean(1.0 / self.windows)))
 
     @property
     def in_words(self) -> str:
-        """Kind of the filter and length of its window, in samples and milliseconds."""
-        return f"a quintic Savitzky-Golay filter over {self.window} samples ({1e3 * self.window * self.dt:.3g} ms)"
+        """Kind of the filter and length of its windows, in samples and milliseconds."""
+        ends = np.unique([self.windows.min(), self.windows.max()]).tolist()
+        samples = " to ".join(f"{window}" for window in ends)
+        times = " to ".join(f"{1e3 * window * self.dt:.3g}" for window in ends)
+        return f"a quintic Savitzky-Golay filter over {samples} samples ({times} ms)"
 
     def smooth(self, signal: Floats) -> Floats:
         """The smoothed signal, of the same shape."""
-        return savitzky_golay(signal, self.window)
+        return self.derivative(signal, order=0)
 
     def derivative(self, signal: Floats, order: int = 1) -> Floats:
         """Time derivative of the smoothed signal, of the same shape, in its unit per s^`order`."""
-        return savitzky_golay(signal, self.window, derivative=order, step=self.dt)
+        result = np.empty_like(signal)
+        # No stretch is shorter than a cell.
+        for window in np.unique(self.windows[::_CELL]).tolist():
+            samples = np.flatnonzero(self.windows == window)
+            # Close stretches with one window are filtered together.
+            apart = 1 + np.flatnonzero(np.diff(samples) > _BLOCK // 4)
+            for at in np.split(samples, apart):
+                part = slice(int(at[0]), int(at[-1]) + 1)
+                filtered = savitzky_golay(signal, window, derivative=order, step=self.dt, part=part)
+                result[at] = filtered[at - at[0]]
+        return result
 
     def noise(self, removed: Floats) -> float:
         """Standard deviation of the white noise of a signal, estimated from the part that `smooth` removed."""
         # A least-squares smoother with centre weight c0 removes the fraction 1 - c0 of the variance of the noise.
-        return float(np.sqrt(np.var(removed) / (1.0 - self._weights(0)[self.window // 2])))
+        left = self._mean(lambda window: weights(window)[window // 2])
+        return float(np.sqrt(np.var(removed) / (1.0 - left)))
 
     def noise_gain(self, order: int) -> float:
         """Standard deviation of `derivative` (order 0: `smooth`) per unit standard deviation of white noise."""
-        return float(np.sqrt(np.sum(self._weights(order) ** 2)))
+        squares = self._mean(lambda window: np.sum(weights(window, derivative=order, step=self.dt) ** 2))
+        return float(np.sqrt(squares))
 
-    def _weights(self, order: int) -> Floats:
-        return weights(self.window, derivative=order, step=self.dt)
+    def _mean(self, of: Callable[[int], float]) -> float:
+        """Mean over the samples of a number for each window."""
+        windows, counts = np.unique(self.windows, return_counts=True)
+        return float(np.average([of(window) for window in windows.tolist()], weights=counts))
 
 
 @array_dataclass()
