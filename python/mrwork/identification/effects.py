@@ -54,8 +54,7 @@ _SIGNIFICANT = 4.0
 _SIMPLER = 0.95
 # Misfit of predictions of a wrong model, which takes effects for what it lacks.
 _WRONG = 0.12
-_FEWEST_GROUPS = 3
-# Parts of the time, and of the range of the force, of rich tests that are alike.
+# Fewest groups of tests that are left out in turn, and parts of the time, and of the range of the force, else.
 _PARTS = 3
 # Delay that may be unknown, in samples and at most in periods; it is told where it changes damping by more than this
 # share, and by more than this number of standard errors.
@@ -204,11 +203,12 @@ def _frequency_groups(tests: Sequence[DamperTest]) -> NDArray[np.intp]:
 def _predict_parts(slopes: Slopes, groups: NDArray[np.intp]) -> tuple[list[Floats], float]:
     """Steps of the parameters without parts of the tests, (n_parts, n_free), and misfit of the parts after them.
 
-    Parts are the tests and, for a second set of steps, the `groups` of tests at a frequency, (n_tests,). In one group
-    they are parts of the time and, since a wrong model is wrong in these in the same way, of the size of the force.
+    Parts are the tests, of one group parts of their time, and for a second set of steps the `groups` of tests at a
+    frequency, (n_tests,). Few groups, or parts of the time, do not show that a model is wrong in all of them in the
+    same way: then the second set is without parts by the size of the force.
     """
-    several, parts, others = groups.any(), list[NDArray[np.intp]](), list[NDArray[np.intp]]()
-    each = 1 if several else ceil(_PARTS / groups.size)
+    several, parts, others = groups.max() >= _PARTS - 1, list[NDArray[np.intp]](), list[NDArray[np.intp]]()
+    each = 1 if groups.any() else ceil(_PARTS / groups.size)
     for index, test in enumerate(slopes.objective.tests):
         n_time, size = test.n_counted, np.argsort(np.argsort(np.abs(test.force[test.counted])))
         parts.append(index * each + np.arange(n_time) * each // n_time)
@@ -221,7 +221,7 @@ def _predict_parts(slopes: Slopes, groups: NDArray[np.intp]) -> tuple[list[Float
         left_out.append(numbers == np.arange(numbers.max() + 1)[:, None])
         steps.append(normal.steps(np.asarray(1.0 - left_out[-1], dtype=np.float64), _held(slopes)))
     predicted = float(np.sqrt(normal.after(steps[0][:, None])[left_out[0]].sum()))
-    return [each for each in steps if each is steps[0] or len(each) >= _FEWEST_GROUPS], predicted
+    return steps, predicted
 
 
 def _held(slopes: Slopes) -> NDArray[np.bool_]:
