@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
 
 import mrwork as mr
 from mrwork.errors import SettingError
+from mrwork.identification import effects
 from mrwork.records import DamperTest, Observation
 
 SPEC = mr.damper("static_hysteretic")
@@ -18,16 +20,20 @@ LAG = 0.012
 MOTIONS = ((0.015, 0.5), (0.008, 1.0), (0.003, 3.0))
 
 
-def recorded(motion: tuple[float, float], observation: Observation, rng: int) -> DamperTest:
-    """Four cycles of a static hysteresis, the last three through the observation as recorded, with noise of 6 N."""
-    amplitude, frequency = motion
-    omega = 2.0 * np.pi * frequency
+def recorded(observation: Observation, rng: int, *motions: tuple[float, float]) -> DamperTest:
+    """Four cycles of a static hysteresis, the last three through the observation as recorded, with noise of 6 N.
+
+    The motion is a sum of sinusoids, amplitude [m] and frequency [Hz] each; the cycles are of the first.
+    """
+    amplitude, frequency = motions[0]
     time = DT * np.arange(round(4.0 / (frequency * DT)) + 1)
-    displacement, velocity = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
+    sizes, frequencies = np.array(motions).T[..., None]
+    omega = 2.0 * np.pi * frequencies
+    sine, cosine = sizes * np.sin(omega * time), sizes * np.cos(omega * time)
+    displacement, velocity, acceleration = np.sum([sine, omega * cosine, -(omega**2) * sine], axis=1)
     force = mr.simulate_force(
         SPEC, SPEC.nominal, mr.Loading(dt=DT, displacement=displacement, velocity=velocity)
     )
-    acceleration = -(omega**2) * displacement
     force = observation.observe(force, DT, acceleration) + 6.0 * np.random.default_rng(rng).standard_normal(
         time.size
     )
@@ -42,7 +48,7 @@ def recorded(motion: tuple[float, float], observation: Observation, rng: int) ->
 
 
 def rig(observation: Observation) -> list[DamperTest]:
-    return [recorded(motion, observation, rng) for rng, motion in enumerate(MOTIONS)]
+    return [recorded(observation, rng, motion) for rng, motion in enumerate(MOTIONS)]
 
 
 def advice(fit: mr.Fit) -> list[str]:
@@ -109,6 +115,25 @@ def test_a_moving_mass_is_told_and_fitting_it_gives_the_stiffness_back() -> None
     assert mr.predict(taken, loaded[1:2]).predictions[0].fit_percent > 98.0
 
 
+def test_a_mass_is_told_where_a_delay_alone_is_not_worth_a_fit() -> None:
+    fit = mr.identify(SPEC, rig(Observation(mass=5.7)), threads=1)
+    assert [each for each in fit.warnings if "mass=free" in each]
+
+
+def test_a_single_record_of_several_frequencies_is_weighed_by_its_parts() -> None:
+    loaded, alone = (recorded(Observation(mass=mass), 0, *MOTIONS[:2]) for mass in (60.0, 0.0))
+    taken = mr.identify(SPEC, loaded, observe=["detect", "weigh"], threads=1)
+    (mass,) = taken.effects
+    assert abs(mass.value - 60.0) < 3.0 * (mass.standard_error or 0.0) < 12.0
+    assert not [each for each in mr.identify(SPEC, alone, threads=1).warnings if "=free" in each]
+
+
+def test_a_model_that_describes_too_little_says_that_it_tells_no_effect() -> None:
+    fit = mr.identify("maxwell", rig(Observation(delay_seconds=0.007)), threads=1)
+    (sentence,) = [each for each in fit.warnings if "late force" in each]
+    assert sentence.endswith("compare models (--model A,B)")
+
+
 def test_jax_has_the_inertia_of_a_given_mass() -> None:
     from mrwork import jax as in_jax
 
@@ -136,4 +161,6 @@ def test_what_pays_is_fitted_where_it_is_to_be_weighed_and_told_with_the_fit_wit
     assert "a mass of" in told
     assert "k is" in told
     assert taken.settings.observe == ("detect", f"mass={mass.value!r}")
-    assert mr.identify(SPEC, rig(Observation()), observe=["detect", "weigh"], threads=1).effects == ()
+    with mock.patch.object(effects, "_weigh", wraps=effects._weigh) as weigh:
+        assert mr.identify(SPEC, rig(Observation()), observe=["detect", "weigh"], threads=1).effects == ()
+    weigh.assert_called_once()

@@ -78,6 +78,19 @@ def test_the_laws_that_made_the_data_are_chosen(choice: Choice) -> None:
     assert choice.best.status == "converged"
 
 
+def test_laws_are_chosen_with_the_mass_that_is_fitted(
+    tests: tuple[DamperTest, ...], settings: FitSettings
+) -> None:
+    loaded = [replace(test, force=test.force + 60.0 * test.acceleration) for test in tests[:6]]
+    constant = {"f0": (0.0, 100.0), "k_x": (1.0, 1e5), "rho": (1.0, 1e4)}
+    settings = replace(settings, observe="mass=free", bounds=constant)
+    choice = choose_laws("viscous_dahl", loaded, settings=settings, threads=1)
+    assert choice.ranking.chosen_standing.laws == {"k_w": "log_quadratic"}
+    assert choice.ranking.chosen_standing.left_out_percent > 97.0
+    assert choice.best.effects[0].value == pytest.approx(60.0, abs=5.0)
+    assert all(other.settings.observe != settings.observe for other in choice.others)
+
+
 def test_chosen_laws_that_their_own_search_does_not_meet_are_doubted(
     tests: tuple[DamperTest, ...], settings: FitSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:

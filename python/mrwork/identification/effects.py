@@ -2,7 +2,8 @@
 
 To first order, a late force is F(t - tau) = F - tau F', and a mass m that moves between damper and load cell adds m a.
 At one frequency these are changes of stiffness and damping, which a fit absorbs in its parameters; at several they
-determine tau and m. They pay where fits to the other tests predict each test better with them. These fits are single
+determine tau and m. They pay where fits to the other tests, or to other parts of the time of a record of several
+frequencies, predict each better with them, and the model describes enough to tell them. These fits are single
 Gauss-Newton steps from the fit to all tests, which predicted synthetic and measured rigs as well as minimisations did
 (DECISIONS.md, "A mass and a lag that all tests have in common are judged by tests that are predicted"). A record alone
 shows a late force by its corners at reversals, see `force_delay`.
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import ceil
 from typing import Final
 
 import numpy as np
@@ -26,7 +28,14 @@ from mrwork.identification.fit import FittedParameter
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
 from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, observe_tests_by
-from mrwork.identification.problem import Problem, with_free
+from mrwork.identification.problem import (
+    SAME_FREQUENCY,
+    Problem,
+    are_at_one_frequency,
+    command_warning,
+    frequency_ranges,
+    with_free,
+)
 from mrwork.records import DamperTest
 from mrwork.records.finding import Measured
 from mrwork.records.motion import spectrum
@@ -42,9 +51,10 @@ _WORTH_A_FIT = 0.04
 _PAYS = 0.95
 _SIGNIFICANT = 4.0
 _SIMPLER = 0.95
-# Tests whose frequencies, of the largest Fourier component, differ by less than this factor are at one frequency.
-_SAME_FREQUENCY = 1.3
-_FEWEST_GROUPS = 3
+# Misfit of predictions of a wrong model, which takes effects for what it lacks.
+_WRONG = 0.12
+# Fewest groups of tests that are left out in turn, and parts of the time, and of the range of the force, else.
+_PARTS = 3
 # Delay that may be unknown, in samples and at most in periods; it is told where it changes damping by more than this
 # share, and by more than this number of standard errors.
 _SAMPLES = 3.0
@@ -64,8 +74,9 @@ def fit_effects(fit: FinalFit) -> FinalFit:
     cannot describe: leaving out tests moves the effects by that.
     """
     problem, effects = fit.problem, fit.problem.settings.free_effects
-    if not effects and WEIGH in problem.settings.observe and (found := _paying(problem, fit.covariance)):
-        effects, told = found.best.effects, f"{found.sentence}; fitted with the parameters"
+    if not effects and WEIGH in problem.settings.observe and (found := _weigh(problem, fit.covariance)):
+        effects = found.best.effects if found.best else ()
+        told = f"{found.sentence}; {'fitted with the parameters' if effects else found.cure}"
         fit = replace(fit, warnings=(*fit.warnings, told))
     if not effects:
         return fit
@@ -84,7 +95,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
         slopes=Slopes.at(objective, problem.form, fitted.theta[:n_own]),
         matrix=covariance.matrix[:n_own, :n_own],
     )
-    errors = FitWithEffects.of(fitted, effects, _at_one_frequency(objective.tests)).errors
+    errors = FitWithEffects.of(fitted, effects, _frequency_groups(objective.tests)).errors
     estimates = [
         FittedParameter(
             name=box.names[index],
@@ -134,13 +145,12 @@ class FitWithEffects:
     predicted: float
 
     @classmethod
-    def of(cls, slopes: Slopes, effects: Effects, groups: Sequence[Sequence[int]]) -> FitWithEffects:
-        """Errors are the largest of least squares and of jackknifes over tests and over three groups or more."""
-        steps, predicted = _predict_tests(slopes)
-        by_groups = [] if len(groups) < _FEWEST_GROUPS else [_predict_groups(slopes, groups)[0]]
+    def of(cls, slopes: Slopes, effects: Effects, groups: NDArray[np.intp]) -> FitWithEffects:
+        """Errors are the largest of least squares and of jackknifes over parts of the tests."""
+        steps, predicted = _predict_parts(slopes, groups)
         errors = Covariance.of(slopes).standard_errors[-len(effects) :]
         errors = np.where(errors > 0.0, errors, np.inf)
-        for without in (steps, *by_groups):
+        for without in steps:
             last = without[:, -len(effects) :]
             spread = np.sum((last - last.mean(axis=0)) ** 2, axis=0)
             errors = np.maximum(errors, np.sqrt((1.0 - 1.0 / len(last)) * spread))
@@ -162,28 +172,36 @@ class FitWithEffects:
         return float(np.linalg.norm(self.slopes.residuals))
 
 
-def _at_one_frequency(tests: Sequence[DamperTest]) -> list[list[int]]:
-    """Indices of the tests at each frequency, lowest first."""
-    frequency = [spectrum(test.displacement, test.dt).dominant for test in tests]
-    groups: list[list[int]] = []
-    for index in np.argsort(frequency, kind="stable").tolist():
-        if not groups or frequency[index] > _SAME_FREQUENCY * frequency[groups[-1][-1]]:
-            groups.append([])
-        groups[-1].append(index)
-    return groups
+def _frequency_groups(tests: Sequence[DamperTest]) -> NDArray[np.intp]:
+    """Number of the group at about one frequency that each test is in, lowest first, (n_tests,)."""
+    lowest = frequency_ranges(tests)[:, 0]
+    order = np.argsort(lowest, kind="stable")
+    numbers = np.concatenate([[0], np.cumsum(lowest[order][1:] > SAME_FREQUENCY * lowest[order][:-1])])
+    return np.asarray(numbers[np.argsort(order)])
 
 
-def _predict_groups(slopes: Slopes, groups: Sequence[Sequence[int]]) -> tuple[Floats, float]:
-    """Steps of the parameters without each group of tests, (n_groups, n_free), and misfit of the groups after them."""
-    left_out = np.array([np.isin(np.arange(len(slopes.objective.tests)), group) for group in groups])
-    normal = slopes.normal
-    steps = normal.steps(1.0 - left_out, _held(slopes))
-    return steps, float(np.sqrt(normal.after(steps[:, None])[left_out].sum()))
+def _predict_parts(slopes: Slopes, groups: NDArray[np.intp]) -> tuple[list[Floats], float]:
+    """Steps of the parameters without parts of the tests, (n_parts, n_free), and misfit of the parts after them.
 
-
-def _predict_tests(slopes: Slopes) -> tuple[Floats, float]:
-    """As `_predict_groups`, each test by itself."""
-    return _predict_groups(slopes, [[index] for index in range(len(slopes.objective.tests))])
+    Parts are the tests, of one group parts of their time, and for a second set of steps the `groups` of tests at a
+    frequency, (n_tests,). Few groups, or parts of the time, do not show that a model is wrong in all of them in the
+    same way: then the second set is without parts by the size of the force.
+    """
+    several, parts, others = groups.max() >= _PARTS - 1, list[NDArray[np.intp]](), list[NDArray[np.intp]]()
+    each = 1 if groups.any() else ceil(_PARTS / groups.size)
+    for index, test in enumerate(slopes.objective.tests):
+        n_time, size = test.n_counted, np.argsort(np.argsort(np.abs(test.force[test.counted])))
+        parts.append(index * each + np.arange(n_time) * each // n_time)
+        others.append(np.full(n_time, groups[index]) if several else size * _PARTS // n_time)
+    part, other = np.concatenate(parts), np.concatenate(others)
+    n_others = int(other.max()) + 1
+    normal = slopes.normal(part * n_others + other)
+    every, steps, left_out = np.arange(normal.squared.size), list[Floats](), list[NDArray[np.bool_]]()
+    for numbers in (every // n_others, every % n_others):
+        left_out.append(numbers == np.arange(numbers.max() + 1)[:, None])
+        steps.append(normal.steps(np.asarray(1.0 - left_out[-1], dtype=np.float64), _held(slopes)))
+    predicted = float(np.sqrt(normal.after(steps[0][:, None])[left_out[0]].sum()))
+    return steps, predicted
 
 
 def _held(slopes: Slopes) -> NDArray[np.bool_]:
@@ -195,12 +213,12 @@ def _held(slopes: Slopes) -> NDArray[np.bool_]:
 class _Found:
     """Effects that pay, the `best` of those that were `weighed`, beside a fit `theta` without them, (n_params,).
 
-    `earlier` is the misfit of predictions without them.
+    `earlier` is the misfit of predictions without them. With a model that describes too little none is the best.
     """
 
     problem: Problem
     theta: Floats
-    best: FitWithEffects
+    best: FitWithEffects | None
     weighed: Sequence[FitWithEffects]
     earlier: float
 
@@ -208,6 +226,13 @@ class _Found:
     def sentence(self) -> str:
         """What the effects are, how much better the tests are predicted with them, and what they do to a parameter."""
         best, told = self.best, list[str]()
+        if best is None:
+            least = min([self.earlier, *(each.predicted for each in self.weighed)])
+            return (
+                f"with and without a mass that moves between damper and load cell, or a late force, predictions are "
+                f"{100.0 * (1.0 - least):.0f} % at most: the model describes too little to tell these effects, and its "
+                "stiffness and damping may be theirs"
+            )
         for effect, value, error in zip(
             best.effects, best.values.tolist(), best.errors.tolist(), strict=True
         ):
@@ -248,6 +273,8 @@ class _Found:
     def cure(self) -> str:
         """What to type, and else to try."""
         best = self.best
+        if best is None:
+            return "compare models (--model A,B)"
         options = " ".join(f"--observe {effect.name}=free" for effect in best.effects)
         cure = f"fit {_IT[len(best.effects)]} by {options}"
         if _MASS in best.effects:
@@ -259,7 +286,8 @@ class _Found:
 
 def effect_warnings(problem: Problem, covariance: Covariance) -> tuple[str, ...]:
     """Warning of effects on the recorded force that pay, or of damping that an unknown delay would change by far."""
-    if found := _paying(problem, covariance):
+    # What is to be weighed was weighed before, by `fit_effects`.
+    if WEIGH not in problem.settings.observe and (found := _weigh(problem, covariance)):
         return (f"{found.sentence}; {found.cure}",)
     slopes = covariance.slopes
     if _DELAY in _known(problem) or not slopes.interior:
@@ -282,29 +310,35 @@ def _known(problem: Problem) -> set[Effect]:
     return known | {_MASS, _DELAY, _LAG} if varies else known
 
 
-def _paying(problem: Problem, covariance: Covariance) -> _Found | None:
-    """Effects on the recorded force that pay beside a fit without them; excerpts are fitted where that is worth it."""
+def _weigh(problem: Problem, covariance: Covariance) -> _Found | None:
+    """Effects on the recorded force that pay beside a fit without them, or that a wrong model does not tell.
+
+    Excerpts are fitted where that is worth it.
+    """
     slopes, known = covariance.slopes, _known(problem)
     tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
-    groups = _at_one_frequency(tests)
-    if known >= {_MASS, _DELAY} or not slopes.interior or len(groups) < 2:
+    if known >= {_MASS, _DELAY} or not slopes.interior or are_at_one_frequency(tests):
         return None
     on_time = _with_effects(slopes.objective, form, (_MASS, _DELAY), np.array([*theta, 0.0, 0.0]))
-    normal = on_time.normal
-    step = normal.steps(np.ones((1, len(tests))), _held(on_time))
-    if normal.after(step[:, None]).sum() >= (1.0 - _WORTH_A_FIT) * normal.squared.sum():
-        return None
-    excerpts = problem.objective.on(form.spec, excerpts_of(problem))
+    normal, held = on_time.normal(), _held(on_time)
+    # No mass is on its bound, and would not move from it.
+    held[:, -2:] = False
+    step = normal.steps(np.ones((1, len(tests))), held)
     sets = [effects for effects in _SETS if not known & {*effects}]
+    if normal.after(step[:, None]).sum() >= (1.0 - _WORTH_A_FIT) * normal.squared.sum():
+        sets = []
+    excerpts, groups = problem.objective.on(form.spec, excerpts_of(problem)), _frequency_groups(tests)
     weighed = [
         FitWithEffects.of(_fit_with(excerpts, form, effects, theta), effects, groups) for effects in sets
     ]
     weighed.sort(key=lambda each: each.predicted * (_SIMPLER if len(each.effects) == 1 else 1.0))
-    _, earlier = _predict_tests(Slopes.at(excerpts, form, theta))
-    for best in weighed:
-        if best.is_significant and best.predicted < _PAYS * earlier:
-            return _Found(problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier)
-    return None
+    _, earlier = _predict_parts(Slopes.at(excerpts, form, theta), groups)
+    most = min(_PAYS * earlier, _WRONG)
+    best = next((each for each in weighed if each.is_significant and each.predicted < most), None)
+    least = min([earlier, *(each.predicted for each in weighed)])
+    if best is None and (least < _WRONG or command_warning(tests, (problem.spec,))):
+        return None
+    return _Found(problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier)
 
 
 def _absorbing(problem: Problem, effects: Effects) -> list[int]:
@@ -316,12 +350,11 @@ def _absorbing(problem: Problem, effects: Effects) -> list[int]:
 def _unknown_delay(problem: Problem, on_time: Slopes, errors: Floats) -> tuple[str, ...]:
     """Warning of damping that an unknown delay would change by far more than its standard error."""
     tests = on_time.objective.tests
-    groups = _at_one_frequency(tests)
     highest = max(spectrum(test.displacement, test.dt).dominant for test in tests)
     seconds = min(_SAMPLES * min(test.dt for test in tests), _PERIODS / highest)
-    if len(groups) > 1:
-        seconds = min(seconds, FitWithEffects.of(on_time, (_DELAY,), groups).errors[-1])
-    normal, held = on_time.normal, _held(on_time)
+    if not are_at_one_frequency(tests):
+        seconds = min(seconds, FitWithEffects.of(on_time, (_DELAY,), _frequency_groups(tests)).errors[-1])
+    normal, held = on_time.normal(), _held(on_time)
     held[:, -1] = True
     # The step with which the other parameters follow the delay.
     follow = replace(normal, gradient=normal.matrix[..., -1]).steps(

@@ -36,9 +36,9 @@ from mrwork.store.journal import Journal
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
-# Shares of the power of the velocity between which the frequencies of a test lie, and the least ratio of several.
+# Shares of the power of the velocity between which the frequencies of a test lie; those below this ratio are one.
 _MOST_POWER = (0.2, 0.8)
-_FREQUENCIES = 1.3
+SAME_FREQUENCY = 1.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,8 +70,12 @@ class Problem:
             search=settings.search or Race(),
             bounds=bounds_without_offsets(settings.observe, spec) | dict(settings.bounds),
         )
-        if any(effect.name == "mass" for effect in settings.free_effects):
-            _refuse_one_frequency(tests)
+        if any(effect.name == "mass" for effect in settings.free_effects) and are_at_one_frequency(tests):
+            raise SettingError(
+                f"--observe mass=free: all tests are at about {frequency_ranges(tests).max():.3g} Hz, and at one "
+                "frequency a mass cannot be told apart from a stiffness; give mass=VALUE, or add a test at another "
+                "frequency"
+            )
         form = identifiable_form(spec, settings.bounds)
         _check_starts(spec, form, settings.starts)
         form = tied_form(form, spec, settings)
@@ -352,19 +356,20 @@ def _transfer_law(
     return dict(zip(names, [*values.tolist(), *nominal[len(values) :]], strict=True))
 
 
-def _refuse_one_frequency(tests: Sequence[DamperTest]) -> None:
-    """Refuse to fit a mass to tests at one frequency, where it cannot be told apart from a stiffness."""
-    lower, upper = [], []
+def frequency_ranges(tests: Sequence[DamperTest]) -> Floats:
+    """The lowest and the highest frequency of each test [Hz], (n_tests, 2), by the power of its velocity."""
+    ranges = []
     for test in tests:
-        power = np.cumsum(np.abs(np.fft.rfft(test.velocity * np.hanning(test.n_time))) ** 2)
-        first, last = np.searchsorted(power, np.array(_MOST_POWER) * power[-1]) / (test.n_time * test.dt)
-        lower.append(first)
-        upper.append(last)
-    if max(upper) < _FREQUENCIES * min(lower):
-        raise SettingError(
-            f"--observe mass=free: all tests are at about {upper[0]:.3g} Hz, and at one frequency a mass cannot be "
-            "told apart from a stiffness; give mass=VALUE, or add a test at another frequency"
-        )
+        velocity = (test.velocity - test.velocity.mean()) * np.hanning(test.n_time)
+        power = np.cumsum(np.abs(np.fft.rfft(velocity)) ** 2)
+        ranges.append(np.searchsorted(power, np.array(_MOST_POWER) * power[-1]) / (test.n_time * test.dt))
+    return np.array(ranges)
+
+
+def are_at_one_frequency(tests: Sequence[DamperTest]) -> bool:
+    """Whether tests cannot tell a mass from a stiffness, nor a lag from a damping."""
+    ranges = frequency_ranges(tests)
+    return bool(ranges.max() <= SAME_FREQUENCY * ranges.min())
 
 
 def _check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:

@@ -32,10 +32,10 @@ from mrwork.identification.commands import (
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
 from mrwork.identification.excerpts import middle_excerpt, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, observe_tests_by
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
-from mrwork.records.observation import NONE
+from mrwork.records.observation import FREE, NONE, WEIGH, Effect, value_of
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import rests_of
 from mrwork.uncertainty.choice.law_folds import FoldedFit, LawFolds, Linearised
@@ -93,7 +93,7 @@ class LawSearch:
     """Search of the laws of the parameters `free`, of degree `most` at most, by predictions of tests left out.
 
     Laws near others are compared by what the `linearised` tests promise for them; both are kept by the identity of the
-    laws that they are about.
+    laws that they are about. The tests have the `effects` on the recorded force that were fitted with the first laws.
     """
 
     plain: DamperSpec
@@ -109,6 +109,7 @@ class LawSearch:
     linearised: dict[int, Linearised] = field(default_factory=dict)
     promised: dict[tuple[int, _Key], float] = field(default_factory=dict)
     models: dict[_Key, tuple[DamperSpec, Box]] = field(default_factory=dict)
+    effects: dict[Effect, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -121,6 +122,12 @@ class LawSearch:
         return replace(self.settings, observe=(NONE,))
 
     @property
+    def first_settings(self) -> FitSettings:
+        """Those for the first laws, with which effects on the recorded force are fitted that are free, or that pay."""
+        words = [word for word in self.settings.observe if word == WEIGH or word.endswith(f"={FREE}")]
+        return replace(self.settings, observe=words or (NONE,))
+
+    @property
     def first_laws(self) -> Laws:
         """Every positive parameter of `_FIRST_DEGREE`: such laws nearly pass through the fits at single commands."""
         return self._laws_of("log")
@@ -130,6 +137,21 @@ class LawSearch:
         excerpts = self.folds.excerpts.with_laws(with_changed_laws(self.folds.model, lagged=False))
         self.folds = replace(self.folds, excerpts=excerpts)
         self.models.clear()
+
+    def take_effects(self, first: Fit) -> None:
+        """Go on with the effects on the recorded force that were fitted with the first laws."""
+        if first.effects:
+            self.effects = dict(value_of(word, period=1.0) for word in first.settings.observe)
+            whole, excerpts = (
+                observe_tests_by(each, [test.observation for test in self.observed(each.tests)])
+                for each in (self.folds.whole, self.folds.excerpts)
+            )
+            self.folds, self.tests = replace(self.folds, whole=whole, excerpts=excerpts), excerpts.tests
+
+    def observed(self, tests: Sequence[DamperTest]) -> tuple[DamperTest, ...]:
+        """The tests with these effects."""
+        given = {effect.field: value for effect, value in self.effects.items()}
+        return tuple(replace(test, observation=replace(test.observation, **given)) for test in tests)
 
     def _laws_of(self, *scales: Scale) -> Laws:
         laws = {

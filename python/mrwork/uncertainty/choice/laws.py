@@ -70,8 +70,10 @@ class _ChoosingLaws(Choosing):
     def evaluate(self, search: LawSearch) -> None:
         """Fit the first laws of a model, then try their neighbours; one of several models may fail."""
         with self._failing_alone(search):
-            first = self._fit_alone(search, search.first_laws, "first laws")
+            first = self._fit_alone(search, search.first_laws, "first laws", search.first_settings)
             self.firsts[search.name] = first
+            # Else the laws make up for what moves with the damper, or comes late.
+            search.take_effects(first)
             if search.folds.model.lagged and not first.spec.lagged:
                 search.leave_lag_out()
                 self.remarks += (f"{search.name} shows no lag of the driver, which is left out of its laws",)
@@ -106,7 +108,7 @@ class _ChoosingLaws(Choosing):
         """Records why one of several models cannot be fitted; errors of the only model are raised."""
         return nullcontext() if len(self.searches) == 1 else self.recording_failure(search.name)
 
-    def _fit_alone(self, search: LawSearch, laws: Laws, what: str) -> Fit:
+    def _fit_alone(self, search: LawSearch, laws: Laws, what: str, settings: FitSettings) -> Fit:
         """The fit of laws to the excerpts by a search of their own."""
         spec, _ = search.model(laws)
 
@@ -114,7 +116,7 @@ class _ChoosingLaws(Choosing):
             return identify_with(
                 spec,
                 search.tests,
-                search.excerpt_settings,
+                settings,
                 threads=self.threads,
                 on_progress=partial(self._report, search, what),
                 journal=journal,
@@ -133,7 +135,7 @@ class _ChoosingLaws(Choosing):
         doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
         if laws.laws == search.first_laws:
             return laws.start, doubt
-        alone = self._fit_alone(search, laws.laws, "chosen laws")
+        alone = self._fit_alone(search, laws.laws, "chosen laws", search.excerpt_settings)
         doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
         near, own = 0.0, np.inf
         if alone.spec.names == laws.spec.names:
@@ -175,7 +177,8 @@ class _ChoosingLaws(Choosing):
 
     def _fit_to_excerpts(self, search: LawSearch, laws: FittedLaws, status: FitStatus = "converged") -> Fit:
         """Laws as they were fitted to the excerpts, with their quality on the whole tests."""
-        problem = Problem.of(laws.spec, self.tests, search.settings, threads=self.threads)
+        settings = search.settings.with_effects(search.effects)
+        problem = Problem.of(laws.spec, search.observed(self.tests), settings, threads=self.threads)
         trace = self.firsts[search.name].trace
         return fit_at(
             problem,

@@ -27,7 +27,7 @@ def fisher_information(target: Target, position: Floats) -> Floats:
     space, objective = target.space, target.objective
     values = np.asarray(space.values(position)[0])
     theta = np.ascontiguousarray(values[: space.n_params])
-    normal = Slopes.at(objective, target.form, theta).normal
+    normal = Slopes.at(objective, target.form, theta).normal()
     # An objective gives every test its share, a likelihood every sample the same.
     samples_per_share = _n_samples(objective) / objective.shares
     matrix = np.tensordot(samples_per_share, normal.matrix[0], 1)
