@@ -229,6 +229,26 @@ def test_calibrated_bands_cover_tests_they_do_not_know() -> None:
         assert np.mean(found) == pytest.approx(level, abs=0.08)
 
 
+def test_a_motion_that_does_not_repeat_has_no_mean_error_over_its_cycle() -> None:
+    rng, coverage, biased = np.random.default_rng(8), [], []
+    for _ in range(10):
+        known = group(rng, 8, biased=True)
+        calibration = calibrate(known, held_out="")
+        biased.append(bool(calibration.shape.bias))
+        for asked in group(rng, 4, biased=True):
+            # The stroke of the cycles grows, and the error over each is that of the sines.
+            test = asked.test
+            growing = replace(test, displacement=np.linspace(0.2, 1.0, test.n_time) * test.displacement)
+            assert not has_regular_cycles(growing)
+            band = band_of(calibration, replace(asked, test=growing), 0.9)
+            coverage.append(score(band, test.force).coverage)
+    assert sum(biased) > 5
+    assert np.mean(coverage) == pytest.approx(0.9, abs=0.06)
+    # One motion at several commands tells nothing of the mean over the cycle of another.
+    alike = [replace(known[0], test=replace(known[0].test, current=1.0 * number)) for number in range(6)]
+    assert not calibrate(alike, held_out="").shape.bias
+
+
 def test_errors_that_grow_with_steepness_and_a_mean_error_are_found() -> None:
     rng = np.random.default_rng(6)
     assert calibrate(group(rng, 10, steep=True), held_out="").shape.slope > 0.0
