@@ -36,6 +36,7 @@ from mrwork.identification.problem import (
     frequency_ranges,
     with_free,
 )
+from mrwork.identification.suspicious import STRUCTURE, force_noise
 from mrwork.records import DamperTest
 from mrwork.records.finding import Measured
 from mrwork.records.motion import spectrum
@@ -51,7 +52,7 @@ _WORTH_A_FIT = 0.04
 _PAYS = 0.95
 _SIGNIFICANT = 4.0
 _SIMPLER = 0.95
-# Misfit of predictions of a wrong model, which takes effects for what it lacks.
+# Misfit of a wrong model, of its predictions and fits, which takes effects for what it lacks.
 _WRONG = 0.12
 # Fewest groups of tests that are left out in turn, and parts of the time, and of the range of the force, else.
 _PARTS = 3
@@ -213,7 +214,8 @@ def _held(slopes: Slopes) -> NDArray[np.bool_]:
 class _Found:
     """Effects that pay, the `best` of those that were `weighed`, beside a fit `theta` without them, (n_params,).
 
-    `earlier` is the misfit of predictions without them. With a model that describes too little none is the best.
+    `earlier` is the misfit of predictions without them, `least` that of the best fit. With a model that describes too
+    little none is the best.
     """
 
     problem: Problem
@@ -221,17 +223,17 @@ class _Found:
     best: FitWithEffects | None
     weighed: Sequence[FitWithEffects]
     earlier: float
+    least: float
 
     @property
     def sentence(self) -> str:
         """What the effects are, how much better the tests are predicted with them, and what they do to a parameter."""
         best, told = self.best, list[str]()
         if best is None:
-            least = min([self.earlier, *(each.predicted for each in self.weighed)])
             return (
-                f"with and without a mass that moves between damper and load cell, or a late force, predictions are "
-                f"{100.0 * (1.0 - least):.0f} % at most: the model describes too little to tell these effects, and its "
-                "stiffness and damping may be theirs"
+                f"with and without a mass that moves between damper and load cell, or a late force, fits "
+                f"reach {100.0 * (1.0 - self.least):.0f} % at most: the model describes too little to tell them, and "
+                "its stiffness and damping may be theirs"
             )
         for effect, value, error in zip(
             best.effects, best.values.tolist(), best.errors.tolist(), strict=True
@@ -335,10 +337,13 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Found | None:
     _, earlier = _predict_parts(Slopes.at(excerpts, form, theta), groups)
     most = min(_PAYS * earlier, _WRONG)
     best = next((each for each in weighed if each.is_significant and each.predicted < most), None)
-    least = min([earlier, *(each.predicted for each in weighed)])
-    if best is None and (least < _WRONG or command_warning(tests, (problem.spec,))):
+    least = min([float(np.linalg.norm(slopes.residuals)), *(each.misfit for each in weighed)])
+    is_noise = least * np.sqrt(np.mean([test.variance for test in slopes.objective.compared])) <= (
+        STRUCTURE * force_noise(tests)
+    )
+    if best is None and (least < _WRONG or is_noise or command_warning(tests, (problem.spec,))):
         return None
-    return _Found(problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier)
+    return _Found(problem=problem, theta=theta, best=best, weighed=weighed, earlier=earlier, least=least)
 
 
 def _absorbing(problem: Problem, effects: Effects) -> list[int]:

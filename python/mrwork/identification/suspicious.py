@@ -67,8 +67,8 @@ def temperature_warning(tests: Sequence[DamperTest]) -> tuple[str, ...]:
     )
 
 
-# Multiple of the noise of the force from which on a residual is structure.
-_STRUCTURE = 3.0
+STRUCTURE = 3.0
+"""Multiple of the noise of the force from which on a residual is structure."""
 
 
 def linear_warning(
@@ -79,7 +79,7 @@ def linear_warning(
     if nrmse < LINEAR_SHARE * linear:
         return ()
     deviation = float(np.sqrt(np.mean([np.var(test.force[test.counted]) for test in tests])))
-    if linear * deviation <= _STRUCTURE * force_noise(tests):
+    if linear * deviation <= STRUCTURE * force_noise(tests):
         return (
             f"a linear spring and dashpot describe the tests to within their noise, {100.0 * (1.0 - linear):.2f} % for "
             f"{100.0 * (1.0 - nrmse):.2f} % of the fit: as far as the tests show, the damper is linear, and the "
@@ -104,7 +104,7 @@ def force_noise(tests: Sequence[DamperTest]) -> float:
 def structure_warning(rmse: float, tests: Sequence[DamperTest]) -> tuple[str, ...]:
     """Warning that a residual of this root mean square [N] is far above the noise of the forces; empty if not."""
     noise = force_noise(tests)
-    if rmse <= _STRUCTURE * noise:
+    if rmse <= STRUCTURE * noise:
         return ()
     return (
         f"the residual, {rmse:.3g} N rms, is far above the noise of the force, about {noise:.2g} N: this model leaves "
