@@ -45,8 +45,6 @@ from mrwork.store.input_file import is_folder
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, REPORT, SUMMARY, RunFolder
 from mrwork.store.run_writer import RunAtWork, adding, is_complete, nothing_to_resume
 
-# Families that differ in kind: with a state, without one, and friction in series with a spring.
-_MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
 _NAMED = 3
 
 
@@ -64,8 +62,8 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument(
         "folder", type=named_path, metavar="FOLDER", help="folder of the test records of one damper"
     )
-    models = "damper models to choose among, as A,B,C"
-    parser.option("model", "--model", models, default=_MODELS, metavar="NAMES")
+    models = "damper models to choose among, as A,B,C; by default those that predict a few of the tests best, of all"
+    parser.option("model", "--model", models, metavar="NAMES")
     add_option_of(parser, FitSettings, COMPUTATION, "rng")
     add_threads(parser)
     end_parser(
@@ -98,7 +96,8 @@ def _characterise(options: argparse.Namespace) -> int:
             f"{path} has a fit, and steps after it are not done; run the same command with --resume to go on with it, "
             "or with --replace to begin anew"
         )
-    for name in options.model.split(","):
+    models = options.model.split(",") if options.model else None
+    for name in models or ():
         damper(name)
     rows, asked = _table(options.folder)
     if asked:
@@ -127,7 +126,7 @@ def _characterise(options: argparse.Namespace) -> int:
                 "instead of --resume"
             )
     else:
-        step, spare = _fitting(options, rows)
+        step, spare = _fitting(options, rows, models)
         steps.append(step)
     if uses["calibration"] and not (fitted and (path / CALIBRATION).is_file()):
         steps.append(("calibrating the bands", partial(_calibrate, path, rows)))
@@ -155,7 +154,9 @@ def _of_use(rows: Sequence[ListedTest], use: Use) -> list[ListedTest]:
     return [row for row in rows if row.use == use]
 
 
-def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_Step, str]:
+def _fitting(
+    options: argparse.Namespace, rows: Sequence[ListedTest], models: Sequence[str] | None
+) -> tuple[_Step, str]:
     """The step that chooses a model, and its laws where the tests run at several commands; why no test is spare."""
     # SciPy is slow to load.
     from mrwork.cli.identified import Identification
@@ -174,7 +175,7 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
             "mrwork identify FILES --model NAME"
         )
     settings = FitSettings(rng=options.rng, observe=(DETECT, WEIGH))
-    models, spare = options.model.split(","), ""
+    spare = ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
     )
@@ -182,10 +183,15 @@ def _fitting(options: argparse.Namespace, rows: Sequence[ListedTest]) -> tuple[_
         _refuse_lone_commands(options.folder, rows, tests)
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
-        choice = partial(choose_laws, models, settings=settings, unit=command_unit(tests))
-        work = partial(verb.choose, choice)
-    elif len(models) > 1:
-        work = partial(verb.choose, partial(choose_model, models=models, settings=settings))
+        choice = partial(choose_laws, settings=settings, unit=command_unit(tests))
+        work = partial(verb.choose, choice, models, settings)
+    elif models is None or len(models) > 1:
+        work = partial(
+            verb.choose,
+            lambda models, **rest: choose_model(models=models, settings=settings, **rest),
+            models,
+            settings,
+        )
     else:
         work = partial(verb.fit, damper(models[0]), settings)
     return ("choosing model and laws", work), spare
