@@ -134,7 +134,7 @@ class Identification(Frame):
 
         if (status := self._end_complete(RANKING)) is not None:
             return status
-        screened = tuple[Standing, ...]()
+        screened: tuple[Standing, ...] = ()
         with self.work as work:
 
             def compared(line: ProgressLine) -> Choice:

@@ -161,7 +161,9 @@ def screen_families(
                 )
             )
             work = partial(interruptible, partial(screening.standing, spec))
-            rows.append(call.step("screening", Standing, work, spec, screening.splits.in_words, settings))
+            rows.append(
+                call.step("screening", Standing, work, spec.name, screening.splits.in_words, settings)
+            )
         return rows
 
     ranked = rank(with_journal(journal_of, "screening", screen))
