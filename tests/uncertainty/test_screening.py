@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from command_line import printed
+from record_files import write_test
+from sinusoidal_tests import sinusoidal_test
 
 import mrwork as mr
 from mrwork.identification.settings import FitSettings
 from mrwork.store.journal import Journal
 from mrwork.uncertainty.choice.screening import Screening, better_family, screen_families
-from tests.samples.sinusoidal_tests import sinusoidal_test
 
 MOTIONS = ((0.010, 1.0), (0.006, 2.0), (0.014, 0.5))
 SETTINGS = FitSettings()
@@ -102,19 +105,36 @@ def test_threads_change_nothing(rig, rows):
     assert again.left_out == next(row.left_out for row in rows if row.model == "viscous_dahl")
 
 
-def test_a_resumed_screening_computes_nothing(rig, rows, journal, monkeypatch):
-    monkeypatch.setattr(Screening, "standing", None)
+def test_a_resumed_screening_computes_nothing(rig, rows, journal):
+    written = journal.read_bytes()
     resumed = screen_families(rig, SETTINGS, threads=1, journal_of=lambda step: Journal(journal, resume=True))
-    assert resumed == rows
+    assert (resumed, journal.read_bytes()) == (rows, written)
 
 
 def test_single_test_is_screened_by_its_halves():
     rows = screen_families((thinning_test(MOTIONS[0]),), SETTINGS, threads=1)
     own = next(row for row in rows if row.model == "bingham")
-    sentence = better_family(rows, "bingham")
+    (sentence,) = better_family(rows, "bingham")
     assert rows[0].left_out_percent - own.left_out_percent > 2.0
     assert f"--model {rows[0].model}" in sentence
     assert not better_family(rows, rows[0].model)
+
+
+def test_identify_of_a_test_names_a_family_that_predicts_it_better(tmp_path):
+    file = write_test(tmp_path / "one.csv", thinning_test(MOTIONS[0]))
+    fit = json.loads(printed("identify", file, "--threads", "1", "--out", tmp_path / "run", "--json"))
+    assert fit["model"] == "normalised_bouc_wen"
+    assert any("add --model non_symmetric_bouc_wen" in warning for warning in fit["warnings"])
+
+
+@pytest.mark.long
+def test_identify_screens_where_no_model_is_named(rig, rows, tmp_path):
+    files = [write_test(tmp_path / f"{number}.csv", test) for number, test in enumerate(rig)]
+    out = tmp_path / "run"
+    shown = json.loads(printed("identify", *files, "--law", "auto", "--threads", "1", "--out", out, "--json"))
+    screened = mr.load(out).ranking.screened
+    assert len(screened) == len(shown["choice_of_laws"]["screened"]) == len(rows)
+    assert shown["model"] in {row.model for row in screened if row.verdict == "goes on"}
 
 
 def test_nothing_is_screened_where_the_command_varies():

@@ -95,9 +95,6 @@ class Identification(Frame):
 
         Where it `screens` other families, a warning names one that predicts visibly better.
         """
-        # Slow to load.
-        from mrwork.uncertainty.choice.screening import better_family, screen_families
-
         with self.work as work:
             journal, threads = work.journal(), self.options.threads
 
@@ -107,10 +104,11 @@ class Identification(Frame):
                 )
                 if not screens:
                     return fit
+                from mrwork.uncertainty.choice.screening import better_family, screen_families  # slow to load
+
                 with LongCall[Any, Fit](so_far=lambda: fit).keeping("screening"), suppress(MrworkError):
                     rows = screen_families(self.tests, settings, threads=threads, on_progress=line)
-                    better = filter(None, [better_family(rows, spec.name)])
-                    fit = replace(fit, warnings=(*fit.warnings, *better))
+                    return replace(fit, warnings=(*fit.warnings, *better_family(rows, spec.name)))
                 return fit
 
             fit, status = self.compute(fitted, before="any candidate was simulated")

@@ -234,12 +234,7 @@ _COLUMNS = (
 # The same of families that are screened.
 _SCREENED = [
     *(column for column in _COLUMNS if column.key in ("model", "left_out_percent", "left_out_behind")),
-    _column(
-        "steps",
-        "integration steps of 1 ms in a building",
-        "steps",
-        cell=lambda row: format_fixed(row.steps, 0),
-    ),
+    _column("steps", "steps of 1 ms in a building", "steps", cell=lambda row: format_fixed(row.steps, 0)),
     _COLUMNS[-2],
 ]
 

@@ -153,17 +153,12 @@ def screen_families(
     def screen(journal: Journal | None) -> list[Standing]:
         call = LongCall[ChoiceProgress, None](journal=journal, on_progress=on_progress)
         rows = list[Standing]()
-        for spec in specs:
-            share = len(rows) / len(specs)
-            call.report(
-                ChoiceProgress(
-                    model=spec.name, task=f"screening {spec.name}", seconds=call.seconds, share=share
-                )
-            )
-            work = partial(interruptible, partial(screening.standing, spec))
-            rows.append(
-                call.step("screening", Standing, work, spec.name, screening.splits.in_words, settings)
-            )
+        with call.keeping("screening of families"):
+            for spec in specs:
+                task, share = f"screening {spec.name}", len(rows) / len(specs)
+                call.report(ChoiceProgress(model="", task=task, seconds=call.seconds, share=share))
+                work = partial(interruptible, partial(screening.standing, spec))
+                rows.append(call.step(task, Standing, work, screening.splits.in_words, settings))
         return rows
 
     ranked = rank(with_journal(journal_of, "screening", screen))
@@ -176,13 +171,11 @@ def screen_families(
     return tuple(replace(row, verdict="goes on") if row.model in names else row for row in ranked)
 
 
-def better_family(rows: Sequence[Standing], model: str) -> str:
+def better_family(rows: Sequence[Standing], model: str) -> tuple[str, ...]:
     """That a screened family predicts a test visibly better than a model, and what to type; else empty."""
-    best = rows[0] if rows else None
-    own = next((row for row in rows if row.model == model and row.has_predicted), None)
-    if best is None or own is None or 100.0 * (own.error - best.error) <= _VISIBLE:
-        return ""
-    return (
-        f"{best.title} predicts the later half of this test better than {own.title}, to {best.left_out_percent:.1f} "
-        f"instead of {own.left_out_percent:.1f} %; to fit it add --model {best.model}"
+    return tuple(
+        f"{rows[0].title} predicts the later half of this test better than {own.title}, to "
+        f"{rows[0].left_out_percent:.1f} instead of {own.left_out_percent:.1f} %; to fit it add --model {rows[0].model}"
+        for own in rows
+        if own.model == model and own.has_predicted and 100.0 * (own.error - rows[0].error) > _VISIBLE
     )
