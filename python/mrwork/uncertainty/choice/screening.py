@@ -103,20 +103,19 @@ class Screening:
                 objective, box, starts, max_iterations=_ITERATIONS, tolerance=_TOLERANCE, shares=shares
             )
 
-        every, n_levels = [np.flatnonzero(is_at) for is_at in self.at_level], len(self.at_level)
+        tests = [[self.excerpts[index] for index in np.flatnonzero(is_at)] for is_at in self.at_level]
         starts = list[Floats]()
-        for at_command in every:
-            few = objective.on(spec, unlike_tests([self.excerpts[index] for index in at_command], _DRAWN_ON))
+        for at_command in tests:
+            few = objective.on(spec, unlike_tests(at_command, _DRAWN_ON))
             wide = widened(search_box(spec, box, few.tests), box)
-            drawn = draw_samples(
-                few, box, wide.theta_from_unit, len(wide.free), Race(), rng=self.settings.rng
-            )
+            n_free, rng = len(wide.free), self.settings.rng
+            drawn = draw_samples(few, box, wide.theta_from_unit, n_free, Race(), rng=rng)
             if not len(drawn):
                 return replace(row, status="failed", reason="it could not be simulated")
             starts.append(np.resize(drawn, (_STARTS, len(box.names))))
         minima = fits(np.concatenate(starts), np.repeat(self.at_level, _STARTS, axis=0))
-        best = minima.misfit.reshape(n_levels, _STARTS).argmin(axis=1)
-        theta = minima.theta.reshape(n_levels, _STARTS, -1)[np.arange(n_levels), best]
+        best = minima.misfit.reshape(-1, _STARTS).argmin(axis=1)
+        theta = minima.theta[best + _STARTS * np.arange(len(best))]
         # At each command a fit without each split, which predicts what is left out there.
         left_out = np.zeros((self.splits.n_splits, len(self.excerpts)), dtype=np.bool_)
         for number, members in enumerate(self.splits.members):
@@ -128,9 +127,9 @@ class Screening:
         squared[rows] = objective.squared_nrmse(minima.theta, predicted[rows])
         nrmse = np.sqrt(squared.min(axis=0))
         errors = [nrmse[number, members] for number, members in enumerate(self.splits.members)]
-        highest = [self.excerpts[index] for index in every[-1]]
-        row = row.scored(errors, self.splits, spec, theta[-1], highest)
-        return replace(row, status="converged", objection="")
+        return replace(
+            row.scored(errors, self.splits, spec, theta[-1], tests[-1]), status="converged", objection=""
+        )
 
 
 def screen_families(
@@ -141,7 +140,7 @@ def screen_families(
     on_progress: Callable[[ChoiceProgress], bool | None] | None = None,
     journal_of: JournalOf | None = None,
 ) -> tuple[Standing, ...]:
-    """Every family, best first; none where the command varies in every test.
+    """Every family, best first; none where the command varies in every test, or no family predicts any.
 
     Four at most go on: those as good as the best, and of these the simplest, and others whose error is less by a share.
     """
@@ -149,6 +148,7 @@ def screen_families(
     if screening is None:
         return ()
     specs, _ = compared_models(ALL)
+    inputs = [(test.name, test.sha256, test.n_time) for test in tests], settings
 
     def screen(journal: Journal | None) -> list[Standing]:
         call = LongCall[ChoiceProgress, None](journal=journal, on_progress=on_progress)
@@ -158,10 +158,13 @@ def screen_families(
                 task, share = f"screening {spec.name}", len(rows) / len(specs)
                 call.report(ChoiceProgress(model="", task=task, seconds=call.seconds, share=share))
                 work = partial(interruptible, partial(screening.standing, spec))
-                rows.append(call.step(task, Standing, work, screening.splits.in_words, settings))
+                rows.append(call.step(task, Standing, work, *inputs))
         return rows
 
-    ranked = rank(with_journal(journal_of, "screening", screen))
+    screened = with_journal(journal_of, "screening", screen)
+    if not any(row.has_predicted for row in screened):
+        return ()
+    ranked = rank(screened)
     good = [row for row in ranked if row.is_chosen or row.verdict == "as good"]
     kept = list[Standing]()
     for row in sorted(good, key=attrgetter("is_costly", "n_params", "error")):
