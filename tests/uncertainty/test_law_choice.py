@@ -88,7 +88,7 @@ def test_laws_are_chosen_with_the_mass_that_is_fitted(
     assert choice.ranking.chosen_standing.laws == {"k_w": "log_quadratic"}
     assert choice.ranking.chosen_standing.left_out_percent > 97.0
     assert choice.best.effects[0].value == pytest.approx(60.0, abs=5.0)
-    assert all(other.settings.observe != settings.observe for other in choice.others)
+    assert all(other.settings.observe != settings.observe for other in choice.best.others)
 
 
 def test_chosen_laws_that_their_own_search_does_not_meet_are_doubted(

@@ -45,8 +45,6 @@ from mrwork.store.input_file import is_folder
 from mrwork.store.run_folder import CALIBRATION, FIT, FIT_RUN, HELD_OUT, REPORT, SUMMARY, RunFolder
 from mrwork.store.run_writer import RunAtWork, adding, is_complete, nothing_to_resume
 
-# Families that differ in kind: with a state, without one, and friction in series with a spring.
-_MODELS = "normalised_bouc_wen,hyperbolic_tangent_guo,viscous_dahl"
 _NAMED = 3
 
 
@@ -64,8 +62,8 @@ def add_options(parser: CommandParser) -> None:
     parser.add_argument(
         "folder", type=named_path, metavar="FOLDER", help="folder of the test records of one damper"
     )
-    models = "damper models to choose among, as A,B,C"
-    parser.option("model", "--model", models, default=_MODELS, metavar="NAMES")
+    models = "damper models to choose among, as A,B,C; by default those that predict a few of the tests best, of all"
+    parser.option("model", "--model", models, metavar="NAMES")
     add_observation(parser, usual=f"{DETECT} and {WEIGH}")
     add_option_of(parser, FitSettings, COMPUTATION, "rng")
     add_threads(parser)
@@ -99,7 +97,8 @@ def _characterise(options: argparse.Namespace) -> int:
             f"{path} has a fit, and steps after it are not done; run the same command with --resume to go on with it, "
             "or with --replace to begin anew"
         )
-    for name in options.model.split(","):
+    models = options.model.split(",") if options.model else None
+    for name in models or ():
         damper(name)
     rows, asked = _table(options.folder)
     if asked:
@@ -128,7 +127,7 @@ def _characterise(options: argparse.Namespace) -> int:
                 "instead of --resume"
             )
     else:
-        step, spare, findings = _fitting(options, rows)
+        step, spare, findings = _fitting(options, rows, models)
         steps.append(step)
     if uses["calibration"] and not (fitted and (path / CALIBRATION).is_file()):
         steps.append(("calibrating the bands", partial(_calibrate, path, rows)))
@@ -157,7 +156,7 @@ def _of_use(rows: Sequence[ListedTest], use: Use) -> list[ListedTest]:
 
 
 def _fitting(
-    options: argparse.Namespace, rows: Sequence[ListedTest]
+    options: argparse.Namespace, rows: Sequence[ListedTest], models: Sequence[str] | None
 ) -> tuple[_Step, str, list[dict[str, Any]]]:
     """The step that chooses a model, and its laws where the tests run at several commands.
 
@@ -181,7 +180,7 @@ def _fitting(
             "mrwork identify FILES --model NAME"
         )
     settings = FitSettings(rng=options.rng, observe=observation_of(options, (DETECT, WEIGH)))
-    models, spare = options.model.split(","), ""
+    spare = ""
     verb = Identification.of_tests(
         options, settings, reading, tests, options.folder.resolve().name, kept="the fit", is_step=True
     )
@@ -189,10 +188,15 @@ def _fitting(
         _refuse_lone_commands(options.folder, rows, tests)
         if not any(map(can_leave_out, combinations(tests, len(tests) - 1))):
             spare = "; the laws of the command need every fitted test, so record further motions for it"
-        choice = partial(choose_laws, models, settings=settings, unit=command_unit(tests))
-        work = partial(verb.choose, choice)
-    elif len(models) > 1:
-        work = partial(verb.choose, partial(choose_model, models=models, settings=settings))
+        choice = partial(choose_laws, settings=settings, unit=command_unit(tests))
+        work = partial(verb.choose, choice, models, settings)
+    elif models is None or len(models) > 1:
+        work = partial(
+            verb.choose,
+            lambda models, **rest: choose_model(models=models, settings=settings, **rest),
+            models,
+            settings,
+        )
     else:
         work = partial(verb.fit, damper(models[0]), settings)
     return ("choosing model and laws", work), spare, findings

@@ -5,16 +5,18 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from mrwork.base.progress import ProgressLine
 from mrwork.base.summary import Summarised
 from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import RecordError
+from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import manifest_of, others_content, read_fit, write_run
 from mrwork.identification.identify import identify_with
@@ -22,6 +24,7 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
 from mrwork.records.findings import findings_for
 from mrwork.records.reading import Reading
+from mrwork.store.long_call import LongCall
 from mrwork.store.run_folder import (
     FIT,
     FIT_RUN,
@@ -38,6 +41,7 @@ from mrwork.store.run_writer import is_complete, nothing_to_resume
 if TYPE_CHECKING:
     from mrwork.report.section import OnDrawn
     from mrwork.uncertainty.choice.choose import Choice
+    from mrwork.uncertainty.choice.ranking import Standing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,45 +90,67 @@ class Identification(Frame):
             is_step=is_step,
         )
 
-    def fit(self, spec: DamperSpec, settings: FitSettings) -> int:
-        """Fit one model to the tests into the run folder, and show it; return the exit status."""
+    def fit(self, spec: DamperSpec, settings: FitSettings, *, screens: bool = False) -> int:
+        """Fit one model to the tests into the run folder, and show it; return the exit status.
+
+        Where it `screens` other families, a warning names one that predicts visibly better.
+        """
         with self.work as work:
-            journal = work.journal()
-            fit, status = self.compute(
-                lambda line: identify_with(
-                    spec,
-                    self.tests,
-                    settings,
-                    threads=self.options.threads,
-                    on_progress=line,
-                    journal=journal,
-                ),
-                before="any candidate was simulated",
-            )
+            journal, threads = work.journal(), self.options.threads
+
+            def fitted(line: ProgressLine) -> Fit:
+                fit = identify_with(
+                    spec, self.tests, settings, threads=threads, on_progress=line, journal=journal
+                )
+                if not screens:
+                    return fit
+                from mrwork.uncertainty.choice.screening import better_family, screen_families  # slow to load
+
+                with LongCall[Any, Fit](so_far=lambda: fit).keeping("screening"), suppress(MrworkError):
+                    rows = screen_families(self.tests, settings, threads=threads, on_progress=line)
+                    return replace(fit, warnings=(*fit.warnings, *better_family(rows, spec.name)))
+                return fit
+
+            fit, status = self.compute(fitted, before="any candidate was simulated")
             journal.close()
             self.note_complete()
             return status if fit is None else self._end(self._with_command(fit), status)
 
-    def choose(self, choose: Callable[..., Choice]) -> int:
+    def choose(
+        self,
+        choose: Callable[..., Choice],
+        models: Sequence[DamperSpec | str] | None,
+        settings: FitSettings,
+    ) -> int:
         """Make a choice of model or laws; the run folder has the best, and what was compared; return the exit status.
 
-        `choose` takes the tests, threads, journals and the line of progress.
+        `choose` takes the models, tests, threads, journals and the line of progress. Without models it takes those
+        that a screening of all finds best.
         """
+        # Slow to load.
+        from mrwork.uncertainty.choice.screening import FALLBACK, screen_families
+
         if (status := self._end_complete(RANKING)) is not None:
             return status
+        screened: tuple[Standing, ...] = ()
         with self.work as work:
-            choice, status = self.compute(
-                lambda line: choose(
-                    tests=self.tests,
-                    threads=self.options.threads,
-                    on_progress=line,
-                    journal_of=lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
-                ),
-                before="anything was compared",
-            )
+
+            def compared(line: ProgressLine) -> Choice:
+                nonlocal screened
+                common: Any = {
+                    "threads": self.options.threads,
+                    "on_progress": line,
+                    "journal_of": lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
+                }
+                if models is None:
+                    screened = screen_families(self.tests, settings, **common)
+                kept = [row.model for row in screened if row.verdict == "goes on"]
+                return choose(models or kept or FALLBACK, tests=self.tests, **common)
+
+            choice, status = self.compute(compared, before="anything was compared")
             if choice is None:
                 return status
-            ranking = choice.ranking
+            ranking = replace(choice.ranking, screened=screened)
             documents: dict[str, object] = {RANKING: asdict(ranking)}
             if ranking.unit is None:
                 best, paths = self._with_command(choice.best), dict[str, str]()

@@ -26,6 +26,7 @@ from mrwork.identification.settings import (
 
 _AUTO, _LAWS = "auto", "current laws"
 _CHOICE = "mrwork.uncertainty.choice.choose:choose_model"
+_DEFAULT = "normalised_bouc_wen"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -39,10 +40,9 @@ def add_options(parser: CommandParser) -> None:
     parser.option(
         "model",
         "--model",
-        "damper model, see mrwork models; default normalised_bouc_wen; all, or A,B,C, identifies several models and "
-        "ranks them, or chooses among their laws with --law auto; FILE.py:NAME, a damper of your own that "
-        "mrwork.own_damper has made, runs this file as Python",
-        default="normalised_bouc_wen",
+        f"damper model, see mrwork models; default {_DEFAULT}, with --law auto those that predict a few of the tests "
+        "best, of all; all, or A,B,C, identifies several models and ranks them, or chooses among their laws with "
+        "--law auto; FILE.py:NAME, a damper of your own that mrwork.own_damper has made, runs this file as Python",
         metavar="NAME",
     )
     add_options_of(parser, FitSettings, "model", "bounds")
@@ -110,9 +110,10 @@ def _law(text: str) -> tuple[str, LawName]:
 
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
+    law_is_auto = _AUTO in options.law
     # A damper of the user as its spec.
-    models = [own_model(part) if is_own(part) else part for part in options.model.split(",")]
-    several, law_is_auto = models == [ALL] or len(models) > 1, _AUTO in options.law
+    models = [own_model(part) if is_own(part) else part for part in (options.model or _DEFAULT).split(",")]
+    several = models == [ALL] or len(models) > 1
     settings = _settings_of(options)
     _refuse_together(options, settings, several=several, law_is_auto=law_is_auto)
     needless = "the laws are chosen on the threads of this process" if law_is_auto else ""
@@ -184,16 +185,19 @@ def _choose(
     from mrwork.uncertainty.choice.choose import choose_model
     from mrwork.uncertainty.choice.laws import choose_laws
 
-    ending = "models" if several else options.model.rpartition(":")[2]
+    ending = options.model.rpartition(":")[2] if options.model and not several else "models"
     verb = Identification.of_files(options, settings, ending, kept="the best of what was fitted")
+    laws = {name: law for name, law in options.law.items() if name != _AUTO}
     kwargs = arguments_of(options, _CHOICE) | {
-        "laws": {name: law for name, law in options.law.items() if name != _AUTO},
+        "laws": laws,
         "unit": command_unit(verb.tests, options.unit),
         "settings": settings,
     }
     if _AUTO in options.law:
-        return verb.choose(partial(choose_laws, models, **kwargs))
-    return verb.choose(partial(choose_model, models=models, **kwargs))
+        # Laws and bounds are of parameters of the default model.
+        among = models if options.model or laws or settings.bounds else None
+        return verb.choose(partial(choose_laws, **kwargs), among, settings)
+    return verb.choose(lambda models, **rest: choose_model(models=models, **rest, **kwargs), models, settings)
 
 
 def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settings: FitSettings) -> int:
@@ -209,4 +213,5 @@ def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settin
         spec = spec.with_current_laws({}, unit=unit, lagged=options.lagged)
         spec = with_laws_at(spec, options.law, verb.tests)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
-    return verb.fit(spec, replace(settings, starts=starts))
+    screens = options.model is None and len(verb.tests) == 1 and not (options.law or settings.bounds)
+    return verb.fit(spec, replace(settings, starts=starts), screens=screens)

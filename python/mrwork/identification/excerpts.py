@@ -152,21 +152,21 @@ def _shows_motion(test: DamperTest, part: slice) -> bool:
     return all(float(np.ptp(signal[part])) >= _MOTION_SHARE * float(np.ptp(signal)) for signal in motion)
 
 
-def _excerpt_seconds(test: DamperTest, frequency: float) -> float:
-    return (test.n_time - test.n_counted) * test.dt + _EXCERPT_CYCLES / frequency
+def _excerpt_seconds(test: DamperTest, frequency: float, cycles: int = _EXCERPT_CYCLES) -> float:
+    return (test.n_time - test.n_counted) * test.dt + cycles / frequency
 
 
-def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
+def middle_excerpt(test: DamperTest, *, per_cycle: int, cycles: int | None = None) -> DamperTest:
     """As many cycles from the middle of a cyclic test, with `per_cycle` samples, slow ones in steps of 0.04 s.
 
     They represent a drifting force better than the first ones. Another motion, and a test whose command varies, is
-    treated as by `excerpt`.
+    treated as by `excerpt`, and so is one whose cycles differ, unless a number of `cycles` is given.
     """
     motion = spectrum(test.displacement, test.dt)
     is_cyclic = motion.dominant > 0.0 and motion.band_edge <= _CYCLIC_BAND * motion.dominant
-    if not is_cyclic or test.has_varying_command or not _repeats(test, motion.dominant):
+    if not is_cyclic or test.has_varying_command or not (cycles or _repeats(test, motion.dominant)):
         return excerpt(test)
-    length = _excerpt_seconds(test, motion.dominant)
+    length = _excerpt_seconds(test, motion.dominant, cycles or _EXCERPT_CYCLES)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)
     thin = max(1, int(min(1.0 / (motion.dominant * per_cycle), _LONGEST_STEP) / test.dt))
     return cut(test, start=start, end=start + length, every=thin)

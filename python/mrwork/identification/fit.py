@@ -24,7 +24,7 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, Observation, observed
 from mrwork.records.damper_test import OperatingRange, Outside, range_of_test
 from mrwork.records.likeness import Likeness, RecordedMotion, likest
-from mrwork.records.observation import AS_IT_IS
+from mrwork.records.observation import AS_IT_IS, EFFECTS, Effect
 from mrwork.records.reading import Reading
 from mrwork.search.rules import ended_in_words
 from mrwork.store.codec import built, digest_of
@@ -485,6 +485,12 @@ class Fit(Plotted, WithAxes, Summarised):
     def fitted(self) -> tuple[FittedParameter, ...]:
         """The parameters, and the effects on the recorded force that were fitted with them."""
         return (*self.estimates, *self.effects)
+
+    @property
+    def effect_values(self) -> dict[Effect, float]:
+        """Values of the fitted effects on the recorded force."""
+        values = {estimate.name: estimate.value for estimate in self.effects}
+        return {effect: values[effect.parameter] for effect in EFFECTS.values() if effect.parameter in values}
 
     @property
     def theta_with_effects(self) -> tuple[float, ...]:

@@ -34,7 +34,7 @@ from mrwork.identification.settings import FitSettings, Race
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.records.observation import EFFECTS, FREE
+from mrwork.records.observation import FREE
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import interruptible
 
@@ -180,12 +180,10 @@ def moved_to(fit: Fit, tests: Sequence[DamperTest], theta: Floats, *, found_by: 
     Effects that it has found are found again.
     """
     start = dict(zip(fit.spec.names, theta.tolist(), strict=True))
-    names = [estimate.name for estimate in fit.effects]
-    free = {effect: FREE for effect in EFFECTS.values() if effect.parameter in names}
     moved = identify_with(
         fit.spec,
         tests,
-        replace(fit.settings.with_effects(free), starts=(start,)),
+        replace(fit.settings.with_effects(dict.fromkeys(fit.effect_values, FREE)), starts=(start,)),
         threads=threads,
         warns=False,
         searched=(Problem.of_fit(fit, tuple(tests)).form.box, fit.trace),

@@ -383,7 +383,8 @@ class NormalEquations:
         if taken is not None:
             gradient = gradient + np.einsum("rpq,rq->rp", matrix, taken)
         gradient, matrix = _without(held, gradient, matrix)
-        size = np.sqrt(np.diagonal(matrix, axis1=1, axis2=2))
+        # Rounding may leave the sensitivity of a force that is nearly unstable below zero.
+        size = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 0.0))
         size[size < SMALLEST] = np.inf
         scaled = matrix / size[:, :, None] / size[:, None]
         inverse = np.linalg.pinv(scaled, rcond=_INSENSITIVE, hermitian=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from math import isfinite
@@ -24,12 +24,12 @@ from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
-from mrwork.identification.fit import Fit, FittedParameter, Provenance
+from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.objective import Objective, ties_of
 from mrwork.identification.residual import bounds_without_offsets, offset_warning
 from mrwork.identification.settings import FitSettings, Race, Start, UnregisteredSearch
 from mrwork.records import DamperTest, observed
-from mrwork.records.observation import EFFECTS, Effect
+from mrwork.records.observation import Effect
 from mrwork.search import Optimiser
 from mrwork.store.codec import digest_of, package_version
 from mrwork.store.journal import Journal
@@ -95,13 +95,11 @@ class Problem:
         """The problem that a fit solved, on its own tests or others of the same damper."""
         return cls.of(fit.spec, tests, fit.settings, threads=threads)
 
-    def freeing(self, estimates: Sequence[FittedParameter]) -> Problem:
+    def freeing(self, effects: Iterable[Effect]) -> Problem:
         """The problem in which fitted effects are free again: the last parameters of its form and of its model."""
-        names = [estimate.name for estimate in estimates]
-        effects = tuple(effect for effect in EFFECTS.values() if effect.parameter in names)
-        if not effects:
+        if not (free := tuple(effects)):
             return self
-        objective, form = with_free(self.objective, self.form, effects)
+        objective, form = with_free(self.objective, self.form, free)
         return replace(self, objective=objective, form=form)
 
     @property

@@ -142,7 +142,7 @@ class LinearisedPosterior:
     ) -> LinearisedPosterior:
         """The linearised posterior of a fit."""
         without = Problem.of_fit(fit, as_tests(tests), threads=threads)
-        problem = without.freeing(fit.effects)
+        problem = without.freeing(fit.effect_values)
         if problem.settings.ties:
             tied = ", ".join(problem.settings.ties)
             raise SettingError(

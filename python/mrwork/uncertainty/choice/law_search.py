@@ -35,7 +35,7 @@ from mrwork.identification.fit import NEGLIGIBLE, Fit
 from mrwork.identification.objective import Objective, observe_tests_by
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest
-from mrwork.records.observation import FREE, NONE, WEIGH, Effect, value_of
+from mrwork.records.observation import FREE, NONE, WEIGH, Effect
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import rests_of
 from mrwork.uncertainty.choice.law_folds import FoldedFit, LawFolds, Linearised
@@ -141,7 +141,7 @@ class LawSearch:
     def take_effects(self, first: Fit) -> None:
         """Go on with the effects on the recorded force that were fitted with the first laws."""
         if first.effects:
-            self.effects = dict(value_of(word, period=1.0) for word in first.settings.observe)
+            self.effects = first.effect_values
             whole, excerpts = (
                 observe_tests_by(each, [test.observation for test in self.observed(each.tests)])
                 for each in (self.folds.whole, self.folds.excerpts)

@@ -65,7 +65,7 @@ RULES_OF_LAWS = (
     "measure it without bias.",
 )
 
-Verdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed"]
+Verdict = Literal["chosen", "provisional", "as good", "behind", "unusable", "collapsed", "failed", "goes on"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,6 +231,12 @@ _COLUMNS = (
     TableColumn(heading="remark", cell=attrgetter("remark")),
     TableColumn(heading="laws", cell=attrgetter("laws_in_words"), key="laws"),
 )
+# The same of families that are screened.
+_SCREENED = [
+    *(column for column in _COLUMNS if column.key in ("model", "left_out_percent", "left_out_behind")),
+    _column("steps", "steps of 1 ms in a building", "steps", cell=lambda row: format_fixed(row.steps, 0)),
+    _COLUMNS[-2],
+]
 
 
 def rank(candidates: Sequence[Standing]) -> tuple[Standing, ...]:
@@ -322,7 +328,8 @@ class Ranking(WithAxes, Summarised):
 
     `chosen` is provisional, as its standing says, where a candidate that could not predict fits all tests far better.
     Where laws were chosen, `unit` is of the command and `given` are laws that were not chosen; an interrupt also
-    leaves further laws untried, so that the ranking is not `complete`.
+    leaves further laws untried, so that the ranking is not `complete`. The `screened` families were compared before,
+    with constant parameters.
     """
 
     chosen: str
@@ -336,6 +343,7 @@ class Ranking(WithAxes, Summarised):
     unit: CommandUnit | None = None
     given: dict[str, LawName] = field(default_factory=dict)
     complete: bool = True
+    screened: tuple[Standing, ...] = ()
 
     @classmethod
     def of(cls, candidates: Sequence[Standing], **facts: Any) -> Ranking:
@@ -423,7 +431,7 @@ class Ranking(WithAxes, Summarised):
         return Summary(
             title=f"Choice of {self._what}: {self.chosen}{provisional}",
             facts=(("evaluated on", self.held_out),),
-            tables=[self.table],
+            tables=[replace(text_table(_SCREENED, self.screened), title="Screened families"), self.table],
             notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
         )
 

@@ -342,7 +342,7 @@ def profile(
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
     call: LongCall[ProfileProgress, Profiles] = LongCall(on_progress=on_progress)
-    problem = Problem.of_fit(fit, as_tests(tests), threads=threads).freeing(fit.effects)
+    problem = Problem.of_fit(fit, as_tests(tests), threads=threads).freeing(fit.effect_values)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = problem.inside(fit.theta_with_effects)
     profiled = _profiled_indices(box, parameters)

@@ -309,7 +309,7 @@ class Target(Summarised):
         Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count as some
         tens of independent observations, and intervals would be far too narrow if all were counted.
         """
-        problem = Problem.of_fit(fit, tests, threads=threads).freeing(fit.effects)
+        problem = Problem.of_fit(fit, tests, threads=threads).freeing(fit.effect_values)
         form, objective = problem.form, problem.objective
         target = cls(
             form=form,

@@ -1,0 +1,184 @@
+"""Screening of families: each with constant parameters, on excerpts of a few tests at a few commands.
+
+It takes a second or two a family, and tells which of them predict a rig before laws of any are chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import chain, groupby
+from operator import attrgetter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import ALL, DamperSpec
+from mrwork.identification.batch import JournalOf, with_journal
+from mrwork.identification.commands import PER_CYCLE, command_of
+from mrwork.identification.equivalent import search_box, widened
+from mrwork.identification.excerpts import middle_excerpt
+from mrwork.identification.minimise.level_search import unlike_tests
+from mrwork.identification.minimise.levenberg_marquardt import LocalMinima, find_minima
+from mrwork.identification.minimise.race import draw_samples
+from mrwork.identification.objective import Objective, friction_limit, up_to
+from mrwork.identification.settings import FitSettings, Race
+from mrwork.records import DamperTest
+from mrwork.store.journal import Journal
+from mrwork.store.long_call import LongCall, interruptible
+from mrwork.uncertainty.bands.prediction import groups_of, halves
+from mrwork.uncertainty.choice.choose import ChoiceProgress, compared_models
+from mrwork.uncertainty.choice.ranking import Standing, rank
+from mrwork.uncertainty.choice.splits import Split, Splits, splits_of
+
+FALLBACK = ("normalised_bouc_wen", "hyperbolic_tangent_guo", "viscous_dahl")
+"""Families that differ in kind, where nothing can be screened."""
+
+# Most families that go on, and the share by which the error of one is less than that of a simpler one that does.
+_MOST_KEPT = 4
+_LESS = 0.03
+# Points by which the held-out fit of a family is visibly better.
+_VISIBLE = 2.0
+# Most tests of a command, those on which starting points are drawn, and cycles of an excerpt.
+_PER_COMMAND, _DRAWN_ON, _CYCLES = 6, 2, 2
+# Starts at each command, most iterations of a fit, and the decrease of the squared misfit that ends it.
+_STARTS, _ITERATIONS, _TOLERANCE = 8, 16, 1e-4
+
+
+@array_dataclass()
+class Screening:
+    """Excerpts of tests, which of them are at each command, (n_levels, n_tests), and their splits, each test a unit."""
+
+    excerpts: tuple[DamperTest, ...]
+    at_level: NDArray[np.bool_]
+    splits: Splits
+    settings: FitSettings
+    threads: int
+
+    @classmethod
+    def of(cls, tests: Sequence[DamperTest], settings: FitSettings, threads: int) -> Screening | None:
+        """Tests at the lowest, a middle and the highest of constant commands; `None` where the command always varies.
+
+        Where each command has one test alone, its later half is predicted by the earlier one.
+        """
+        constant = [test for test in tests if not test.has_varying_command]
+        constant.sort(key=lambda test: [float(np.mean(command)) for command, _ in test.commands])
+        levels = [[*members] for _, members in groupby(constant, command_of)]
+        if not levels:
+            return None
+        several = [members for members in levels if len(groups_of(members, "test")) > 1]
+        if not several:
+            parts = [(members[0], halves(members[0])[1].n_settle) for members in levels]
+            levels = [[test.part(0, middle), test.part(middle, test.n_time)] for test, middle in parts]
+        kept = several or levels
+        numbers = sorted({0, len(kept) // 2, len(kept) - 1})
+        taken = [unlike_tests(kept[number], _PER_COMMAND) for number in numbers]
+        chosen = (*chain.from_iterable(taken),)
+        if several:
+            splits = replace(splits_of(chosen), units=(*range(len(chosen)),))
+        else:
+            later = Split(members=(*range(1, len(chosen), 2),))
+            splits = Splits(tests=chosen, splits=(later,), units=(*range(len(chosen)),), fold=None)
+        level = np.repeat(np.arange(len(taken)), [len(members) for members in taken])
+        return cls(
+            excerpts=tuple(middle_excerpt(test, per_cycle=PER_CYCLE, cycles=_CYCLES) for test in chosen),
+            at_level=level == np.arange(len(taken))[:, None],
+            splits=splits,
+            settings=settings,
+            threads=threads,
+        )
+
+    def standing(self, spec: DamperSpec) -> Standing:
+        """A family by its predictions of the tests left out, with its cost in a building at the highest command."""
+        box, row = Box.of(spec), Standing(model=spec.name, title=spec.title, n_params=len(spec.parameters))
+        objective = Objective.of(spec, self.excerpts, self.settings, threads=self.threads)
+        objective = up_to(objective, min(friction_limit(self.excerpts), objective.stiffest))
+
+        def fits(starts: Floats, included: NDArray[np.bool_]) -> LocalMinima:
+            shares = included / included.sum(axis=1, keepdims=True)
+            return find_minima(
+                objective, box, starts, max_iterations=_ITERATIONS, tolerance=_TOLERANCE, shares=shares
+            )
+
+        tests = [[self.excerpts[index] for index in np.flatnonzero(is_at)] for is_at in self.at_level]
+        starts = list[Floats]()
+        for at_command in tests:
+            few = objective.on(spec, unlike_tests(at_command, _DRAWN_ON))
+            wide = widened(search_box(spec, box, few.tests), box)
+            n_free, rng = len(wide.free), self.settings.rng
+            drawn = draw_samples(few, box, wide.theta_from_unit, n_free, Race(), rng=rng)
+            if not len(drawn):
+                return replace(row, status="failed", reason="it could not be simulated")
+            starts.append(np.resize(drawn, (_STARTS, len(box.names))))
+        minima = fits(np.concatenate(starts), np.repeat(self.at_level, _STARTS, axis=0))
+        best = minima.misfit.reshape(-1, _STARTS).argmin(axis=1)
+        theta = minima.theta[best + _STARTS * np.arange(len(best))]
+        # At each command a fit without each split, which predicts what is left out there.
+        left_out = np.zeros((self.splits.n_splits, len(self.excerpts)), dtype=np.bool_)
+        for number, members in enumerate(self.splits.members):
+            left_out[number, members] = True
+        fitted, predicted = self.at_level[:, None] & ~left_out, self.at_level[:, None] & left_out
+        rows = fitted.any(axis=2) & predicted.any(axis=2)
+        minima = fits(np.repeat(theta[:, None], len(left_out), axis=1)[rows], fitted[rows])
+        squared = np.full(fitted.shape, np.inf)
+        squared[rows] = objective.squared_nrmse(minima.theta, predicted[rows])
+        nrmse = np.sqrt(squared.min(axis=0))
+        errors = [nrmse[number, members] for number, members in enumerate(self.splits.members)]
+        return replace(
+            row.scored(errors, self.splits, spec, theta[-1], tests[-1]), status="converged", objection=""
+        )
+
+
+def screen_families(
+    tests: tuple[DamperTest, ...],
+    settings: FitSettings,
+    *,
+    threads: int = 0,
+    on_progress: Callable[[ChoiceProgress], bool | None] | None = None,
+    journal_of: JournalOf | None = None,
+) -> tuple[Standing, ...]:
+    """Every family, best first; none where the command varies in every test, or no family predicts any.
+
+    Four at most go on: those as good as the best, and of these the simplest, and others whose error is less by a share.
+    """
+    screening = Screening.of(tests, settings, threads)
+    if screening is None:
+        return ()
+    specs, _ = compared_models(ALL)
+    inputs = [(test.name, test.sha256, test.n_time) for test in tests], settings
+
+    def screen(journal: Journal | None) -> list[Standing]:
+        call = LongCall[ChoiceProgress, None](journal=journal, on_progress=on_progress)
+        rows = list[Standing]()
+        with call.keeping("screening of families"):
+            for spec in specs:
+                task, share = f"screening {spec.name}", len(rows) / len(specs)
+                call.report(ChoiceProgress(model="", task=task, seconds=call.seconds, share=share))
+                work = partial(interruptible, partial(screening.standing, spec))
+                rows.append(call.step(task, Standing, work, *inputs))
+        return rows
+
+    screened = with_journal(journal_of, "screening", screen)
+    if not any(row.has_predicted for row in screened):
+        return ()
+    ranked = rank(screened)
+    good = [row for row in ranked if row.is_chosen or row.verdict == "as good"]
+    kept = list[Standing]()
+    for row in sorted(good, key=attrgetter("is_costly", "n_params", "error")):
+        if all(row.error < (1.0 - _LESS) * other.error for other in kept):
+            kept.append(row)
+    names = [row.model for row in kept[-_MOST_KEPT:]]
+    return tuple(replace(row, verdict="goes on") if row.model in names else row for row in ranked)
+
+
+def better_family(rows: Sequence[Standing], model: str) -> tuple[str, ...]:
+    """That a screened family predicts a test visibly better than a model, and what to type; else empty."""
+    return tuple(
+        f"{rows[0].title} predicts the later half of this test better than {own.title}, to "
+        f"{rows[0].left_out_percent:.1f} instead of {own.left_out_percent:.1f} %; to fit it add --model {rows[0].model}"
+        for own in rows
+        if own.model == model and own.has_predicted and 100.0 * (own.error - rows[0].error) > _VISIBLE
+    )
