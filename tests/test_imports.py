@@ -37,7 +37,6 @@ HOMES = {
     ("matplotlib",): ("plots", "report"),
     ("fontTools", "jinja2"): ("report",),
     ("ipywidgets",): ("plots.explore",),
-    ("control",): ("buildings.state_space",),
     ("cvxpy", "clarabel"): ("control.weights",),
     ("shtab",): ("cli.completion",),
 }

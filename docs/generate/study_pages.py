@@ -116,7 +116,6 @@ def _versions() -> str:
         *project["dependencies"],
         *extras["bench"],
         *extras["peers"],
-        *extras["control"],
     ]
     names = sorted({canonicalize_name(Requirement(text).name) for text in wanted} & versions.keys())
     return document(

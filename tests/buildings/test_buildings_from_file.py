@@ -314,6 +314,7 @@ OF_FORCES = {"A": A, "B": np.column_stack([E, B[:, 2]])}
     ("matrices", "inputs", "word"),
     [
         ({"M": FRAME.mass, "B": E}, None, "found M, B"),
+        ({"A": A[:5], "M": FRAME.mass}, None, r"A has shape \(5, 10\); give \(5, 5\)"),
         ({"A": SCALED @ A @ np.linalg.inv(SCALED), "M": FRAME.mass}, None, "0 of the 10 rows"),
         ({"A": A, "M": np.diag([1.0, 2.0, 3.0, 4.0, 5.0])}, None, "not symmetric"),
         (OF_FORCES, '["ground", 2]', "no masses give these columns"),

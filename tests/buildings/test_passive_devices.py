@@ -139,9 +139,3 @@ def test_numbers_that_no_device_has_are_refused() -> None:
     refusal(of.with_lead_rubber_bearings, FRAME, mass=1.0, period=2.0, match="yield_force")
     column = {"mass": 1.0, "frequency": 1.0, "width_ratio": 1.0, "head_loss": 1.0}
     refusal(of.with_liquid_column, FRAME, floor=1, **column, match="width_ratio")
-
-
-def test_a_linear_system_of_what_is_not_linear_is_refused() -> None:
-    frame = of.with_friction_damper(FRAME, storey=1, slip_load=1.0, stiffness=1.0)
-    refusal(of.system_of, frame, match="friction damper in storey 1, which is not in its matrices")
-    assert of.system_of(replace(frame, elements=())).n_states == 10

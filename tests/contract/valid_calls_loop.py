@@ -21,9 +21,8 @@ def _viscous(sample: mr.closed_loop.LoopSample, _: np.ndarray) -> np.ndarray:
 
 
 def buildings_calls(_: Path) -> Calls:
-    """Buildings, what is built into them, and linear systems."""
+    """Buildings, and what is built into them."""
     of, frame = mr.buildings, five_storeys()
-    system = of.system_of(frame, outputs=["drift"], devices=[1])
     facts = {
         name: getattr(frame, name)
         for name in (
@@ -46,11 +45,6 @@ def buildings_calls(_: Path) -> Calls:
     yield call(of.with_p_delta, building=tall)
     yield call(of.pushover, building=tall, pattern="uniform", roof=0.1, steps=10)
     yield call(frame.storey_row, storey=1)
-    yield call(of.LinearSystem, **{name: getattr(system, name) for name in "ABCD"})
-    plain = {"A": [[-1.0]], "B": [[1.0]], "C": [[1.0]], "D": [[0.0]]}
-    yield call(of.LinearSystem, **plain, input_names=["u"], output_names=["y"])
-    yield call(of.system_of, building=frame, outputs=["drift", "acceleration"], devices=[1, "storey 2"])
-    yield from calls_with({**facts, "system": of.system_of(frame)}, of.building_of)
     yield call(of.chain, storeys=frame.storeys, values=[1.0, 2.0, 3.0, 4.0, 5.0])
     shear = {"masses": [1.0, 2.0], "stiffnesses": [100.0, 200.0], "storey_damping": [1.0, 1.0]}
     shear |= {"floor_names": ["a", "b"], "storey_names": ["c", "d"]}

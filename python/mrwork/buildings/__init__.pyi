@@ -19,12 +19,7 @@ from .passive_devices import with_optimal_liquid_column as with_optimal_liquid_c
 from .passive_devices import with_optimal_tuned_mass as with_optimal_tuned_mass
 from .passive_devices import with_tuned_mass as with_tuned_mass
 from .passive_devices import with_yielding_damper as with_yielding_damper
-from .state_space import LinearSystem as LinearSystem
-from .state_space import building_of as building_of
-from .state_space import from_control as from_control
 from .state_space import modal_truncation as modal_truncation
-from .state_space import read_system as read_system
-from .state_space import system_of as system_of
 from .yielding import Pushover as Pushover
 from .yielding import pushover as pushover
 from .yielding import with_p_delta as with_p_delta

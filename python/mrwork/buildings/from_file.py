@@ -46,7 +46,7 @@ from mrwork.buildings.passive_devices import (
     with_tuned_mass,
     with_yielding_damper,
 )
-from mrwork.buildings.state_space import LinearSystem, building_of, mass_of_forces, order_of_states
+from mrwork.buildings.state_space import building_of, mass_of_forces, order_of_states
 from mrwork.buildings.yielding import with_p_delta, with_storeys_that_yield
 from mrwork.errors import InvalidSettingError, MrworkWarning, RecordError
 from mrwork.files.matrices import read_matrices, read_matrix
@@ -367,7 +367,11 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
             )
         A = matrices["A"]
         B = matrices.get("B", np.empty((len(A), 0)))
-        system = LinearSystem(A=A, B=B, C=np.empty((0, len(A))), D=np.empty((0, B.shape[1])))
+        for letter, matrix, width in (("A", A, len(A)), ("B", B, B.shape[-1])):
+            if matrix.shape != (len(A), width):
+                raise InvalidSettingError(
+                    (), f"{path}: {letter} has shape {matrix.shape}; give {(len(A), width)}"
+                )
         order, n = order_of_states(A, name), len(A) // 2
     mass, inputs = arrays.get("mass", matrices.get("M")), table.inputs or ()
     if inputs and len(inputs) != B.shape[1]:
@@ -378,14 +382,14 @@ def _from_system(table: BuildingTable, folder: Path) -> Building:
     if "ground" in inputs and "influence" not in arrays:
         arrays["influence"] = -B[order[n:], inputs.index("ground")]
     source = table.source or str(path)
-    built = partial(building_of, system, name=name, source=source, **_rows(arrays, table, n))
+    built = partial(building_of, A, name=name, source=source, **_rows(arrays, table, n))
     with keyed("system"):
         building = built(mass=mass)
     forces = [number for number, input_name in enumerate(inputs) if input_name != "ground"]
     if mass is None and forces:
         with keyed("inputs"):
             rows = np.stack([building.storey_row(inputs[number]) for number in forces])
-            return built(mass=mass_of_forces(system, forces, rows, name))
+            return built(mass=mass_of_forces(A, B[:, forces], rows, name))
     if mass is None:
         warn(
             f"{path}: there is no M, so the masses of {name} and its shears are not known, and what tables say of them "
