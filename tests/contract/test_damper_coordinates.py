@@ -94,7 +94,7 @@ def test_unit_is_even_in_the_scale_of_the_parameter(spec):
             assert value == pytest.approx(middle_value, abs=1e-15 * parameter.upper)
 
 
-def test_log_jacobian_is_that_of_the_numerical_derivative(box):
+def test_log_slope_is_that_of_the_numerical_derivative(box):
     latent = np.random.default_rng(53).normal(size=(N_BATCH, len(box.free)))
     step = 1e-5
     free = list(box.free)
@@ -103,7 +103,6 @@ def test_log_jacobian_is_that_of_the_numerical_derivative(box):
     # The map is coordinate by coordinate, so all may be shifted at once and the determinant is a product.
     expected = np.log((ahead - behind) / (2.0 * step))
     np.testing.assert_allclose(box.log_slope(latent), expected, rtol=0.0, atol=1e-7)
-    np.testing.assert_allclose(box.log_jacobian(latent), expected.sum(axis=1), rtol=0.0, atol=1e-7)
 
 
 @on_numpy_and_jax
@@ -119,9 +118,9 @@ def test_points_on_the_faces_are_pulled_to_where_latent_is_finite(box, xp):
 
 
 @on_numpy_and_jax
-def test_log_jacobian_is_finite_far_out(box, xp):
+def test_log_slope_is_finite_far_out(box, xp):
     far = np.linspace(-500.0, 500.0, N_BATCH)[:, None] * np.ones(len(box.free))
-    assert np.all(np.isfinite(box.log_jacobian(xp.asarray(far))))
+    assert np.all(np.isfinite(box.log_slope(xp.asarray(far))))
 
 
 @on_jax
@@ -134,7 +133,7 @@ def test_numpy_and_jax_agree_and_stay_what_they_are(box):
         (box.latent_from_unit, unit),
         (box.unit_from_latent, latent),
         (box.theta_from_latent, latent),
-        (box.log_jacobian, latent),
+        (box.log_slope, latent),
     ):
         plain, traced = method(argument), method(jnp.asarray(argument))
         assert isinstance(plain, np.ndarray)
@@ -146,13 +145,13 @@ def test_numpy_and_jax_agree_and_stay_what_they_are(box):
 @on_jax
 def test_maps_are_differentiable(box):
     latent = jnp.zeros(len(box.free))
-    both = jax.jit(lambda latent: (jax.jacfwd(box.theta_from_latent)(latent), box.log_jacobian(latent)))
-    derivative, log_jacobian = both(latent)
+    both = jax.jit(lambda latent: (jax.jacfwd(box.theta_from_latent)(latent), box.log_slope(latent)))
+    derivative, log_slope = both(latent)
     jacobian = np.asarray(derivative)[np.array(box.free)]
     assert np.all(np.diag(jacobian) > 0.0)
     sign, log_determinant = np.linalg.slogdet(jacobian)
     assert sign == 1.0
-    assert float(log_jacobian) == pytest.approx(log_determinant, abs=1e-9)
+    assert float(log_slope.sum()) == pytest.approx(log_determinant, abs=1e-9)
 
 
 @pytest.mark.parametrize("wrong", ["called", "reversed", "admits"])
@@ -198,7 +197,6 @@ def test_any_box_is_gone_through_and_back(spec, data):
     np.testing.assert_allclose(box.unit_from_latent(latent), unit, rtol=1e-13, atol=1e-15)
     slope = box.log_slope(latent)
     assert np.all(np.isfinite(slope))
-    assert box.log_jacobian(latent) == pytest.approx(slope.sum(), rel=1e-12, abs=1e-12)
 
 
 def test_a_range_of_two_neighbouring_numbers_makes_no_nan(spec):
@@ -208,4 +206,4 @@ def test_a_range_of_two_neighbouring_numbers_makes_no_nan(spec):
     theta = box.theta_from_unit(unit)
     np.testing.assert_allclose(theta, list(nominal.values()), rtol=1e-15, atol=1e-300)
     assert np.all(np.isfinite(box.unit_from_theta(theta)))
-    assert np.isfinite(box.log_jacobian(box.latent_from_unit(unit)))
+    assert np.all(np.isfinite(box.log_slope(box.latent_from_unit(unit))))

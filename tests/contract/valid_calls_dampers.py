@@ -154,7 +154,7 @@ def motion_calls(files: Path) -> Calls:
     yield from calls_with(
         values,
         *(mr.synthetic_motion, mr.response_spectrum, motions.suite, motions.en_1998_spectrum),
-        *(motions.asce_7_spectrum, motions.scaled_to_target, motions.check_suite, motions.scaled_to_sa),
+        *(motions.asce_7_spectrum, motions.scaled_to_target, motions.check_suite),
         *(
             motions.fitted_spectrum,
             motions.stationary_ground,
@@ -162,7 +162,7 @@ def motion_calls(files: Path) -> Calls:
             motions.ShakeTable().demand,
         ),
         *(motions.baseline_corrected, motions.resampled_band_limited, motions.scaled, motions.scaled_to_peak),
-        *(motions.time_scaled, motions.trimmed, motions.sine, motions.sine_sweep, motions.near_fault_pulse),
+        *(motions.time_scaled, motions.trimmed, motions.sine, motions.near_fault_pulse),
         *(motions.resampled, motions.ShakeTable().driven),
     )
     yield call(motions.table_spectrum, periods=[0.0, 1.0], accelerations=[2.0, 5.0], name="a", damping=0.02)

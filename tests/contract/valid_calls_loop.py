@@ -83,8 +83,7 @@ def plants_calls(_: Path) -> Calls:
     }
     yield from calls_with(values, of.drifts, of.accelerations, of.deformations, of.observer_of)
     yield call(Outputs, **{name: getattr(outputs, name) for name in ("names", "C", "D", "G")})
-    yield call(of.optimal_surface, plant=plant, state_weight=plant.energy)
-    yield call(of.placed_surface, plant=plant, poles=-np.arange(1.0, 9.0))
+    yield call(of.optimal_surface, plant=plant)
 
 
 def gains_calls(_: Path) -> Calls:

@@ -7,43 +7,32 @@ import pytest
 from control_samples import five_storeys, plant
 from refusals import refusal
 
-from mrwork.control import Plant, optimal_surface, placed_surface, plant_of
+from mrwork.control import Plant, optimal_surface, plant_of
 from mrwork.control.laws.sliding import SlidingGains, SlidingSurface, sliding_gains
-
-
-def surfaces(system: Plant) -> list[SlidingSurface]:
-    n_poles = 2 * system.n_coordinates - system.n_devices
-    return [optimal_surface(system), placed_surface(system, -20.0 - 3.0 * np.arange(n_poles))]
 
 
 @pytest.mark.parametrize("n_devices", [1, 2])
 def test_a_force_moves_its_own_surface_alone(n_devices: int) -> None:
     system = plant(n_devices)
-    for surface in surfaces(system):
-        np.testing.assert_allclose(surface.S @ system.B, np.eye(n_devices), atol=1e-9)
-        np.testing.assert_allclose(surface.drift, surface.S @ system.A)
-        np.testing.assert_allclose(surface.ground, surface.S @ system.E)
+    surface = optimal_surface(system)
+    np.testing.assert_allclose(surface.S @ system.B, np.eye(n_devices), atol=1e-9)
+    np.testing.assert_allclose(surface.drift, surface.S @ system.A)
+    np.testing.assert_allclose(surface.ground, surface.S @ system.E)
 
 
 @pytest.mark.parametrize("n_devices", [1, 2])
 def test_motion_on_the_surface_has_the_poles_of_the_design(n_devices: int) -> None:
     """Held by f = -drift s, the loop has the poles of the surface, and zero for each sigma, which stays."""
     system = plant(n_devices)
-    for surface in surfaces(system):
-        closed = np.linalg.solve(system.scaling, (system.A - system.B @ surface.drift) @ system.scaling)
-        poles = np.linalg.eigvals(closed)
-        still = np.argsort(np.abs(poles))[:n_devices]
-        assert np.abs(poles[still]).max() < 1e-6 * np.abs(poles).max()
-        moving = np.delete(poles, still)
-        # Sorted by frequency: a pair of conjugates, and a real pole of another size, keep their places.
-        np.testing.assert_allclose(np.sort(np.abs(moving)), np.sort(np.abs(surface.poles)), rtol=1e-6)
-        assert moving.real.max() < 0.0
-
-
-def test_poles_are_placed() -> None:
-    wanted = np.array([-5.0 + 40.0j, -5.0 - 40.0j, -15.0 + 100.0j, -15.0 - 100.0j, -30.0])
-    surface = placed_surface(plant(), wanted)
-    np.testing.assert_allclose(np.sort_complex(surface.poles), np.sort_complex(wanted), rtol=1e-6)
+    surface = optimal_surface(system)
+    closed = np.linalg.solve(system.scaling, (system.A - system.B @ surface.drift) @ system.scaling)
+    poles = np.linalg.eigvals(closed)
+    still = np.argsort(np.abs(poles))[:n_devices]
+    assert np.abs(poles[still]).max() < 1e-6 * np.abs(poles).max()
+    moving = np.delete(poles, still)
+    # Sorted by frequency: a pair of conjugates, and a real pole of another size, keep their places.
+    np.testing.assert_allclose(np.sort(np.abs(moving)), np.sort(np.abs(surface.poles)), rtol=1e-6)
+    assert moving.real.max() < 0.0
 
 
 def test_no_other_surface_has_a_lower_cost() -> None:
@@ -130,8 +119,6 @@ def test_gains_follow_their_formulas() -> None:
 
 
 def test_what_has_no_surface_is_refused() -> None:
-    system, building = plant(), five_storeys()
-    refusal(placed_surface, system, [-1.0, -2.0, -3.0, -4.0, 5.0], match="a negative real part")
-    refusal(optimal_surface, system, np.zeros((6, 6)), match="weigh every direction")
+    building = five_storeys()
     twice = plant_of(building, building.storeys[[0, 0]])
     refusal(optimal_surface, twice, match="act on the building in the same way")

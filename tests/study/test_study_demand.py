@@ -116,7 +116,7 @@ def test_strokes_below_the_tested_ones_are_named_for_every_run_with_dampers(tmp_
 
 def test_histories_for_the_least_stroke_change_no_bit_of_the_other_results(tmp_path: Path) -> None:
     runs = [studied(tmp_path, each).quantities for each in (ranges(), ranges(least_stroke=1e-9))]
-    without, found = (each.with_numbers(least_stroke=np.zeros(1)) for each in runs)
+    without, found = (replace(each, numbers={**each.numbers, "least_stroke": np.zeros(1)}) for each in runs)
     assert without == found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -128,7 +129,7 @@ SCORES = np.array([[0.1, 0.5, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8, 0.7, 1.0]])
 def found(value: float) -> Runs:
     axes = {"candidate": numbered(1), "motion": ("A", "B"), "realisation": numbered(3)}
     runs = Runs.empty(axes, study_criteria("A"))
-    return runs.with_numbers(**{name: np.full(runs.shape, value) for name in runs.numbers})
+    return replace(runs, numbers={name: np.full(runs.shape, value) for name in runs.numbers})
 
 
 def risk_of(scores: Any, risk: Any, tail: float) -> Any:
@@ -167,7 +168,7 @@ def test_dampers_at_zero_command_have_score_one() -> None:
 def test_weights_of_criteria_are_relative() -> None:
     table = TuneTable(laws=("lyapunov",), criteria={"peak_drift": 3.0, "rms_drift": 1.0})
     runs = found(1.0)
-    lower = runs.with_numbers(peak_drift=0.5 * runs.peak_drift)
+    lower = replace(runs, numbers={**runs.numbers, "peak_drift": 0.5 * runs.peak_drift})
     assert objective_of(table, "A", SCALES).run_scores(lower, runs) == pytest.approx(0.75 * 0.5 + 0.25)
 
 
@@ -179,7 +180,7 @@ def test_the_largest_criterion_is_that_of_each_run() -> None:
         combine="largest",
     )
     runs = found(1.0)
-    mixed = runs.with_numbers(peak_drift=np.linspace(0.5, 1.5, 6).reshape(1, 2, 3))
+    mixed = replace(runs, numbers={**runs.numbers, "peak_drift": np.linspace(0.5, 1.5, 6).reshape(1, 2, 3)})
     objective = objective_of(table, "A", SCALES)
     assert (objective.run_scores(mixed, runs)[0] == np.maximum(mixed.peak_drift[0], 1.0)).all()
     assert "largest of peak drift and RMS drift, each over its value under the best constant" in (

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, ClassVar, Literal, Self, cast
+from typing import Any, ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,10 +123,6 @@ class Labelled:
 
     def __dir__(self) -> Iterable[str]:
         return [*object.__dir__(self), *self.numbers]
-
-    def with_numbers(self, **numbers: Any) -> Self:
-        """Copy with other values of these quantities."""
-        return replace(self, numbers={**self.numbers, **numbers})  # type: ignore[type-var] # a dataclass
 
 
 def command_unit_of(devices: Sequence[Device]) -> str:

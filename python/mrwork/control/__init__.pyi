@@ -10,7 +10,6 @@ from .laws.law_settings import settings_of as settings_of
 from .laws.lyapunov import lyapunov_function as lyapunov_function
 from .laws.regulator_settings import RegulatorSettings as RegulatorSettings
 from .laws.sliding import optimal_surface as optimal_surface
-from .laws.sliding import placed_surface as placed_surface
 from .linear.lqr import observer_of as observer_of
 from .linear.lqr import regulator_of_outputs as regulator_of_outputs
 from .linear.lqr import regulator_of_state as regulator_of_state

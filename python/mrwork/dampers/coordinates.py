@@ -254,12 +254,6 @@ class Box:
         logistic = -xp.abs(latent) - 2.0 * xp.log1p(xp.exp(-xp.abs(latent)))
         return logistic + xp.log(span) + xp.where(log, xp.log(xp.where(log, theta, 1.0)), 0.0)
 
-    @checked
-    def log_jacobian(self, latent: AnyArray) -> Array:
-        """Logarithm of the determinant ``|d theta / d latent|`` over the free parameters, shape (...)."""
-        xp = latent.__array_namespace__()
-        return xp.sum(self.log_slope(latent), axis=-1)
-
 
 def bound_at(box: Box, index: int, value: float) -> Literal["", "lower", "upper"]:
     """The bound on which a value of a parameter of the box lies; empty where it lies between them."""

@@ -6,7 +6,6 @@ from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Self
-from warnings import catch_warnings, simplefilter, warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +18,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
 from mrwork.control.linear.plant import Plant
 from mrwork.control.linear.riccati import attempt_each, solve_riccati
-from mrwork.errors import MrworkWarning, SettingError
+from mrwork.errors import SettingError
 
 
 @array_dataclass(repr=False)
@@ -60,32 +59,21 @@ class SlidingGains(Summarised):
 
 
 @checked
-def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> SlidingSurface:
-    """The surface that minimises `int s'Q s dt` (Utkin & Young, Automation and Remote Control 39, 1978, 1466-1470).
+def optimal_surface(plant: Plant) -> SlidingSurface:
+    """The surface that minimises `int s'Q s dt`, the energy (Utkin & Young, Autom. Remote Control 39, 1978, 1466-1470).
 
     In coordinates in which B = [0; B_2], x_2 is the part of the state that the devices drive directly, and acts as the
     control of the other part x_1; its regulator x_2 = -F x_1 is the surface.
 
-    Parameters
-    ----------
-    state_weight
-        Q, shape (2n, 2n), positive definite; by default the energy of the building.
-
     Raises
     ------
     SettingError
-        If devices act on the same coordinates, or Q is not positive definite.
+        If devices act on the same coordinates.
     """
-    Q = plant.energy if state_weight is None else np.asarray(state_weight, dtype=np.float64)
-    size = 2 * plant.n_coordinates
-    if Q.shape != (size, size) or not np.allclose(Q, Q.T, rtol=1e-9):
-        raise SettingError(f"`state_weight` has shape {Q.shape}; give a symmetric matrix ({size}, {size})")
     back, A, n_moved = _regular_form(plant)
-    Q = back.T @ Q @ back
+    Q, size = back.T @ plant.energy @ back, len(A)
     rest = slice(None, size - n_moved)
     moved = slice(size - n_moved, None)
-    if not np.linalg.eigvalsh(Q)[0] > 0.0:
-        raise SettingError("`state_weight` is not positive definite; weigh every direction of the state")
     gain, _ = solve_riccati(
         A[rest, rest],
         A[rest, moved],
@@ -95,45 +83,6 @@ def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> Slid
         scaling=np.eye(size - n_moved),
     )
     return _surface(plant, back, A, gain)
-
-
-@checked
-def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurface:
-    """The surface on which the motion has the given poles [1/s], shape (2n - n_devices,).
-
-    Raises
-    ------
-    SettingError
-        If their number is wrong, one is not damped, a complex one lacks its conjugate, or they cannot be placed.
-
-    Warns
-    -----
-    MrworkWarning
-        Where the gain is more sensitive to the plant than it need be.
-    """
-    back, A, n_moved = _regular_form(plant)
-    n_rest = len(A) - n_moved
-    if poles.shape != (n_rest,) or not np.all(poles.real < 0.0):
-        raise SettingError(
-            f"`poles` has shape {poles.shape}; the surface of {plant.n_devices} devices takes {n_rest}, "
-            f"each with a negative real part"
-        )
-    from scipy.signal import place_poles
-
-    try:
-        with catch_warnings(record=True) as messages:
-            simplefilter("always")
-            placement = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
-    except ValueError as error:
-        raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
-    if messages:
-        warn(
-            "the gain that places the poles of the surface is not the least sensitive one, whose search did not "
-            "converge; give poles further from zero and from each other",
-            MrworkWarning,
-            stacklevel=3,
-        )
-    return _surface(plant, back, A, np.asarray(placement.gain_matrix, dtype=np.float64))
 
 
 def sliding_gains(
