@@ -78,7 +78,7 @@ def plants_calls(_: Path) -> Calls:
     measured = stack_outputs(of.accelerations(plant), of.deformations(plant))
     yield call(of.plant_of, building=frame, attachment=frame.storeys[:2], device_names=["a", "b"])
     values = {
-        **{"plant": plant, "measurements": measured, "sample_time": 1e-3, "ground_intensity": 1.0},
+        **{"plant": plant, "measurements": measured, "sample_time": 1e-3},
         **{"noise_intensity": np.full(7, 0.02), "unmodelled": 1e-6},
     }
     yield from calls_with(values, of.drifts, of.accelerations, of.deformations, of.observer_of)

@@ -49,7 +49,7 @@ def test_errors_scatter_as_the_riccati_equation_says_and_have_no_mean(chosen: tu
     system = plant()
     measured = sensors(system).select(chosen)
     noise = np.array([2e-6, 0.5])[[int(name.startswith("acceleration")) for name in chosen]]
-    observer = observer_of(system, measured, TS, ground_intensity=1.0, noise_intensity=noise)
+    observer = observer_of(system, measured, TS, noise_intensity=noise)
     _, added = held_exactly(system, TS)
     rng = np.random.default_rng(10)
     n_runs, n_start, n_samples = 200, 500, 2000

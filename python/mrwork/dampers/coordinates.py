@@ -231,12 +231,6 @@ class Box:
         return self.latent_from_unit(self.unit_from_theta(theta))
 
     @checked
-    def contains(self, theta: AnyArray) -> bool:
-        """Whether every parameter, shape (n_params,), is between its bounds."""
-        self._check("theta", theta, len(self.names))
-        return bool(np.all((np.array(self.lower) <= theta) & (theta <= np.array(self.upper))))
-
-    @checked
     def inside(self, theta: AnyArray) -> Array:
         """Move parameters into the box and off its faces, where the latent coordinate is infinite."""
         self._check("theta", theta, len(self.names))

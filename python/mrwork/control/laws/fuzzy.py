@@ -11,7 +11,6 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import key
 from mrwork.base.values import Floats
 from mrwork.control.laws.law_problem import Design, DesignProblem, LawSettings, Span
-from mrwork.errors import SettingError
 
 # Centres of triangles of half-width 0.5 over [-1, 1]; values beyond belong to the outermost set.
 INPUT_SETS = {"NL": -1.0, "NS": -0.5, "ZE": 0.0, "PS": 0.5, "PL": 1.0}
@@ -34,15 +33,13 @@ _UNIVERSE = np.linspace(-0.25, 1.25, 1201)
 
 
 @cache
-def fuzzy_table(n_points: int = 41) -> tuple[Floats, Floats]:
+def fuzzy_table() -> tuple[Floats, Floats]:
     """Points along each scaled input, and the share of the largest command, shape (n, n): rows by deformation.
 
     Inputs are divided by their scales and clipped to [-1, 1]; between the points the share is interpolated bilinearly.
-    An odd number of points has the centres of the sets among them. Both are read-only, the same for all scales.
+    The centres of the sets are among the points. Both are read-only, the same for all scales.
     """
-    if n_points % 2 == 0:
-        raise SettingError(f"`n_points` is {n_points}; give an odd number")
-    points = np.linspace(-1.0, 1.0, n_points)
+    points = np.linspace(-1.0, 1.0, 41)
     share = np.array([infer(deformation, points) for deformation in points])
     points.flags.writeable = share.flags.writeable = False
     return points, share

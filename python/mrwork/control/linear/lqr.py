@@ -366,16 +366,14 @@ def observer_of(
     measurements: Outputs,
     sample_time: Positive,
     *,
-    ground_intensity: Positive = 1.0,
     noise_intensity: Annotated[ArrayLike, Within(above=0.0)] | None = None,
     unmodelled: NotNegative = 1e-6,
 ) -> Observer:
     """The steady Kalman filter for a white ground acceleration and white, independent sensor noise.
 
-    The device forces are measured. Over a sample all inputs are held; the ground acceleration has the variance
-    `ground_intensity` / Ts and the noise of each sensor its intensity / Ts, so that the gain tends to the gain of the
-    continuous filter as Ts goes to zero. The gain depends on the ratio of the intensities only; the covariance scales
-    with them.
+    The device forces are measured. Over a sample all inputs are held; the ground acceleration has the variance 1 / Ts
+    [(m/s^2)^2] and the noise of each sensor its intensity / Ts, so that the gain tends to the gain of the continuous
+    filter as Ts goes to zero. The gain depends on the ratio of the intensities only; the covariance scales with them.
 
     Parameters
     ----------
@@ -383,11 +381,10 @@ def observer_of(
         Accelerations of floors and deformations of devices; see `accelerations`, `deformations` and `stack_outputs`.
     sample_time
         Ts of the controller [s].
-    ground_intensity
-        S_ag, two-sided, of the ground acceleration [(m/s^2)^2/Hz].
     noise_intensity
-        S_v of each measurement, in its unit squared per Hz: one number or shape (n_measurements,). The default is
-        S_ag / 50 for all, in SI, as in Dyke et al., Smart Mater. Struct. 5, 1996, 565-575.
+        S_v of each measurement, in its unit squared per Hz: one number or shape (n_measurements,). The ground has 1
+        (m/s^2)^2/Hz, two-sided. The default is 1 / 50 for all, in SI, as in Dyke et al., Smart Mater. Struct. 5, 1996,
+        565-575.
     unmodelled
         White noise on every scaled coordinate, as a fraction of the noise of the ground. Without it, the error of a
         coordinate that the ground does not excite, such as an undamped brace, would not decay.
@@ -399,15 +396,13 @@ def observer_of(
     """
     check_outputs(plant, measurements)
     n_measurements = len(measurements.names)
-    noise = np.asarray(
-        ground_intensity / 50.0 if noise_intensity is None else noise_intensity, dtype=np.float64
-    )
+    noise = np.asarray(1.0 / 50.0 if noise_intensity is None else noise_intensity, dtype=np.float64)
     if n_measurements == 0 or noise.shape not in ((), (n_measurements,)):
         raise SettingError(
             f"`noise_intensity` has shape {noise.shape} for {n_measurements} measurements; "
             f"give one number for each of one or more measurements"
         )
-    T, ground = plant.scaling, ground_intensity / sample_time
+    T, ground = plant.scaling, 1.0 / sample_time
     inputs = np.column_stack([plant.B, plant.E])
     slope, pushed = (np.linalg.solve(T, matrix).astype(np.float64) for matrix in (plant.A @ T, inputs))
     F_z, held = hold_input(slope, pushed, sample_time)

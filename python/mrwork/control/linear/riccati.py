@@ -168,10 +168,10 @@ def regulator_gains(
 
 
 def solve_riccati(
-    A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
+    A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats
 ) -> tuple[Floats, Floats]:
     """Gain K of f = -K s and P of one equation; see `regulator_gains`."""
-    solutions = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
+    solutions = regulator_gains(A, B, Q, R, N, scaling=scaling, threads=1)
     solutions.check()
     return solutions.gain[0], solutions.P[0]
 
