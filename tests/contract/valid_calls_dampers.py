@@ -167,7 +167,6 @@ def motion_calls(files: Path) -> Calls:
     )
     yield call(motions.table_spectrum, periods=[0.0, 1.0], accelerations=[2.0, 5.0], name="a", damping=0.02)
     yield call(motions.KanaiTajimi().density, w=np.linspace(0.1, 50.0, 5))
-    yield call(motions.ShakeTable().gain, frequency=[1.0, 10.0])
 
 
 _FLUID, _STEEL = design.fluid("MRF-132DG"), design.steel("AISI 1010")

@@ -264,12 +264,6 @@ class ShakeTable:
     damping: Annotated[float, Within(above=0.0, below=1.0)] = math.sqrt(0.5)
 
     @checked
-    def gain(self, frequency: ArrayLike) -> NDArray[np.complex128]:
-        """Complex gain from the commanded to the given acceleration, in the shape of `frequency` [Hz]."""
-        ratio = np.asarray(frequency, dtype=np.float64) / self.bandwidth
-        return np.asarray(1.0 / (1.0 - ratio**2 + 2j * self.damping * ratio), dtype=np.complex128)
-
-    @checked
     def demand(self, motion: GroundMotion) -> TableDemand:
         """Demand of a commanded motion on the table, whether the table can run it or not."""
         return self._measure_demand(self._follow(motion))
