@@ -130,6 +130,16 @@ def both(
     )
 
 
+def check_same(ours: mr.Responses, again: mr.Responses, tolerance: float) -> None:
+    """The law in the core and its copy say the same, and move the command."""
+    assert ours.outcome[0] == Outcome.FINISHED
+    for name in ("command", "force", "drift", "acceleration"):
+        expected = getattr(again.histories[0], name)
+        least = tolerance * np.abs(expected).max()
+        np.testing.assert_allclose(getattr(ours.histories[0], name), expected, rtol=tolerance, atol=least)
+    assert len(np.unique(ours.histories[0].command)) > 2
+
+
 @pytest.mark.parametrize(
     ("model", "step", "settings"),
     [
@@ -143,13 +153,7 @@ def test_the_law_is_its_copy_in_numpy(model, step, settings) -> None:
     loop = devices(model(), second=model is rd1005)
     law = rollout(stiffer(loop), delay=settings.get("delay", 0.0), step=step)
     ours, again = both(law, loop, Hardware(**settings), round(HOLD / step))
-    assert ours.outcome[0] == Outcome.FINISHED
-    for name in ("command", "force", "drift", "acceleration"):
-        expected = getattr(again.histories[0], name)
-        np.testing.assert_allclose(
-            getattr(ours.histories[0], name), expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max()
-        )
-    assert len(np.unique(ours.histories[0].command)) > 2
+    check_same(ours, again, 1e-9)
 
 
 def stiffer(loop: Sequence[Device]) -> LoopModel:
@@ -197,13 +201,7 @@ def test_a_model_that_yields_is_its_copy_in_numpy(model, settings, shears) -> No
         law, tables={**law.tables, "timing": np.array([HOLD, 1e-3, settings.get("delay", 0.0), 0.1, 2.0])}
     )
     ours, again = both(law, loop, Hardware(**settings), 10, yielding())
-    assert ours.outcome[0] == Outcome.FINISHED
-    for name in ("command", "force", "drift", "acceleration"):
-        expected = getattr(again.histories[0], name)
-        np.testing.assert_allclose(
-            getattr(ours.histories[0], name), expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max()
-        )
-    assert len(np.unique(ours.histories[0].command)) > 2
+    check_same(ours, again, 1e-8)
     # The storeys yield: their loops have come to their ends.
     assert ours.peak_drift.max() > 2.0 * YIELDS["yield_drift"]
 

@@ -42,43 +42,35 @@ class LyapunovFunction(Summarised):
 
 
 @checked
-def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> LyapunovFunction:
+def lyapunov_function(plant: Plant) -> LyapunovFunction:
     """Solve `A'P + P A = -Q_P` (Jansen & Dyke, J. Eng. Mech. 126(8), 2000, 795-803).
 
-    Parameters
-    ----------
-    weight
-        Q_P, shape (2n, 2n), or its diagonal; `plant.energy` [1/s] by default, which is independent of the units of the
-        coordinates. The paper leaves the choice open.
+    Q_P is `plant.energy` [1/s], which is independent of the units of the coordinates. The paper leaves the choice open.
 
     Raises
     ------
     SettingError
-        If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
+        If a mode of the building without control is undamped.
     """
-    return only(_lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1))
+    return only(_lyapunov_functions(plant, [plant.energy], threads=1))
 
 
 def _lyapunov_functions(
-    plant: Plant, weights: Sequence[ArrayLike], *, threads: Threads = 0
+    plant: Plant, weights: Sequence[Floats], *, threads: Threads = 0
 ) -> tuple[LyapunovFunction | SettingError, ...]:
     """The Lyapunov function of each weight Q_P, or the reason why none exists, by one call of the compiled solver."""
     T = plant.scaling
     undamped = _undamped_mode(plant, T)
+    if undamped is not None:
+        return tuple(undamped for _ in weights)
+    solutions = lyapunov_solutions(plant.A, np.array(weights), scaling=T, threads=threads)
 
-    def solve(sound: list[Floats]) -> list[LyapunovFunction | SettingError]:
-        if undamped is not None:
-            return [undamped for _ in sound]
-        solutions = lyapunov_solutions(plant.A, np.array(sound), scaling=T, threads=threads)
+    def function(row: int) -> LyapunovFunction:
+        solutions.check(row)
+        P = solutions.P[row]
+        return LyapunovFunction(P=P, weight=weights[row], vectors=plant.B.T @ P)
 
-        def function(row: int) -> LyapunovFunction:
-            solutions.check(row)
-            P = solutions.P[row]
-            return LyapunovFunction(P=P, weight=sound[row], vectors=plant.B.T @ P)
-
-        return attempt_each(function, range(len(sound)))
-
-    return tuple(solve_together(solve, attempt_each(lambda weight: _check_weight(weight, T), weights)))
+    return tuple(attempt_each(function, range(len(weights))))
 
 
 def _undamped_mode(plant: Plant, T: Floats) -> SettingError | None:
@@ -92,24 +84,6 @@ def _undamped_mode(plant: Plant, T: Floats) -> SettingError | None:
         f"{plant.building.name} has a mode that decays at {decay if decay < -noise else 0.0:.2g} 1/s without control; "
         f"a Lyapunov function needs damping in every mode"
     )
-
-
-def _check_weight(weight: ArrayLike, T: Floats) -> Floats:
-    """Q_P as a matrix that is symmetric and positive semidefinite, shape (2n, 2n)."""
-    size = len(T)
-    Q_P = np.asarray(weight, dtype=np.float64)
-    if Q_P.shape in ((), (size,)):
-        Q_P = np.diag(np.broadcast_to(Q_P, size))
-    if Q_P.shape != (size, size):
-        raise SettingError(
-            f"`weight` has shape {Q_P.shape}, the state has {size} numbers; give ({size}, {size})"
-        )
-    Q_z = T.T @ Q_P @ T
-    size_z = float(np.linalg.norm(Q_z))
-    asymmetry = np.abs(Q_z - Q_z.T).max()
-    if asymmetry > 1e-9 * size_z or np.linalg.eigvalsh(Q_z)[0] < -1e-9 * size_z:
-        raise SettingError("`weight` is not symmetric and positive semidefinite; give a Q_P that is")
-    return Q_P
 
 
 @checked
