@@ -15,10 +15,12 @@ from .spectral_density import stationary_ground as stationary_ground
 from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import ShakeTable as ShakeTable
 from .spectrum import response_spectrum as response_spectrum
+from .spectrum import scaled_to_sa as scaled_to_sa
 from .synthetic import Envelope as Envelope
 from .synthetic import GammaEnvelope as GammaEnvelope
 from .synthetic import near_fault_pulse as near_fault_pulse
 from .synthetic import sine as sine
+from .synthetic import sine_sweep as sine_sweep
 from .synthetic import suite as suite
 from .synthetic import synthetic_motion as synthetic_motion
 from .targets import SuiteCheck as SuiteCheck

@@ -187,6 +187,17 @@ def sine(*, amplitude: float, frequency: Positive, cycles: float, dt: float = 0.
 
 
 @checked
+def sine_sweep(
+    *, amplitude: float, start: Positive, end: float, duration: float, dt: float = 0.001
+) -> GroundMotion:
+    """Linear sine sweep of acceleration from `start` to `end` [Hz] in `duration` [s]."""
+    time = _time(duration, dt)
+    _sample("end", end, dt)
+    phase = 2.0 * np.pi * (_sample("start", start, dt) * time + 0.5 * (end - start) / duration * time**2)
+    return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
+
+
+@checked
 def near_fault_pulse(
     *, amplitude: float, period: Positive, cycles: AboveOne = 1.5, phase: float = 0.0, dt: float = 0.01
 ) -> GroundMotion:
