@@ -153,7 +153,7 @@ def best(number):
 
 numbers = (3, 9, 18, 49, 77, 229) if script.quick else range(300)
 path = script.folder / "best_known.txt"
-known = {int(n): (float(fit), search) for n, fit, search in csv.reader(path.open())}
+known = {int(n): (float(fit), search) for n, fit, search in csv.reader(path.read_text().splitlines())}
 rows = {number: script.kept(f"record {number}", partial(first, number)) for number in numbers}
 if script.options.best:
     known |= {n: max(known[n], tuple(script.kept(f"best {n}", partial(best, n)))) for n in numbers}
