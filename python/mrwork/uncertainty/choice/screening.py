@@ -37,9 +37,11 @@ from mrwork.uncertainty.choice.splits import Split, Splits, splits_of
 FALLBACK = ("normalised_bouc_wen", "hyperbolic_tangent_guo", "viscous_dahl")
 """Families that differ in kind, where nothing can be screened."""
 
-# Most families that go on, and the share by which the error of one is less than that of a simpler one that does.
+# Most families that go on, the points that they may be behind the best, and the share by which the error of one is less
+# than that of a simpler one that does.
 _MOST_KEPT = 4
-_LESS = 0.03
+_CLOSE = 0.5
+_LESS = 0.05
 # Points by which the held-out fit of a family is visibly better.
 _VISIBLE = 2.0
 # Most tests of a command, those on which starting points are drawn, and cycles of an excerpt.
@@ -142,7 +144,8 @@ def screen_families(
 ) -> tuple[Standing, ...]:
     """Every family, best first; none where the command varies in every test, or no family predicts any.
 
-    Four at most go on: those as good as the best, and of these the simplest, and others whose error is less by a share.
+    Four at most go on: of those as good as the best, or within half a point of it, the simplest, and others whose error
+    is less by a share.
     """
     screening = Screening.of(tests, settings, threads)
     if screening is None:
@@ -165,7 +168,11 @@ def screen_families(
     if not any(row.has_predicted for row in screened):
         return ()
     ranked = rank(screened)
-    good = [row for row in ranked if row.is_chosen or row.verdict == "as good"]
+    good = [
+        row
+        for row in ranked
+        if row.is_chosen or row.verdict == "as good" or 100.0 * (row.error - ranked[0].error) < _CLOSE
+    ]
     kept = list[Standing]()
     for row in sorted(good, key=attrgetter("is_costly", "n_params", "error")):
         if all(row.error < (1.0 - _LESS) * other.error for other in kept):
