@@ -60,7 +60,7 @@ def damper_calls(_: Path) -> Calls:
     yield call(box.theta_from_latent, latent=np.zeros(len(box.free)))
     within = {"theta": 0.5 * (np.array(box.lower) + box.upper)}
     yield from calls_with(within, box.unit_slope, box.unit_from_theta, box.latent_from_theta)
-    yield from calls_with(within, box.inside, box.contains)
+    yield from calls_with(within, box.inside)
     facts = {"alpha": 0.1, "ko": 1e5, "n": 2.0, "gamma": 100.0, "beta": 100.0, "Ao": 1.0}
     yield call(dampers.OpenSeesBoucWen, **facts)
     material = dampers.OpenSeesBoucWen(**facts)
