@@ -300,16 +300,17 @@ def test_laws_and_lag_are_chosen_from_one_record_by_stretches_left_out() -> None
     )
     unseen = record(random_steps, frequency=2.6, amplitude=0.008, rng=5)
     assert mr.predict(choice.best, unseen).rmse_n == pytest.approx(NOISE_N, rel=0.1)
-    assert not [sentence for sentence in choice.best.warnings if "leaves structure" in sentence]
+    assert choice.best.times_noise is None
+    assert not choice.best.model_error
 
 
 def test_a_choice_without_the_lag_says_the_option_that_takes_it() -> None:
     test = record(random_steps, frequency=1.7, amplitude=0.012, n_time=4000)
     fit = mr.choose_laws(PLAIN, test, settings=CHEAP, threads=1).best
     assert any("fit the lag with --driver-lag" in sentence for sentence in fit.warnings)
-    (structure,) = [sentence for sentence in fit.warnings if "leaves structure" in sentence]
-    assert f"the noise of the force, about {NOISE_N:.0f}" in structure
-    assert fit.rmse_n > 3.0 * NOISE_N
+    assert fit.force_noise_n == pytest.approx(NOISE_N, rel=0.1)
+    assert fit.times_noise == pytest.approx(fit.rmse_n / NOISE_N, rel=0.1)
+    assert f"{fit.times_noise:.2g} times the noise of the force" in fit.model_error
 
 
 def test_a_lag_that_the_tests_do_not_show_is_not_among_the_chosen_laws() -> None:

@@ -130,12 +130,13 @@ def told_findings(
     return as_plain(findings)
 
 
-def verdicts_elsewhere(fit: Fit, kind: Literal["profile", "posterior"]) -> list[str]:
-    """A line on where the verdicts of a fit come from, if not from the intervals of this kind that are shown."""
-    if fit.intervals is not None and fit.intervals.kind == kind:
-        return []
-    source = "standard errors" if fit.intervals is None else f"{fit.intervals.heading}s"
-    return [f"  the verdicts of the fit, and of its page, stay those by its {source}"]
+def notes_on_verdicts(fit: Fit, kind: Literal["profile", "posterior"]) -> list[str]:
+    """Lines on what verdicts mean, and where those of the fit come from if not from the intervals that are shown."""
+    notes = [f"  {fit.model_error}"] if fit.model_error else []
+    if fit.intervals is None or fit.intervals.kind != kind:
+        source = "standard errors" if fit.intervals is None else f"{fit.intervals.heading}s"
+        notes.append(f"  the verdicts of the fit, and of its page, stay those by its {source}")
+    return notes
 
 
 def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:

@@ -12,10 +12,10 @@ from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import (
     end_addition,
     is_quiet,
+    notes_on_verdicts,
     progress_line,
     show_results,
     told_findings,
-    verdicts_elsewhere,
 )
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
@@ -73,7 +73,7 @@ def _profile(options: argparse.Namespace) -> int:
     more = {"directions": [asdict(direction) for direction in fit.informative], "findings": findings}
     below = [
         *(f"  {direction.sentence}" for direction in fit.informative),
-        *verdicts_elsewhere(fit, "profile"),
+        *notes_on_verdicts(fit, "profile"),
         f"Report: {path / REPORT}",
     ]
     return end_addition(options, profiles, more | {"out": str(path / PROFILES)}, below)

@@ -13,9 +13,9 @@ from mrwork.cli.options import add_run, add_threads, end_parser
 from mrwork.cli.output import (
     end_addition,
     is_quiet,
+    notes_on_verdicts,
     progress_line,
     told_findings,
-    verdicts_elsewhere,
 )
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
@@ -83,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
 
         add_to_run(path, {DRAWS: draws_content(draws)}, grown=[CHAIN])
         fit = load(path, StoredRun).fit
-        below = [*verdicts_elsewhere(fit, "posterior"), f"Draws: {path / DRAWS}"]
+        below = [*notes_on_verdicts(fit, "posterior"), f"Draws: {path / DRAWS}"]
         return end_addition(options, draws, {"findings": findings, "out": str(path)}, below)
 
 

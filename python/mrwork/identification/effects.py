@@ -24,7 +24,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.commands import excerpts_of
 from mrwork.identification.covariance import Covariance, Slopes, remark_of
 from mrwork.identification.equivalent import Form
-from mrwork.identification.fit import FittedParameter
+from mrwork.identification.fit import STRUCTURE, FittedParameter
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
 from mrwork.identification.minimise.polish import FinalFit
 from mrwork.identification.objective import Objective, observe_tests_by
@@ -36,7 +36,7 @@ from mrwork.identification.problem import (
     frequency_ranges,
     with_free,
 )
-from mrwork.identification.suspicious import STRUCTURE, force_noise
+from mrwork.identification.suspicious import force_noise
 from mrwork.records import DamperTest
 from mrwork.records.finding import Measured
 from mrwork.records.motion import spectrum

@@ -169,6 +169,9 @@ _READING = "reading"
 # Share by which a value may exceed its bound after a conversion between forms of a model.
 _ROUNDING = 1e-6
 
+STRUCTURE = 3.0
+"""Multiple of the noise of the force from which on a residual is structure."""
+
 NEGLIGIBLE = 0.1
 """Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %."""
 
@@ -324,6 +327,7 @@ class Fit(Plotted, WithAxes, Summarised):
     errors.
     `effects` are those on the recorded force, common to all tests, that were fitted with the parameters. `others` are
     fits of other sets of laws that predict nearly as well, with which predictions are compared.
+    `force_noise_n` is the noise of the forces of the tests from sample to sample [N].
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts steps of the final fit, one simulation with its derivatives each. `tests` were fitted, and
     `forces` are the forces of free runs on them, [N], shape (n_time,); `warnings` are sentences on what could
@@ -344,6 +348,7 @@ class Fit(Plotted, WithAxes, Summarised):
     nrmse: NotNegative
     fit_percent: float
     rmse_n: NotNegative
+    force_noise_n: NotNegative | None = None
     error_norms: ErrorNorms
     quality: tuple[FitQuality, ...]
     trace: SearchTrace
@@ -525,6 +530,24 @@ class Fit(Plotted, WithAxes, Summarised):
         return replace(self, intervals=intervals, estimates=estimates)
 
     @property
+    def times_noise(self) -> float | None:
+        """The residual over the noise of the force, where it is structure and not noise; else `None`."""
+        times = self.rmse_n / self.force_noise_n if self.force_noise_n else 0.0
+        return times if times > STRUCTURE else None
+
+    @property
+    def model_error(self) -> str:
+        """What errors of parameters mean beside a residual that is structure; empty where it is noise of the force."""
+        if self.times_noise is None:
+            return ""
+        errors = "a standard error is" if self.intervals is None else "an interval is"
+        return (
+            f"the residual, {self.rmse_n:.3g} N rms, is {self.times_noise:.2g} times the noise of the force: {errors} "
+            "of the best parameters of a model that leaves structure, not of the damper, and tests of other motions "
+            "may move a parameter by more; other models may leave less (--model all)"
+        )
+
+    @property
     def informative(self) -> tuple[Direction, ...]:
         """The directions without those dominated by an identifiable or negligible parameter."""
         settled = {
@@ -629,7 +652,7 @@ class Fit(Plotted, WithAxes, Summarised):
             "current_laws": None if self.current is None else asdict(self.current),
             "directions": [asdict(direction) for direction in self.directions],
             "observation": self.observation_in_words,
-            **named(self, "fit_percent", "nrmse", "rmse_n"),
+            **named(self, "fit_percent", "nrmse", "rmse_n", "force_noise_n", "model_error"),
             "error_norms": asdict(self.error_norms),
             **named(self, "status", "status_reason", "stop_reason"),
             "tested_range": asdict(self.tested),
@@ -659,7 +682,10 @@ class Fit(Plotted, WithAxes, Summarised):
             ),
             cautions=self.warnings,
             tables=tables,
-            notes=[direction.sentence for direction in self.informative],
+            notes=[
+                *filter(None, [self.model_error]),
+                *(direction.sentence for direction in self.informative),
+            ],
         )
 
 

@@ -21,6 +21,7 @@ from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, Se
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
+from mrwork.identification.suspicious import force_noise
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of, range_of_tests
@@ -131,6 +132,7 @@ def fit_at(
         nrmse=nrmse,
         fit_percent=100.0 * (1.0 - nrmse),
         rmse_n=rms([test_quality.rmse_n for test_quality in quality]),
+        force_noise_n=force_noise(objective.tests),
         error_norms=ErrorNorms(
             time=rms([test_quality.error_norms.time for test_quality in quality]),
             displacement=rms([test_quality.error_norms.displacement for test_quality in quality]),

@@ -12,6 +12,7 @@ from mrwork.base.numbers import significant
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.identification.commands import command_of
+from mrwork.identification.fit import STRUCTURE
 from mrwork.records import DamperTest
 from mrwork.records.checks import TEMPERATURE
 
@@ -67,10 +68,6 @@ def temperature_warning(tests: Sequence[DamperTest]) -> tuple[str, ...]:
     )
 
 
-STRUCTURE = 3.0
-"""Multiple of the noise of the force from which on a residual is structure."""
-
-
 def linear_warning(
     nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
 ) -> tuple[str, ...]:
@@ -99,17 +96,6 @@ def force_noise(tests: Sequence[DamperTest]) -> float:
     """
     rough = np.concatenate([np.diff(test.force, 3) for test in tests])
     return float(np.median(np.abs(rough))) / NormalDist().inv_cdf(0.75) / float(np.sqrt(20.0))
-
-
-def structure_warning(rmse: float, tests: Sequence[DamperTest]) -> tuple[str, ...]:
-    """Warning that a residual of this root mean square [N] is far above the noise of the forces; empty if not."""
-    noise = force_noise(tests)
-    if rmse <= STRUCTURE * noise:
-        return ()
-    return (
-        f"the residual, {rmse:.3g} N rms, is far above the noise of the force, about {noise:.2g} N: this model leaves "
-        "structure that other models may describe (--model all)",
-    )
 
 
 # A test is far worse in a joint fit than alone above this multiple of the NRMSE of its own fit, which is at least

@@ -35,19 +35,23 @@ def parameters_section(run: StoredRun) -> Section:
         groups.append(Group(prose=(digest,), markup=source))
     # Only "the residuals do not depend on it" does not start with a parameter's name.
     sentences = [
-        direction.sentence
+        f"{direction.sentence}."
         if direction.seen or len(direction.changes) > 1
-        else f"T{direction.sentence.removeprefix('t')}"
+        else _as_sentence(direction.sentence)
         for direction in fit.informative
     ]
     groups.append(
         Group(
             table=_parameter_table(fit),
-            prose=tuple(filter(None, (advice,))),
-            points=tuple(f"{sentence}." for sentence in sentences),
+            prose=tuple(filter(None, (_as_sentence(fit.model_error), advice))),
+            points=tuple(sentences),
         )
     )
     return Section(title="Parameters", summary=_summary(fit), groups=tuple(groups))
+
+
+def _as_sentence(clause: str) -> str:
+    return f"{clause[:1].upper()}{clause[1:]}." if clause else ""
 
 
 def _parameter_table(fit: Fit) -> Table:
@@ -165,5 +169,7 @@ def _summary(fit: Fit) -> str:
     }
     certain = names.pop("identifiable")
     parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
+    if fit.times_noise is not None:
+        parts[0] += f" in a model whose residual is {fit.times_noise:.2g} times the noise of the force"
     parts += [f"{word}: {', '.join(those)}" for word, those in names.items() if those]
     return f"{'; '.join(parts)}."

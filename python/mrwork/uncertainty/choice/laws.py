@@ -29,7 +29,6 @@ from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings, Fold, Start
-from mrwork.identification.suspicious import structure_warning
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store.journal import Journal
@@ -88,9 +87,6 @@ class _ChoosingLaws(Choosing):
                 fit = with_journal(
                     self.journal_of, f"{search.name}/fit", partial(self._final_fit, search, laws)
                 )
-                if search.folds.varies and len(self.searches) == 1:
-                    left = structure_warning(fit.rmse_n, fit.tests)
-                    fit = replace(fit, warnings=(*fit.warnings, *left))
                 others = [self._fit_to_excerpts(*other) for other in self._choose_others(ranking)]
                 fit = replace(fit, others=tuple(others))
                 return Choice(ranking=ranking, fits=(fit,), seconds=self.seconds)
