@@ -39,6 +39,7 @@ from mrwork.uncertainty.bands.prediction import (
     has_regular_cycles,
     predict_beyond,
 )
+from mrwork.uncertainty.bands.predictions import Predictions
 from mrwork.uncertainty.noise import NOISES
 
 DAMPING, STIFFNESS = 1000.0, 20000.0
@@ -249,6 +250,33 @@ def test_a_motion_that_does_not_repeat_has_no_mean_error_over_its_cycle() -> Non
     assert not calibrate(alike, held_out="").shape.bias
 
 
+@pytest.mark.parametrize(("larger", "is_told"), [(0.7, False), (4.0, True)])
+def test_a_band_that_holds_less_than_chance_leaves_is_told(
+    larger: float, is_told: bool, some_fit: Fit
+) -> None:
+    rng = np.random.default_rng(11)
+    *known, asked = group(rng, 9)
+    grown = np.linspace(0.2, 1.0, asked.test.n_time) * asked.test.displacement
+    error = larger * asked.test.force + (1.0 - larger) * asked.model_force
+    asked = replace(asked, test=replace(asked.test, name="asked", displacement=grown, force=error))
+    calibration = calibrate(known, held_out="")
+    predictions = Predictions.about(some_fit, [asked], observe=(), calibration=calibration, level=0.9)
+    assert "In 1 of 1 tests the motion does not repeat" in predictions.new_kind
+    assert not calibration.new_kind(known)
+    (coverage,) = predictions.coverage.values()
+    told = [warning for warning in predictions.warnings if "band holds" in warning]
+    assert bool(told) is is_told
+    assert is_told is (coverage < 0.8)
+    if told:
+        assert f"holds {100.0 * coverage:.0f} % of asked" in told[0]
+
+
+def test_a_width_that_varies_is_said_by_its_ends() -> None:
+    assert Band.about(np.zeros(3), 20.0, level=0.9).half_width_in_words == "20"
+    varying = Band.about(np.zeros(3), np.array([20.0, 30.0, 25.0]), level=0.9)
+    assert varying.half_width_in_words == "from 20 to 30"
+
+
 def test_errors_that_grow_with_steepness_and_a_mean_error_are_found() -> None:
     rng = np.random.default_rng(6)
     assert calibrate(group(rng, 10, steep=True), held_out="").shape.slope > 0.0
@@ -269,7 +297,7 @@ def test_few_tests_make_the_band_wider_than_their_own_errors_ask_for() -> None:
     assert np.mean(wider) > 1.01
     # The sizes of the errors differ by a factor of three from test to test, so each coverage scatters by 0.1.
     assert np.mean(coverage) == pytest.approx(0.9, abs=0.05)
-    assert calibration.basis == "calibrated on 4 tests the fit has not seen"
+    assert calibration.basis == "calibrated on 4 tests the fit has not seen, of motions that repeat"
 
 
 def test_cycles_of_a_spring_and_dashpot_have_their_closed_form() -> None:

@@ -66,6 +66,13 @@ def test_what_only_large_strokes_show_calls_for_a_large_stroke(test: DamperTest)
     assert max(small) < 0.3 * plan.gains[0].gain
 
 
+def test_a_rig_of_motions_that_repeat_asks_for_a_random_one(fit: Fit, test: DamperTest) -> None:
+    asked = mr.plan(fit, [test], GRID[:3]).random_test
+    assert "random motion of 1 to 1 Hz, up to 10 mm and 63.8 mm/s" in asked
+    growing = replace(test, displacement=np.linspace(0.2, 1.0, test.n_time) * test.displacement)
+    assert not mr.plan(fit, [test, growing], GRID[:3]).random_test
+
+
 def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: Fit, test: DamperTest) -> None:
     # The viscous share of the force grows with the velocity.
     plan = mr.plan(fit, [test], GRID, band="c")

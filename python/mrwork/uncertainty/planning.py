@@ -21,6 +21,7 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.simulation import Outcome, simulate_sensitivities
 from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.covariance import Slopes
 from mrwork.identification.fit import Fit
@@ -30,6 +31,7 @@ from mrwork.identification.verdicts import scales_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.observation import Effect
+from mrwork.uncertainty.bands.prediction import has_regular_cycles
 from mrwork.uncertainty.candidate_tests import Candidate, harmonic_motion
 
 # Rows of a plan that a summary has.
@@ -60,6 +62,7 @@ class Plan(Summarised):
     left_out: tuple[Candidate, ...]
     gap: tuple[float, float] | None = None
     command_unit: CommandUnit | None = None
+    random_test: str = ""
 
     @property
     def sentence(self) -> str:
@@ -96,9 +99,24 @@ class Plan(Summarised):
             tables=[replace(table, note=f"and {more} more" if more > 0 else "")],
             notes=[
                 self.sentence,
+                self.random_test,
                 f"{len(self.left_out)} candidates could not be simulated" if self.left_out else "",
             ],
         )
+
+
+def _random_test(tests: Sequence[DamperTest], tested: OperatingRange) -> str:
+    """The random motion to test where the motions of all tests repeat; empty where one does not."""
+    if not all(has_regular_cycles(test) for test in tests):
+        return ""
+    low, high = tested.frequency or (0.0, 0.0)
+    commands = () if tested.command is None else dict.fromkeys(tested.command)
+    at = " and ".join(f"{command:g} {tested.command_unit}" for command in commands)
+    return (
+        "The motion of every test repeats, and how large the errors are where it does not, as under an earthquake, is "
+        f"not known: also run a random motion of {low:.2g} to {high:.2g} Hz, up to {1e3 * tested.stroke:.3g} mm and "
+        f"{1e3 * tested.velocity:.3g} mm/s{f', at {at}' if at else ''}, and give it to `mrwork calibrate`."
+    )
 
 
 def _is_within(gap: tuple[float, float] | None, candidate: Candidate) -> bool:
@@ -249,6 +267,7 @@ def plan(
         ),
         gap=fit.tested.gap,
         command_unit=posterior.spec.command_unit,
+        random_test=_random_test(as_tests(tests), fit.tested),
         left_out=tuple(candidate for candidate in candidates if candidate not in simulated),
     )
 

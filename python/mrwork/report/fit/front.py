@@ -138,7 +138,7 @@ def _numbers(run: StoredRun, predictions: Sequence[Prediction], evidence: _Evide
     fit, spread, bands = run.fit, evidence.spread, run.bands
     fit_spread = spread_of(predictions)
     worst = "" if fit_spread.n_tests == 1 else f", worst {format_fixed(fit_spread.worst_percent, 1)} %"
-    covered = "not calibrated" if bands is None else coverage_summary(bands)
+    covered = "not calibrated" if bands is None else coverage_summary(bands, run.held_out)
     steps = f"after {fit.refinement_steps} refinement step{'' if fit.refinement_steps == 1 else 's'}"
     reason = "; ".join(filter(None, (steps, fit.status_reason)))
     if fit.status != "converged":

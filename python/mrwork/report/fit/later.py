@@ -140,12 +140,15 @@ def bands_section(bands: StoredBands, unit: str) -> Section:
     )
 
 
-def coverage_summary(bands: StoredBands) -> str:
-    """What the 90 % bands hold of tests left out, a sentence; of few tests the extremes, not a mean."""
-    shares = [by_level[_LEVEL].samples.coverage for by_level in bands.by_test.values()]
+def coverage_summary(bands: StoredBands, held_out: Predictions | None = None) -> str:
+    """What the 90 % bands hold of tests kept for test, or else left out, a sentence; of few tests the extremes."""
+    shares = [] if held_out is None else [*held_out.coverage.values()]
+    tests = "kept for test"
+    if not shares:
+        shares, tests = [by_level[_LEVEL].samples.coverage for by_level in bands.by_test.values()], "left out"
     if not shares:
         return "calibrated on one test, so their coverage is not known."
-    span = f"{percent(min(shares), 0)} to {percent(max(shares), 0)} % of the samples of {len(shares)} tests left out"
+    span = f"{percent(min(shares), 0)} to {percent(max(shares), 0)} % of the samples of {len(shares)} tests {tests}"
     if len(shares) < _FEW_TESTS:
         return f"the 90 % bands contain {span}: too few tests to rely on."
     return f"the 90 % bands contain {span}, {percent(float(np.mean(shares)), 0)} % on average."

@@ -31,6 +31,8 @@ from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import Noise
 
+# Share of a width by which it varies.
+_VARIES = 0.02
 # Bins in which quantiles are looked for.
 _HISTOGRAM = 4096
 
@@ -51,6 +53,14 @@ class Band(Summarised):
     lower: Annotated[AnyNumbers, _ALONG]
     upper: Annotated[AnyNumbers, _ALONG]
     basis: str
+
+    @property
+    def half_width_in_words(self) -> str:
+        """Half the width, or "from ... to ..." where it varies."""
+        least, most = (0.5 * float(end(self.upper - self.lower)) for end in (np.min, np.max))
+        if most - least > _VARIES * most:
+            return f"from {least:.3g} to {most:.3g}"
+        return f"{0.5 * float(np.mean(self.upper - self.lower)):.4g}"
 
     @classmethod
     @checked

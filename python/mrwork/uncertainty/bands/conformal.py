@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from mrwork.base.arguments import Level, Positive, checked
+from mrwork.base.arguments import Level, Positive, Whole, checked
 from mrwork.base.numbers import format_rounded
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
@@ -123,9 +123,10 @@ class Calibration(Summarised):
 
     `scores` are the errors of each test in its scale; `tests` are their names; `held_out` describes how the tests were
     kept from the fit. Tests that are alike, such as the raw and the smoothed version of one record, count as one:
-    otherwise each would be predicted by its like. `motions` recognise all tests of the calibration; `seen` are tests
-    that were given but not used, because the fit has seen their motion at their command. `tested` are the ranges of
-    the tests of the calibration, and `reach` is how far beyond its tests the model was tried.
+    otherwise each would be predicted by its like. `n_repeating` of them have a motion that repeats. `motions` recognise
+    all tests of the calibration; `seen` are tests that were given but not used, because the fit has seen their motion
+    at their command. `tested` are the ranges of the tests of the calibration, and `reach` is how far beyond its tests
+    the model was tried.
     """
 
     _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
@@ -133,6 +134,7 @@ class Calibration(Summarised):
     shape: ErrorShape
     scores: Scores
     tests: tuple[str, ...]
+    n_repeating: Whole
     held_out: str
     motions: tuple[RecordedMotion, ...] = ()
     seen: tuple[Likeness, ...] = ()
@@ -182,11 +184,10 @@ class Calibration(Summarised):
         test = prediction.test
         demand = range_of_test(test, self.tested.command_unit)
         at = f" at {np.mean(demand.frequency):.3g} Hz" if demand.frequency else ""
+        motion = "" if has_regular_cycles(test) else "a motion like it, of "
         command = f" and {test.command_in_words}" if test.commands else ""
         why = "; ".join(exceedance.in_words for exceedance in untested)
-        return (
-            f"no band: {why}; test {1e3 * demand.stroke:.3g} mm{at}{command}, and fit it or calibrate on it"
-        )
+        return f"no band: {why}; test {motion}{1e3 * demand.stroke:.3g} mm{at}{command}, and fit it or calibrate on it"
 
     @checked
     def band(self, prediction: Prediction, level: Level) -> Band | None:
@@ -231,7 +232,23 @@ class Calibration(Summarised):
         n_tests = len(self.tests)
         if n_tests == 1:
             return f"calibrated on one test {self.held_out}, which is little evidence for the next"
-        return f"calibrated on {n_tests} tests {self.held_out}"
+        repeating = {0: "no motion of which repeats", n_tests: "of motions that repeat"}
+        kinds = repeating.get(self.n_repeating, f"{self.n_repeating} of them of motions that repeat")
+        return f"calibrated on {n_tests} tests {self.held_out}, {kinds}"
+
+    def new_kind(self, predictions: Sequence[Prediction]) -> str:
+        """A sentence on motions that do not repeat, or do, unlike all of the calibration; empty without any."""
+        if self.n_repeating not in (0, len(self.tests)):
+            return ""
+        repeats = self.n_repeating > 0
+        count = sum(has_regular_cycles(prediction.test) != repeats for prediction in predictions)
+        if not count:
+            return ""
+        return (
+            f"In {count} of {len(predictions)} tests the motion {'does not repeat' if repeats else 'repeats'}, unlike "
+            "in the calibration: their bands are about the force of the model, not about a mean cycle; calibrate on "
+            "such a motion, too, to know its errors"
+        )
 
     @property
     def reach_in_words(self) -> str:
@@ -318,6 +335,7 @@ def calibrate(
         shape=shape,
         scores=scores,
         tests=tuple(" with ".join(member.test.label for member in members) for members in groups),
+        n_repeating=sum(group.periodic for group in errors),
         held_out=held_out,
         motions=motions,
         seen=seen,

@@ -7,6 +7,10 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any, ClassVar, overload
 from warnings import warn
 
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
 from mrwork.base.arguments import Level, checked
 from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised, Summary, named
@@ -14,11 +18,13 @@ from mrwork.base.table import Table
 from mrwork.dampers.spec import worst_laws
 from mrwork.dampers.tested_range import worst_of
 from mrwork.errors import MrworkWarning
+from mrwork.identification.covariance import effective_samples
 from mrwork.identification.fit import Fit, FitSpread
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import estimated_in_words, missing_warnings, refuse_free
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.likeness import likenesses_in_words
+from mrwork.records.motion import regular_cycles
 from mrwork.records.observation import as_words, effects_of_each
 from mrwork.uncertainty.bands.band import Band, BandScore, score
 from mrwork.uncertainty.bands.conformal import Calibration
@@ -43,6 +49,7 @@ class Predictions(Summarised):
     bands: tuple[tuple[Band, BandScore] | None, ...] = ()
     level: float | None = None
     basis: str = ""
+    new_kind: str = ""
     tests_to_run: tuple[str, ...] = ()
 
     @classmethod
@@ -106,6 +113,7 @@ class Predictions(Summarised):
             bands=bands,
             level=level,
             basis=calibration.basis if calibration is not None and bands else "",
+            new_kind=calibration.new_kind(predictions) if calibration is not None and bands else "",
             tests_to_run=tests_to_run,
         )
 
@@ -145,7 +153,41 @@ class Predictions(Summarised):
                 for in_words in (*worst, *(limit.in_words for limit in limits))
             ),
             *(condition.condition_in_words for condition in conditions if condition is not None),
+            *self._too_narrow(),
         )
+
+    @property
+    def coverage(self) -> dict[str, float]:
+        """Share of the samples in its band, of each test with a band that neither fit nor calibration has seen."""
+        return {each.test.label: scored.coverage for each, _, scored in self._judged}
+
+    @property
+    def _judged(self) -> list[tuple[Prediction, Band, BandScore]]:
+        held_out = self.held_out
+        pairs = zip(self.predictions, self.bands, strict=True) if self.bands else ()
+        return [(each, *pair) for each, pair in pairs if pair is not None and each in held_out]
+
+    def _too_narrow(self) -> list[str]:
+        """Warning of bands that hold less of a held-out test than chance leaves, the worst first."""
+        short = []
+        for each, band, scored in self._judged:
+            inside = (each.measured >= band.lower) & (each.measured <= band.upper)
+            least = _least_by_chance(each.test, inside, band.level)
+            if scored.coverage < least:
+                short.append((scored.coverage, least, each.test.label))
+        if not short:
+            return []
+        coverage, least, label = min(short)
+        count = (
+            f"{len(short)} of {len(self._judged)} tests are held less than by chance"
+            if len(short) > 1
+            else ""
+        )
+        return [
+            f"the {100.0 * (self.level or 0.0):g} % band holds {100.0 * coverage:.0f} % of {label}, by chance at least "
+            f"{100.0 * least:.0f} %{f'; {count}' if count else ''}: errors there are larger than in the tests of the "
+            "calibration; calibrate on tests of such motions, too"
+        ]
 
     @property
     def sets_apart(self) -> str:
@@ -171,7 +213,7 @@ class Predictions(Summarised):
             "observe": self.observe,
             "warnings": list(self.warnings),
             **{name: asdict(spread) for name, spread in spreads.items() if spread is not None},
-            **{name: text for name, text in named(self, "sets_apart", "basis").items() if text},
+            **{name: text for name, text in named(self, "sets_apart", "basis", "new_kind").items() if text},
         }
 
     def _file(self, number: int) -> dict[str, Any]:
@@ -220,7 +262,7 @@ class Predictions(Summarised):
                 pair = self.bands[number]
                 band = ("none", "")
                 if pair is not None:
-                    band = (f"{0.5 * pair[1].width:.4g}", f"{100.0 * pair[1].coverage:.1f}")
+                    band = (pair[0].half_width_in_words, f"{100.0 * pair[1].coverage:.1f}")
             rows.append(
                 (
                     *(prediction.test.label, f"{quality.fit_percent:.2f}", f"{quality.nrmse:.4f}"),
@@ -233,6 +275,7 @@ class Predictions(Summarised):
         notes += [f"{self.sets_apart}."] if self.sets_apart else []
         if self.bands:
             notes.append(f"Bands of {100.0 * (self.level or 0.0):g} %, {self.basis}.")
+            notes += [f"{self.new_kind}."] if self.new_kind else []
             notes += [
                 f"{prediction.test.label}: {sentence}."
                 for prediction, sentence in zip(self.predictions, self.tests_to_run, strict=True)
@@ -249,6 +292,21 @@ class Predictions(Summarised):
             tables=[Table(columns=heads, rows=rows)],
             notes=notes,
         )
+
+
+# Probability by which chance leaves less of a test in its band.
+_BY_CHANCE = 0.01
+
+
+def _least_by_chance(test: DamperTest, inside: NDArray[np.bool_], level: float) -> float:
+    """Share of a test that its band holds at least, by the binomial distribution of its independent samples.
+
+    Cycles of a motion that repeats err alike, and count as one.
+    """
+    cycles = regular_cycles(test.displacement[test.counted])
+    n = max(round(effective_samples([inside - np.mean(inside)]) / max(len(cycles), 1)), 1)
+    of_fewer = scipy.special.bdtr(np.arange(n + 1), n, level)
+    return float(np.searchsorted(of_fewer, _BY_CHANCE)) / n
 
 
 def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
