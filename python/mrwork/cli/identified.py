@@ -15,7 +15,7 @@ from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DEFAULT_MODELS, DamperSpec
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import manifest_of, others_content, read_fit, write_run
@@ -127,7 +127,7 @@ class Identification(Frame):
         that a screening of all finds best.
         """
         # Slow to load.
-        from mrwork.uncertainty.choice.screening import FALLBACK, screen_families
+        from mrwork.uncertainty.choice.screening import screen_families
 
         if (status := self._end_complete(RANKING)) is not None:
             return status
@@ -144,7 +144,7 @@ class Identification(Frame):
                 if models is None:
                     screened = screen_families(self.tests, settings, **common)
                 kept = [row.model for row in screened if row.verdict == "goes on"]
-                return choose(models or kept or FALLBACK, tests=self.tests, **common)
+                return choose(models or kept or DEFAULT_MODELS, tests=self.tests, **common)
 
             choice, status = self.compute(compared, before="anything was compared")
             if choice is None:

@@ -35,9 +35,6 @@ from mrwork.uncertainty.choice.choose import compared_models
 from mrwork.uncertainty.choice.ranking import Standing, rank
 from mrwork.uncertainty.choice.splits import Split, Splits, splits_of
 
-FALLBACK = ("normalised_bouc_wen", "hyperbolic_tangent_guo", "viscous_dahl")
-"""Families that differ in kind, where nothing can be screened."""
-
 # Most families that go on, the points that they may be behind the best, and the share by which the error of one is less
 # than that of a simpler one that does.
 _MOST_KEPT = 4

@@ -152,7 +152,7 @@ class SamplingProblem:
         return Draws(
             model=self.spec.name,
             names=(*self.spec.names, *self._effects),
-            n_effects=len(self._effects),
+            n_params=len(self.spec.names),
             noise_model=self.target.noise.name,
             noise_names=space.box.names[space.n_params :],
             chains=np.ascontiguousarray(chains[:, ::thin]),
