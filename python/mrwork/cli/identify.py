@@ -17,8 +17,8 @@ from mrwork.dampers.spec import ALL, DEFAULT_MODELS, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.settings import (
     FitSettings,
+    Race,
     Search,
-    has_generations,
     resize_search,
     search_named,
     searches,
@@ -139,7 +139,7 @@ def _search(options: argparse.Namespace) -> Search | None:
     if options.search is None and not sized:
         return None
     search = search_named(options.search or "genetic")
-    if sized and not has_generations(search):
+    if sized and isinstance(search, Race):
         raise SettingError(
             "--search race takes neither --population nor --generations; leave them or --search out"
         )
