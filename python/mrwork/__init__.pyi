@@ -15,6 +15,7 @@ from . import tuning as tuning
 from . import twins as twins
 from . import uncertainty as uncertainty
 from ._rust import __version__ as __version__
+from .base.progress import Progress as Progress
 from .base.progress import show_progress as show_progress
 from .buildings.frames import building as building
 from .buildings.matrices import Building as Building

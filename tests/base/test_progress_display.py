@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
 
 from mrwork.base.progress import (
+    Progress,
     ProgressLine,
-    ProgressReport,
     note_compilation,
     notebook_bar,
     plain_lines,
@@ -17,12 +16,8 @@ from mrwork.base.progress import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Report(ProgressReport):
-    """A report of a computation."""
-
-    in_words: str = field()
-    share: float | None = None
+def report_of(said: str, share: float | None = None) -> Progress:
+    return Progress(stage="work", said=(said,), share=share)
 
 
 @pytest.fixture
@@ -35,7 +30,11 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def test_a_terminal_has_a_bar_where_the_share_is_known(clock: list[float]) -> None:
     written: list[str] = []
     with ProgressLine(terminal_bar(written.append, written.append)) as shown:
-        for clock[0], report in ((0.0, Report("begins")), (0.1, Report("lost")), (0.3, Report("on", 0.5))):
+        for clock[0], report in (
+            (0.0, report_of("begins")),
+            (0.1, report_of("lost")),
+            (0.3, report_of("on", 0.5)),
+        ):
             shown(report)
     assert written[:2] == ["\rbegins", "\r[##########----------] on"]
     assert written[2].strip("\r ") == ""
@@ -47,9 +46,9 @@ def test_a_notebook_has_one_bar_that_moves(clock: list[float]) -> None:
     displayed: list[Any] = []
     with ProgressLine(notebook_bar(widgets, displayed.append)) as shown:
         for clock[0], report in (
-            (0.0, Report("begins")),
-            (1.0, Report("half", 0.5)),
-            (2.0, Report("all", 1.3)),
+            (0.0, report_of("begins")),
+            (1.0, report_of("half", 0.5)),
+            (2.0, report_of("all", 1.3)),
         ):
             shown(report)
             ((bar, text),) = (each.children for each in displayed)

@@ -247,16 +247,20 @@ def test_a_force_sensor_of_steps_reads_the_nearest_of_them() -> None:
     assert np.abs(commands(seen) - run.command).max() > 1e-3
 
 
-def ground_readings(hardware: Hardware, motion: GroundMotion) -> Floats:
-    """Accelerations of the ground that a law in Python has read, shape (n_samples,)."""
+def readings(signal: str, hardware: Hardware, motion: GroundMotion | None = None) -> tuple[Floats, History]:
+    """What a law in Python has read of a signal, shape (n_samples, ...), and the run."""
     seen: list[Floats] = []
 
     def command(sample: LoopSample, memory: Floats) -> Floats:
-        seen.append(sample.ground_acceleration)
+        seen.append(getattr(sample, signal)[0])
         return np.zeros_like(sample.rate)
 
-    run_of(onlookers(), UserLaw(name="reader", command=command), hardware, motion)
-    return np.ravel(seen)
+    run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware, motion)
+    return np.array(seen), run
+
+
+def ground_readings(hardware: Hardware, motion: GroundMotion) -> Floats:
+    return readings("ground_acceleration", hardware, motion)[0]
 
 
 @pytest.mark.parametrize("feedback", ["state", "observer"])
@@ -275,51 +279,29 @@ def test_a_law_reads_the_acceleration_of_the_ground_at_its_sample(
 def test_a_law_in_python_reads_the_absolute_accelerations_of_all_floors(
     feedback: Literal["state", "observer"],
 ) -> None:
-    def readings(hardware: Hardware) -> tuple[Floats, History]:
-        seen: list[Floats] = []
-
-        def command(sample: LoopSample, memory: Floats) -> Floats:
-            seen.append(sample.acceleration[0])
-            return np.zeros_like(sample.rate)
-
-        run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware)
-        return np.array(seen), run
-
     floors = (0,) if feedback == "observer" else None
-    seen, run = readings(Hardware(feedback=feedback, measured_floors=floors))
+    seen, run = readings("acceleration", Hardware(feedback=feedback, measured_floors=floors))
     np.testing.assert_array_equal(seen, run.acceleration)
     stuck = Fault(channel="acceleration", index=4, start=0.2, end=0.4, value=1.0)
-    broken, _ = readings(Hardware(feedback=feedback, measured_floors=floors, faults=(stuck,)))
+    broken, _ = readings("acceleration", Hardware(feedback=feedback, measured_floors=floors, faults=(stuck,)))
     np.testing.assert_array_equal(broken[BROKEN, 4], 1.0)
     np.testing.assert_array_equal(broken[:, :4], seen[:, :4])
 
 
-def drift_readings(hardware: Hardware, motion: GroundMotion | None = None) -> tuple[Floats, History]:
-    """Drifts of the measured storeys that a law in Python has read, shape (n_samples, n_measured), and the run."""
-    seen: list[Floats] = []
-
-    def command(sample: LoopSample, memory: Floats) -> Floats:
-        seen.append(sample.drift[0])
-        return np.zeros_like(sample.rate)
-
-    run = run_of(onlookers(), UserLaw(name="reader", command=command), hardware, motion)
-    return np.array(seen), run
-
-
 def test_a_law_in_python_reads_the_drifts_of_the_measured_storeys() -> None:
-    seen, run = drift_readings(Hardware(measured_storeys=(3, 0)))
+    seen, run = readings("drift", Hardware(measured_storeys=(3, 0)))
     np.testing.assert_array_equal(seen, run.drift[:, [3, 0]])
-    none, _ = drift_readings(Hardware())
+    none, _ = readings("drift", Hardware())
     assert none.shape == (len(seen), 0)
     stuck = Fault(channel="drift", index=0, start=0.2, end=0.4, value=1e-3)
-    stepped, _ = drift_readings(Hardware(measured_storeys=(3, 0), drift_resolution=1e-4, faults=(stuck,)))
+    stepped, _ = readings("drift", Hardware(measured_storeys=(3, 0), drift_resolution=1e-4, faults=(stuck,)))
     expected = 1e-4 * np.round(seen / 1e-4)
     expected[BROKEN, 1] = 1e-3
     np.testing.assert_allclose(stepped, expected, atol=1e-12)
 
 
 def test_noise_of_the_drifts_is_of_the_stated_deviation_and_its_own() -> None:
-    seen, _ = drift_readings(Hardware(measured_storeys=(0, 1), drift_noise=1e-3), still(N_NOISE * 1e-3))
+    seen, _ = readings("drift", Hardware(measured_storeys=(0, 1), drift_noise=1e-3), still(N_NOISE * 1e-3))
     seen = seen / 1e-3
     root = np.sqrt(len(seen))
     assert np.all(np.abs(seen.mean(axis=0)) < 4.0 / root)

@@ -174,7 +174,7 @@ _SLOT = design.Slot(inner_radius=0.05, gap=0.001, length=0.03)
 _WISHES = design.DamperWishes(**WISHES)
 
 
-def _continue(_: design.SizingProgress) -> None:
+def _continue(_: mr.Progress) -> None:
     """A callback that ends nothing."""
 
 

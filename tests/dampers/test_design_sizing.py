@@ -16,11 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from refusals import refusal
 
+from mrwork import Progress
 from mrwork.dampers.design import DamperWishes, fluid, size_damper, size_front, steel, twenty_ton_damper
 from mrwork.dampers.design.sizing import (
     N_FREE,
     SizedDamper,
-    SizingProgress,
     candidate,
     find_misses,
 )
@@ -148,20 +148,25 @@ def test_impossible_wishes_are_refused_with_what_is_missed() -> None:
 def test_sizing_repeats_itself_and_progress_tells_candidates_and_the_smallest_volume(
     sized: SizedDamper,
 ) -> None:
-    seen: list[SizingProgress] = []
+    seen: list[Progress] = []
     told = size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=400, on_progress=seen.append)
     assert told == sized
     assert [each.stage for each in seen] == ["smallest"] * len(seen)
-    assert [each.evaluations for each in seen] == sorted(each.evaluations for each in seen)
-    assert (seen[-1].evaluations, seen[-1].share) == (told.evaluations, told.evaluations / 400)
-    assert seen[-1].volume == pytest.approx(told.design.envelope_volume)
-    found = [each.volume for each in seen if not math.isnan(each.volume)]
+    assert [each.numbers["evaluations"] for each in seen] == sorted(
+        each.numbers["evaluations"] for each in seen
+    )
+    assert (seen[-1].numbers["evaluations"], seen[-1].share) == (told.evaluations, told.evaluations / 400)
+    assert seen[-1].numbers["volume"] == pytest.approx(told.design.envelope_volume)
+    found = [each.numbers["volume"] for each in seen if not math.isnan(each.numbers["volume"])]
     assert found == sorted(found, reverse=True)
 
 
 def test_a_callback_ends_the_sizing_with_what_it_has_found() -> None:
     ended = size_damper(
-        WISHES, fluid=FLUID, steel=STEEL, on_progress=lambda progress: not math.isnan(progress.volume)
+        WISHES,
+        fluid=FLUID,
+        steel=STEEL,
+        on_progress=lambda progress: not math.isnan(progress.numbers["volume"]),
     )
     assert WISHES.missed(ended.design) == {}
     assert ended.evaluations < 4000
@@ -169,9 +174,9 @@ def test_a_callback_ends_the_sizing_with_what_it_has_found() -> None:
 
 def test_an_interrupted_front_keeps_the_smallest_damper() -> None:
     pytest.importorskip("pymoo")
-    seen: list[SizingProgress] = []
+    seen: list[Progress] = []
 
-    def interrupting(progress: SizingProgress) -> None:
+    def interrupting(progress: Progress) -> None:
         seen.append(progress)
         if len(seen) > 12:
             raise KeyboardInterrupt
@@ -179,11 +184,11 @@ def test_an_interrupted_front_keeps_the_smallest_damper() -> None:
     with pytest.raises(Interrupted) as interrupt:
         size_front(WISHES, fluid=FLUID, steel=STEEL, population=16, budget=1200, on_progress=interrupting)
     result = interrupt.value.result
-    if math.isnan(seen[-1].volume):
+    if math.isnan(seen[-1].numbers["volume"]):
         assert result is None
     else:
         assert len(result.designs) == 1
-        assert result.designs[0].envelope_volume == pytest.approx(seen[-1].volume)
+        assert result.designs[0].envelope_volume == pytest.approx(seen[-1].numbers["volume"])
 
 
 class Calls:

@@ -17,7 +17,7 @@ import mrwork as mr
 from mrwork import identify
 from mrwork.dampers import Box, damper, damper_models
 from mrwork.errors import Interrupted
-from mrwork.identification import Fit, Objective, Progress, search_box
+from mrwork.identification import Fit, Objective, search_box
 from mrwork.identification.covariance import (
     autocorrelation_time,
     covariance,
@@ -110,9 +110,9 @@ def test_no_tests_is_an_error(refused: Refused) -> None:
 
 
 def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> None:
-    seen: list[Progress] = []
+    seen: list[mr.Progress] = []
 
-    def interrupt_in_the_third_generation(progress: Progress) -> None:
+    def interrupt_in_the_third_generation(progress: mr.Progress) -> None:
         seen.append(progress)
         if len(seen) == 3:
             signal.raise_signal(signal.SIGINT)
@@ -122,7 +122,7 @@ def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> Non
     best = stop.value.result
     assert best.status == "interrupted"
     # The search was at a simpler model, whose fit this one approaches.
-    assert best.fit_percent == pytest.approx(seen[-1].fit_percent, abs=1.0)
+    assert best.fit_percent == pytest.approx(seen[-1].numbers["fit_percent"], abs=1.0)
     assert all(estimate.standard_error is None for estimate in best.estimates)
 
 

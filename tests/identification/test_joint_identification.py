@@ -14,7 +14,7 @@ from mrwork import identify
 from mrwork.dampers import damper
 from mrwork.dampers.spec import law_limits
 from mrwork.errors import Interrupted
-from mrwork.identification import Fit, FitSettings, Objective, Progress, Race
+from mrwork.identification import Fit, FitSettings, Objective, Race
 from mrwork.identification.commands import with_laws_at
 from mrwork.identification.equivalent import leaves_range, within_range
 from mrwork.identification.excerpts import excerpt
@@ -152,8 +152,8 @@ def test_a_test_without_the_models_command_is_refused(tests: tuple[DamperTest, .
 
 
 def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest, ...]) -> None:
-    def interrupt(progress: Progress) -> None:
-        if progress.stage == "search" and progress.count > 500:
+    def interrupt(progress: mr.Progress) -> None:
+        if progress.stage == "search" and progress.numbers["evaluations"] > 500:
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as caught:

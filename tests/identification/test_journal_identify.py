@@ -13,8 +13,8 @@ import pytest
 from command_line import printed
 from refusals import command_refusal
 
-from mrwork import Journal, identify
-from mrwork.identification import Fit, Progress
+from mrwork import Journal, Progress, identify
+from mrwork.identification import Fit
 from mrwork.records import DamperTest, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.search import EfficientGA, StopRules
@@ -94,7 +94,10 @@ def test_a_callback_may_stop_the_run_and_it_goes_on(
 
     def enough(progress: Progress) -> bool:
         seen.append(progress)
-        return progress.stage == stage and progress.count >= least
+        return (
+            progress.stage == stage
+            and progress.numbers.get("iterations", progress.numbers["evaluations"]) >= least
+        )
 
     settings = {"search": SEARCH, "rng": 2}
     with closing(Journal(path)) as journal:

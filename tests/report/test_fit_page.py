@@ -34,7 +34,7 @@ from mrwork.report.fit.figures import common_unit
 from mrwork.report.fit.later import _verdict
 from mrwork.report.fit.page import fit_page, open_run
 from mrwork.report.fit.search import waterfall_panel
-from mrwork.report.section import PageProgress, Section
+from mrwork.report.section import Section
 from mrwork.store.codec import built, json_document
 from mrwork.store.run_folder import PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run
@@ -260,9 +260,9 @@ def test_every_verb_adds_its_section_and_a_page_written_again_is_the_same(plain:
     assert f"{level} intervals of {len(profiles.profiles)} parameters" in page
     assert_links_lead_somewhere(page, [f"data/{path.name}" for path in (whole / "data").iterdir()])
     assert len(page.encode()) < 2_000_000
-    heard: list[PageProgress] = []
+    heard: list[mr.Progress] = []
     assert fit_page(*open_run(whole), on_progress=heard.append) == page
-    assert [each.done for each in heard] == list(range(heard[0].total))
+    assert [each.numbers["done"] for each in heard] == list(range(int(heard[0].numbers["total"])))
 
 
 def test_a_run_folder_is_read_back(plain: Path, whole: Path) -> None:
@@ -307,7 +307,7 @@ def test_of_many_tests_the_best_the_median_and_the_worst_are_drawn_in_full() -> 
     # Best fit first, so that the second to last is not the worst.
     shown = [worse(number) for number in (3, 0, 4, 1, 2)]
     run = StoredRun(place=Path(), fit=fit(*shown))
-    heard: list[PageProgress] = []
+    heard: list[mr.Progress] = []
     with blank():
         page = Page(fit_page(run, shown, on_progress=heard.append))
         every = Page(fit_page(run, shown, every_test=True))
@@ -322,7 +322,7 @@ def test_of_many_tests_the_best_the_median_and_the_worst_are_drawn_in_full() -> 
     percents = [each.fit_percent for each in shown]
     assert f"5 tests: fit median {np.median(percents):.2f} %" in page.text_in("summary").replace("\xa0", " ")
     assert page.text_in("ul").count("warning in all 5 tests: the force drifts by 3") == 1
-    assert [each.done for each in heard] == list(range(heard[0].total))
+    assert [each.numbers["done"] for each in heard] == list(range(int(heard[0].numbers["total"])))
     assert {f"t{number}-record-title" for number in range(1, 6)} <= set(every.values("id"))
 
 

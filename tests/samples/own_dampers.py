@@ -45,23 +45,12 @@ def loop_relaxation(p: Any, displacement: Any, velocity: Any) -> Any:
     return p.rho * p.n * jnp.abs(velocity)
 
 
-guo = mr.own_damper("my_guo", parameters={each.name: each for each in GUO.parameters}, force=guo_force)
-static = mr.own_damper(
-    "my_static", parameters={each.name: each for each in STATIC.parameters}, force=static_force
-)
-loop = mr.own_damper(
-    "my_loop",
-    parameters={each.name: each for each in LOOP.parameters},
-    force=loop_force,
-    rate=loop_rate,
-    states=1,
-    spring=("k", "x0"),
-)
-bounded_loop = mr.own_damper(
-    "my_bounded_loop",
-    parameters={each.name: each for each in LOOP.parameters},
-    force=loop_force,
-    rate=loop_rate,
-    states=1,
-    relaxation=loop_relaxation,
-)
+def again(model: mr.DamperSpec, name: str, force: Any, **more: Any) -> mr.DamperSpec:
+    return mr.own_damper(name, parameters={each.name: each for each in model.parameters}, force=force, **more)
+
+
+guo = again(GUO, "my_guo", guo_force)
+static = again(STATIC, "my_static", static_force)
+in_states = {"rate": loop_rate, "states": 1}
+loop = again(LOOP, "my_loop", loop_force, **in_states, spring=("k", "x0"))
+bounded_loop = again(LOOP, "my_bounded_loop", loop_force, **in_states, relaxation=loop_relaxation)

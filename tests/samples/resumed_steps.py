@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
+from mrwork import Progress
 from mrwork.errors import Interrupted
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import FIT_RUN, MODELS
 from mrwork.store.run_writer import RunAtWork
-from mrwork.uncertainty.choice.choose import ChoiceProgress
 
 
 def step_journal(work: RunAtWork, step: str) -> Journal:
@@ -23,13 +23,13 @@ def step_journal(work: RunAtWork, step: str) -> Journal:
 def stopped_and_resumed(
     folder: Path,
     choose: Callable[..., Any],
-    stop: Callable[[ChoiceProgress], bool],
-    told: list[ChoiceProgress] | None = None,
+    stop: Callable[[Progress], bool],
+    told: list[Progress] | None = None,
 ) -> tuple[Any, Any]:
     """What a choice has when `stop` holds, and what it comes to when it is resumed."""
     first, again = (RunAtWork(folder / "run", FIT_RUN, resume=resume) for resume in (False, True))
 
-    def interrupt(progress: ChoiceProgress) -> None:
+    def interrupt(progress: Progress) -> None:
         if stop(progress):
             raise KeyboardInterrupt
 

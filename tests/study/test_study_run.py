@@ -23,7 +23,6 @@ from mrwork.errors import Interrupted
 from mrwork.plots.of_studies import energy_parts
 from mrwork.study import Study, StudyResults, read_study, run_study
 from mrwork.study.comparison import findings
-from mrwork.study.course import StudyProgress
 from mrwork.study.histories import RunHistory
 
 # Two motions, four arrangements.
@@ -82,8 +81,8 @@ def whole(study: Study) -> StudyResults:
 def ran(study: Study, journal: Path, *, resume: bool = False, interrupt: int = -1) -> StudyResults:
     """Run a study; `interrupt` is how many runs are done when Ctrl-C comes."""
 
-    def on_progress(progress: StudyProgress) -> None:
-        if progress.done == interrupt:
+    def on_progress(progress: mr.Progress) -> None:
+        if progress.numbers["runs"] == interrupt:
             raise KeyboardInterrupt
 
     with closing(Journal(journal, resume=resume)) as opened:

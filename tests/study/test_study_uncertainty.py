@@ -17,7 +17,6 @@ from mrwork.closed_loop import simulate
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.dampers.tested_range import FittedDamper
 from mrwork.errors import Interrupted
-from mrwork.study.course import StudyProgress
 from mrwork.study.folder import study_document
 from mrwork.study.loop_runs import simulate_criteria, vary_building
 from mrwork.study.realisations import nominal
@@ -158,8 +157,8 @@ def test_an_uncertainty_that_cannot_be_is_refused(tmp_path: Path) -> None:
 def test_numbers_of_a_study_stopped_before_its_realisations_are_marked_unfinished(tmp_path: Path) -> None:
     given = study(tmp_path)
 
-    def on_progress(progress: StudyProgress) -> None:
-        if "realisations" in progress.label:
+    def on_progress(progress: mr.Progress) -> None:
+        if "realisations" in progress.in_words:
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as stopped:
@@ -173,7 +172,7 @@ def test_progress_is_told_within_a_call_and_changes_no_bit(
 ) -> None:
     many = "[uncertainty]\nrealisations = 100\nstiffness = 0.1\n"
     given = study(tmp_path, many, '[[controller]]\nlaw = "best_passive"\n')
-    seen: list[StudyProgress] = []
+    seen: list[mr.Progress] = []
     silent = mr.run_study(given, threads=1, check_step=True)
     told = mr.run_study(given, threads=1, on_progress=seen.append, check_step=True)
     # Nor do blocks of another size.
@@ -185,6 +184,6 @@ def test_progress_is_told_within_a_call_and_changes_no_bit(
     # The time that is left is known from the first runs with dampers on.
     assert [progress.left is None for progress in seen[:2]] == [True, True]
     assert all(progress.left is not None for progress in seen[2:])
-    assert any("realisations 64 of " in progress.label for progress in seen)
+    assert any("realisations 64 of " in progress.in_words for progress in seen)
     shares = [progress.share for progress in seen if progress.share is not None]
     assert 0.0 <= min(shares) <= max(shares) <= 1.0

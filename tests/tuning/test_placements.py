@@ -16,7 +16,6 @@ from mrwork.errors import Interrupted
 from mrwork.report.study.page import study_page
 from mrwork.tuning import TuningResults, judge, tune
 from mrwork.tuning.folder import chosen_study
-from mrwork.tuning.law_tuning import TuningProgress
 from mrwork.tuning.placing import placements_of
 from mrwork.tuning.results import places_table
 
@@ -111,10 +110,9 @@ def test_an_interrupted_comparison_resumes_to_the_same_bits(
 ) -> None:
     said: list[str] = []
 
-    def stop(progress: object) -> None:
-        assert isinstance(progress, TuningProgress)
+    def stop(progress: mr.Progress) -> None:
         said.append(progress.in_words)
-        if progress.candidates == 4:
+        if progress.numbers["candidates"] == 4:
             raise KeyboardInterrupt
 
     with closing(mr.Journal(tmp_path / "journal")) as journal, pytest.raises(Interrupted) as ended:

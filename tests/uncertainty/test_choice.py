@@ -15,14 +15,13 @@ from refusals import command_refusal, refusal
 from resumed_steps import stopped_and_resumed
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 
-from mrwork import identify
+from mrwork import Progress, identify
 from mrwork.dampers import damper
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Race
 from mrwork.records import DamperTest
 from mrwork.uncertainty import Choice, choose_model
 from mrwork.uncertainty.bands.prediction import halves
-from mrwork.uncertainty.choice.choose import ChoiceProgress
 from mrwork.uncertainty.choice.collapse import with_collapses
 from mrwork.uncertainty.choice.ranking import Standing, rank
 
@@ -91,11 +90,11 @@ def test_a_family_that_fails_is_a_row(tests: tuple[DamperTest, ...]) -> None:
 def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
     tests: tuple[DamperTest, ...], whole: Choice, tmp_path: Path, model: str, task: str
 ) -> None:
-    told: list[ChoiceProgress] = []
+    told: list[Progress] = []
     so_far, resumed = stopped_and_resumed(
         tmp_path,
         partial(choose_model, tests[:2], ["dahl", "viscous_dahl"], settings=FEW, threads=1),
-        lambda progress: progress.model == model and progress.task.startswith(task),
+        lambda progress: progress.said[0].startswith(model) and progress.said[1].startswith(task),
         told,
     )
     if (model, task) == ("dahl", "left out 1"):

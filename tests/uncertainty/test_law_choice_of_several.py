@@ -124,7 +124,7 @@ def test_interrupted_in_the_second_model_and_resumed_is_as_if_nothing_had_happen
     so_far, resumed = stopped_and_resumed(
         tmp_path,
         partial(mr.choose_laws, MODELS, tests, settings=SETTINGS, threads=1),
-        lambda progress: progress.number == 2 and progress.task != "first laws",
+        lambda progress: "model 2 of" in progress.said[0] and progress.said[1] != "first laws",
     )
     assert of_model(so_far, "viscous_dahl") == of_model(choice, "viscous_dahl")
     assert (so_far.best.model, so_far.best.status) == ("viscous_dahl", "interrupted")

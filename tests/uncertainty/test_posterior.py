@@ -23,7 +23,6 @@ from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty import Draws, Normal, Uniform, sample
 from mrwork.uncertainty.posterior.draws import diagnose, draws_content, next_check, summary_of
 from mrwork.uncertainty.posterior.ensemble import Ensemble
-from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 
 def standard_normal(position: np.ndarray) -> np.ndarray:
@@ -156,8 +155,8 @@ def test_threads_change_no_bit_and_an_interrupted_chain_is_kept() -> None:
     np.testing.assert_array_equal(one.theta, two.theta)
     np.testing.assert_array_equal(one.log_posterior, two.log_posterior)
 
-    def interrupt(progress: SamplingProgress) -> None:
-        if progress.steps > 40:
+    def interrupt(progress: mr.Progress) -> None:
+        if progress.numbers["steps"] > 40:
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as interrupted:

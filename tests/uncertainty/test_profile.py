@@ -19,7 +19,7 @@ from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.records import DamperTest, cut
 from mrwork.records.reading import synthetic_test
 from mrwork.uncertainty import Profiles
-from mrwork.uncertainty.identifiability.profile import Profile, ProfileProgress
+from mrwork.uncertainty.identifiability.profile import Profile
 from mrwork.uncertainty.identifiability.walks import Course, Point, signed_root
 
 SPEC = damper("static_hysteretic")
@@ -179,8 +179,8 @@ def test_a_spring_changes_its_sign_with_the_displacement_at_which_it_is_free() -
 
 
 def test_an_interrupt_keeps_what_there_is(fit: Fit, test: DamperTest, found: Profiles) -> None:
-    def stop(progress: ProfileProgress) -> None:
-        if progress.points >= 10:
+    def stop(progress: mr.Progress) -> None:
+        if progress.numbers["points"] >= 10:
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as interrupt:

@@ -44,15 +44,6 @@ class Counting(Executor):
         return future
 
 
-def test_the_time_left_is_that_of_the_other_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
-    workers = Workers(Counting())
-    stand = workers._stand
-    stand.done, stand.total, stand.began = 1, 4, 1000.0
-    monkeypatch.setattr("mrwork.workers.engine.time.perf_counter", lambda: 1100.0)
-    assert workers.in_words.startswith("1 of 4 chunks on ")
-    assert workers.in_words.endswith(", about 5 min left")
-
-
 PREPARED: list[float] = []
 
 

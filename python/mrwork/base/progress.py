@@ -1,6 +1,6 @@
 """How progress is shown: by widgets in a notebook, a bar on a terminal, elsewhere a line from time to time.
 
-Every report of a computation is a `ProgressReport`, which says itself in words and knows the share that is done.
+Every computation reports `Progress`, which says itself in words and knows the share that is done.
 """
 
 from __future__ import annotations
@@ -8,17 +8,17 @@ from __future__ import annotations
 import contextlib
 import sys
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.util import find_spec
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from mrwork.base.arguments import NotNegative, checked
-from mrwork.base.numbers import duration_in_words
+from mrwork.base.numbers import duration_in_words, format_rate
 from mrwork.errors import escape_text
 
+Kind = TypeVar("Kind", bound=str)
 Write = Callable[[str], None]
 
 _BAR = 20
@@ -32,20 +32,63 @@ def note_compilation(event: str, duration_secs: float, **_: str | int) -> None:
         COMPILATIONS.append(duration_secs)
 
 
-class ProgressReport(ABC):
-    """Progress of a computation; a report that has its share as a field declares it by `field()`."""
+# Seconds until the remaining time of a stage is first estimated.
+_FIRST_ESTIMATE = 1.0
 
-    __slots__ = ()
+
+def time_left(
+    left: Mapping[Kind, float], done: Mapping[Kind, float], seconds: Mapping[Kind, float]
+) -> float | None:
+    """Time that is left [s]: each kind of work goes on at its rate; `None` where a kind that is left has none yet."""
+    rates = {kind: seconds[kind] / work for kind, work in done.items() if work > 0.0}
+    return sum(left[kind] * rates[kind] for kind in left) if left.keys() <= rates.keys() else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """Progress of a computation: its `stage`, the `share` of the stage that is done, and what is `said` of it.
+
+    `numbers` are what it has found and counted so far, by name; the rates of those `rated` are told. `seconds` have
+    passed; `left` is the time that the stage still takes [s], or takes at most. `None` and 0 are not known yet.
+    """
+
+    stage: str
+    said: tuple[str, ...] = ()
+    share: float | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    rated: tuple[str, ...] = ()
+    rates: tuple[float, ...] = ()
+    seconds: float = 0.0
+    left: float | None = None
+    at_most: bool = False
 
     @property
-    @abstractmethod
     def in_words(self) -> str:
-        """The work and how far it is, in one line, as the progress line shows it."""
+        """What is said, rates and times in one line; what is unknown is left out."""
+        rates = zip(self.rated, self.rates, strict=False)
+        parts = [*self.said, *(f"{format_rate(rate)} {name}/s" for name, rate in rates)]
+        if self.seconds:
+            parts.append(duration_in_words(self.seconds))
+        if self.left is not None:
+            parts.append(f"{'at most' if self.at_most else 'about'} {duration_in_words(self.left)} left")
+        return ", ".join(parts)
 
-    @property
-    def share(self) -> float | None:
-        """Share of the work that is done, from 0 to 1; `None` where it is not known."""
-        return None
+
+def since(began: Progress, progress: Progress) -> Progress:
+    """The progress with its rates and the time that is left, where the stage goes on as since it `began` here."""
+    running, left = progress.seconds - began.seconds, progress.left
+    if running <= 0.0:
+        return progress
+    rates = tuple((progress.numbers[name] - began.numbers[name]) / running for name in progress.rated)
+    if left is None and progress.share is not None and running >= _FIRST_ESTIMATE:
+        share = min(progress.share, 1.0)
+        done = {progress.stage: share - (began.share or 0.0)}
+        left = time_left({progress.stage: 1.0 - share}, done, {progress.stage: running})
+    return replace(progress, rates=rates, left=left)
+
+
+OnProgress = Callable[[Progress], bool | None]
+"""Takes the progress of a computation, which ends where this returns true."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,7 +176,7 @@ class ProgressLine:
         self._next = time.monotonic() + max(patience, display.patience if display is not None else 0.0)
         self._n_compiled = len(COMPILATIONS)
 
-    def __call__(self, progress: ProgressReport) -> None:
+    def __call__(self, progress: Progress) -> None:
         """Show a progress report; nothing within `patience`, or `every` seconds after the last one shown."""
         if self._display is None or time.monotonic() < self._next:
             return

@@ -9,13 +9,13 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from mrwork.base.progress import ProgressLine
+from mrwork.base.progress import OnProgress, ProgressLine
 from mrwork.base.summary import Summarised
 from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.output import as_plain, draw_last, renew_page, show_results
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import read_tests
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DEFAULT_MODELS, DamperSpec
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import manifest_of, others_content, read_fit, write_run
@@ -39,7 +39,6 @@ from mrwork.store.run_folder import (
 from mrwork.store.run_writer import is_complete, nothing_to_resume
 
 if TYPE_CHECKING:
-    from mrwork.report.section import OnDrawn
     from mrwork.uncertainty.choice.choose import Choice
     from mrwork.uncertainty.choice.ranking import Standing
 
@@ -106,7 +105,7 @@ class Identification(Frame):
                     return fit
                 from mrwork.uncertainty.choice.screening import better_family, screen_families  # slow to load
 
-                with LongCall[Any, Fit](so_far=lambda: fit).keeping("screening"), suppress(MrworkError):
+                with LongCall[Fit](so_far=lambda: fit).keeping("screening"), suppress(MrworkError):
                     rows = screen_families(self.tests, settings, threads=threads, on_progress=line)
                     return replace(fit, warnings=(*fit.warnings, *better_family(rows, spec.name)))
                 return fit
@@ -128,7 +127,7 @@ class Identification(Frame):
         that a screening of all finds best.
         """
         # Slow to load.
-        from mrwork.uncertainty.choice.screening import FALLBACK, screen_families
+        from mrwork.uncertainty.choice.screening import screen_families
 
         if (status := self._end_complete(RANKING)) is not None:
             return status
@@ -145,7 +144,7 @@ class Identification(Frame):
                 if models is None:
                     screened = screen_families(self.tests, settings, **common)
                 kept = [row.model for row in screened if row.verdict == "goes on"]
-                return choose(models or kept or FALLBACK, tests=self.tests, **common)
+                return choose(models or kept or DEFAULT_MODELS, tests=self.tests, **common)
 
             choice, status = self.compute(compared, before="anything was compared")
             if choice is None:
@@ -232,7 +231,7 @@ class Identification(Frame):
         if not finished or self.is_step:
             return status
 
-        def draw(on_progress: OnDrawn) -> None:
+        def draw(on_progress: OnProgress) -> None:
             # Matplotlib is slow to load and needed for reports only.
             from mrwork.report.fit.page import fit_page
             from mrwork.runs.load import with_additions

@@ -13,12 +13,12 @@ from mrwork.cli.options import add_threads, end_parser, on_workers
 from mrwork.cli.own_models import is_own, own_model
 from mrwork.cli.tests import add_files, add_observation, command_unit
 from mrwork.dampers.laws import LawName
-from mrwork.dampers.spec import ALL, DamperSpec, damper
+from mrwork.dampers.spec import ALL, DEFAULT_MODELS, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.settings import (
     FitSettings,
+    Race,
     Search,
-    has_generations,
     resize_search,
     search_named,
     searches,
@@ -26,7 +26,6 @@ from mrwork.identification.settings import (
 
 _AUTO, _LAWS = "auto", "current laws"
 _CHOICE = "mrwork.uncertainty.choice.choose:choose_model"
-_DEFAULT = "normalised_bouc_wen"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -40,9 +39,9 @@ def add_options(parser: CommandParser) -> None:
     parser.option(
         "model",
         "--model",
-        f"damper model, see mrwork models; default {_DEFAULT}, with --law auto those that predict a few of the tests "
-        "best, of all; all, or A,B,C, identifies several models and ranks them, or chooses among their laws with "
-        "--law auto; FILE.py:NAME, a damper of your own that mrwork.own_damper has made, runs this file as Python",
+        f"damper model, see mrwork models; default {DEFAULT_MODELS[0]}, with --law auto those that predict a few of "
+        "the tests best, of all; all, or A,B,C, identifies several models and ranks them, or chooses among their laws "
+        "with --law auto; FILE.py:NAME, a damper of your own that mrwork.own_damper has made, runs this file as Python",
         metavar="NAME",
     )
     add_options_of(parser, FitSettings, "model", "bounds")
@@ -112,7 +111,9 @@ def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     law_is_auto = _AUTO in options.law
     # A damper of the user as its spec.
-    models = [own_model(part) if is_own(part) else part for part in (options.model or _DEFAULT).split(",")]
+    models = [
+        own_model(part) if is_own(part) else part for part in (options.model or DEFAULT_MODELS[0]).split(",")
+    ]
     several = models == [ALL] or len(models) > 1
     settings = _settings_of(options)
     _refuse_together(options, settings, several=several, law_is_auto=law_is_auto)
@@ -138,7 +139,7 @@ def _search(options: argparse.Namespace) -> Search | None:
     if options.search is None and not sized:
         return None
     search = search_named(options.search or "genetic")
-    if sized and not has_generations(search):
+    if sized and isinstance(search, Race):
         raise SettingError(
             "--search race takes neither --population nor --generations; leave them or --search out"
         )

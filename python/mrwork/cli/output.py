@@ -6,11 +6,11 @@ import argparse
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from mrwork.base.progress import ProgressLine, ProgressReport, display_here
+from mrwork.base.progress import OnProgress, Progress, ProgressLine, display_here
 from mrwork.base.summary import Summarised, Summary
 from mrwork.cli.terminal import note, show, write_stderr
 from mrwork.errors import MrworkError, OutputError, SettingError, reason_of
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from mrwork.records.finding import Verb
     from mrwork.records.findings import SharedFinding
     from mrwork.records.reading import OnRead
-    from mrwork.report.section import OnDrawn
 
 PATIENCE = 2.0
 """Seconds until the progress line appears, for computations that are often shorter."""
@@ -41,21 +40,16 @@ def progress_line(*, quiet: bool, patience: float = PATIENCE) -> ProgressLine:
     return ProgressLine(display, patience=patience)
 
 
-@dataclass(frozen=True, slots=True)
-class _TestsRead(ProgressReport):
-    done: int
-    total: int
-
-    @property
-    def in_words(self) -> str:
-        return "reading the test" if self.total == 1 else f"reading {self.done + 1} of {self.total} tests"
-
-
 @contextmanager
 def reading_line(*, quiet: bool) -> Iterator[OnRead]:
     """Progress line with the number of tests that have been read."""
     with progress_line(quiet=quiet, patience=0.0) as line:
-        yield lambda done, total: line(_TestsRead(done, total))
+
+        def report(done: int, total: int) -> None:
+            said = "reading the test" if total == 1 else f"reading {done + 1} of {total} tests"
+            line(Progress(stage="reading", said=(said,)))
+
+        yield report
 
 
 def print_json(document: object) -> None:
@@ -142,7 +136,7 @@ def notes_on_verdicts(fit: Fit, kind: Literal["profile", "posterior"]) -> list[s
 def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:
     """Draw the page of a run, or its front alone, from what its folder holds; return the exit status of `draw_last`."""
 
-    def draw(on_progress: OnDrawn) -> None:
+    def draw(on_progress: OnProgress) -> None:
         # Matplotlib is slow to load.
         from mrwork.report.pages import write_page
 
@@ -151,7 +145,7 @@ def renew_page(folder: Path, *, quiet: bool, summary: bool = False) -> int:
     return draw_last(folder, draw, quiet=quiet)
 
 
-def draw_last(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> int:
+def draw_last(folder: Path, draw: Callable[[OnProgress], None], *, quiet: bool) -> int:
     """Draw the page of a run, whose other files are written already: whatever fails is a warning.
 
     Return the exit status, see `drawing`; it is 2 where the page cannot be written.
@@ -176,7 +170,7 @@ def undrawn_warned(what: str, remedy: str) -> Iterator[list[Exception]]:
         note(f"{kind}{what} was not drawn ({reason}); {remedy}")
 
 
-def drawing(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> int:
+def drawing(folder: Path, draw: Callable[[OnProgress], None], *, quiet: bool) -> int:
     """Draw the page of a run, whose other files are written already, and show the progress.
 
     Return the exit status: 130 after Ctrl-C, when a message says how to draw the page later, otherwise 0.

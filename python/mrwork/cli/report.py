@@ -9,6 +9,7 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from mrwork.base.progress import OnProgress
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
@@ -19,7 +20,6 @@ from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
 
 if TYPE_CHECKING:
     from mrwork.records import DamperTest
-    from mrwork.report.section import OnDrawn
 
 _PAGE = "mrwork.report.pages:write_page"
 
@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
     tests: list[DamperTest] = []
     written: list[Path] = []
 
-    def draw(on_progress: OnDrawn) -> None:
+    def draw(on_progress: OnProgress) -> None:
         # Matplotlib is slow to load.
         from mrwork.report.fit.page import write_figures
         from mrwork.report.pages import page_of

@@ -25,11 +25,10 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.store.run_folder import STUDY_RUN
 
 if TYPE_CHECKING:
-    from mrwork.base.progress import ProgressLine
+    from mrwork.base.progress import Progress, ProgressLine
     from mrwork.cli.study_text import StudyVerb
     from mrwork.store.journal import Journal
     from mrwork.store.run_writer import RunAtWork
-    from mrwork.study.course import StudyProgress
     from mrwork.study.results import Ensemble, StudyResults
     from mrwork.study.study import Study
 
@@ -245,8 +244,8 @@ def _run_ensemble(
     for number, other in enumerate(study.other_sets, start=2):
         name = f"set {number} of {1 + len(study.other_sets)} of the laws"
 
-        def report(progress: StudyProgress, name: str = name) -> None:
-            line(replace(progress, label=f"{name}, {progress.label}"))
+        def report(progress: Progress, name: str = name) -> None:
+            line(replace(progress, said=(name, *progress.said)))
 
         read = read_study(options.study, other.fitted.__getitem__, seed=options.seed)
         alone = read if options.motions == "all" else read.of_use(options.motions)

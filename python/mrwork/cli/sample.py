@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from mrwork.base.numbers import duration_in_words
+from mrwork.base.progress import Progress
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, add_threads, end_parser
@@ -23,7 +24,7 @@ from mrwork.errors import Interrupted
 from mrwork.store.run_folder import CHAIN, DRAWS
 from mrwork.store.run_writer import add_to_run, addition_journal, nothing_to_resume
 from mrwork.uncertainty.noise import NOISES
-from mrwork.uncertainty.posterior.sample import SamplingProgress, sample
+from mrwork.uncertainty.posterior.sample import sample
 from mrwork.uncertainty.posterior.target import PRIORS_IN_WORDS, prior_of_text
 
 if TYPE_CHECKING:
@@ -89,17 +90,17 @@ def run(options: argparse.Namespace) -> int:
 
 def _sample(opened: OpenedRun, journal: Journal, options: argparse.Namespace) -> Draws | None:
     """Sample with a progress line; return the draws, `None` after Ctrl-C."""
-    reports: list[SamplingProgress] = []
+    told = False
     try:
         with progress_line(quiet=is_quiet(options)) as line:
 
-            def report(progress: SamplingProgress) -> None:
-                most = progress.most_seconds
-                if not reports and most is not None:
-                    reports.append(progress)
-                    if most > _LONG and not is_quiet(options):
+            def report(progress: Progress) -> None:
+                nonlocal told
+                if not told and progress.left is not None:
+                    told = True
+                    if progress.left > _LONG and not is_quiet(options):
                         note(
-                            f"{progress.most_steps:,} steps take about {duration_in_words(most)}; the chain ends "
+                            f"{options.steps:,} steps take about {duration_in_words(progress.left)}; the chain ends "
                             "sooner where it has converged, which its autocorrelation times tell, or at fewer --steps, "
                             "which --resume continues"
                         )

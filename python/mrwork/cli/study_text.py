@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from typing import Any, Generic, Literal, TypeVar
 
 from mrwork import __version__
-from mrwork.base.progress import ProgressLine
+from mrwork.base.progress import Progress, ProgressLine
 from mrwork.cli.frame import Frame, command_line, work_of
 from mrwork.cli.options import on_workers
 from mrwork.cli.output import is_quiet, print_json, progress_line, renew_page
@@ -21,7 +21,6 @@ from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import JOURNAL, REPORT, RunKind
 from mrwork.store.run_writer import RunAtWork
-from mrwork.study.course import StudyProgress
 from mrwork.study.histories import history_names
 from mrwork.study.results import StudyResults
 from mrwork.study.schema import Use
@@ -61,7 +60,7 @@ def run_on_study(
     """
     began = time.perf_counter()
     with progress_line(quiet=is_quiet(options), patience=_SOON) as line, keep_stdout():
-        line(StudyProgress(label="reading the study and designing its laws"))
+        line(Progress(stage="reading", said=("reading the study and designing its laws",)))
         study = read_study(options.study, seed=options.seed, on_python=note)
     study = study if use == "all" else study.of_use(use)
     check(study)

@@ -28,6 +28,8 @@ from mrwork.errors import SettingError
 
 # In place of the name of one model: every model.
 ALL = "all"
+DEFAULT_MODELS = ("normalised_bouc_wen", "hyperbolic_tangent_guo", "viscous_dahl")
+"""The model where none is named, the first, and with it others that differ in kind, where nothing can be screened."""
 
 _Value = float | tuple[float, ...]
 

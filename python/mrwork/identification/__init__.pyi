@@ -4,6 +4,5 @@ from .equivalent import search_box as search_box
 from .fit import Fit as Fit
 from .objective import Objective as Objective
 from .problem import start_from as start_from
-from .progress import Progress as Progress
 from .settings import FitSettings as FitSettings
 from .settings import Race as Race

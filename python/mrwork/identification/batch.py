@@ -12,10 +12,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeVar
 
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
-from mrwork.identification.progress import Progress
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
 from mrwork.store.input_file import bytes_of
@@ -43,7 +43,7 @@ class FitTask:
         journal: Journal | None,
         *,
         threads: int,
-        on_progress: Callable[[Progress], None] | None = None,
+        on_progress: OnProgress | None = None,
     ) -> Fit:
         """Fit the model of the task to its tests; what the journal has is recalled."""
         return identify_with(
@@ -64,7 +64,7 @@ class FitBatch:
 
     Without workers each is made when it is asked for, else all from the first question on, with their journals as
     each is done. `on_progress` is called with the number of the task that is fitted, or asked for, and the progress of
-    its fit where it is made here; `on_fit` with each fit as it is made.
+    its fit or of the workers, if any; `on_fit` with each fit as it is made.
     """
 
     tasks: Sequence[FitTask]
@@ -78,7 +78,7 @@ class FitBatch:
     def fit(self, number: int) -> Fit:
         """The fit of a task; an error of it is raised."""
         self._asked = number
-        self.on_progress(number, None)
+        self._report_asked()
         if self._made is None and present_workers() is not None and len(self.tasks) > 1:
             self._made = enumerate(self._made_elsewhere())
         if self._made is None:
@@ -108,9 +108,15 @@ class FitBatch:
                     with closing(self.journal_of(self.tasks[number].step)) as journal:
                         journal.adopt(lines)
                 self.on_fit(number, fit)
-            self.on_progress(self._asked, None)
+            self._report_asked()
 
         return workers.futures(tuple, fit_on_worker, (), chunks, on_done=arrived)
+
+    def _report_asked(self) -> None:
+        workers = present_workers()
+        self.on_progress(
+            self._asked, None if workers is None else Progress(stage="chunks", said=(workers.in_words,))
+        )
 
     def _whole(self, number: int, fit: Fit) -> Fit:
         """A fit with its tests, which a worker leaves out where they are the tests of the task."""

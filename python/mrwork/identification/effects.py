@@ -114,11 +114,6 @@ def fit_effects(fit: FinalFit) -> FinalFit:
     return replace(fit, problem=problem, covariance=own, effects=tuple(estimates))
 
 
-def _with_effects(objective: Objective, form: Form, effects: Effects, theta: Floats) -> Slopes:
-    """Slopes of a fit with free effects, whose values are the last parameters of `theta`, (n_params + n_effects,)."""
-    return Slopes.at(*with_free(objective, form, effects), theta)
-
-
 def _fit_with(
     objective: Objective, form: Form, effects: Effects, theta: Floats, *, tolerance: float = 1e-4
 ) -> Slopes:
@@ -129,11 +124,10 @@ def _fit_with(
     start = [
         value or (test.dt if effect is _LAG else 0.0) for effect, value in zip(effects, given, strict=True)
     ]
-    at_start = _with_effects(objective, form, effects, np.array([*theta, *start]))
-    minimum = find_minima(
-        at_start.objective, at_start.form.box, at_start.theta[None], max_iterations=50, tolerance=tolerance
-    )
-    return Slopes.at(at_start.objective, at_start.form, minimum.theta[0])
+    objective, form = with_free(objective, form, effects)
+    begin = np.array([[*theta, *start]])
+    minimum = find_minima(objective, form.box, begin, max_iterations=50, tolerance=tolerance)
+    return Slopes.at(objective, form, minimum.theta[0])
 
 
 @array_dataclass()
@@ -294,7 +288,7 @@ def effect_warnings(problem: Problem, covariance: Covariance) -> tuple[str, ...]
     slopes = covariance.slopes
     if _DELAY in _known(problem) or not slopes.interior:
         return ()
-    on_time = _with_effects(slopes.objective, slopes.form, (_DELAY,), np.array([*slopes.theta, 0.0]))
+    on_time = Slopes.at(*with_free(slopes.objective, slopes.form, (_DELAY,)), np.array([*slopes.theta, 0.0]))
     return _unknown_delay(problem, on_time, covariance.standard_errors)
 
 
@@ -321,7 +315,7 @@ def _weigh(problem: Problem, covariance: Covariance) -> _Found | None:
     tests, form, theta = slopes.objective.tests, slopes.form, slopes.theta
     if known >= {_MASS, _DELAY} or not slopes.interior or are_at_one_frequency(tests):
         return None
-    on_time = _with_effects(slopes.objective, form, (_MASS, _DELAY), np.array([*theta, 0.0, 0.0]))
+    on_time = Slopes.at(*with_free(slopes.objective, form, (_MASS, _DELAY)), np.array([*theta, 0.0, 0.0]))
     normal, held = on_time.normal(), _held(on_time)
     # No mass is on its bound, and would not move from it.
     held[:, -2:] = False

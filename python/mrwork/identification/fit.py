@@ -498,6 +498,11 @@ class Fit(Plotted, WithAxes, Summarised):
         return {effect: values[effect.parameter] for effect in EFFECTS.values() if effect.parameter in values}
 
     @property
+    def names_with_effects(self) -> tuple[str, ...]:
+        """Names of the parameters in spec order, and then of the fitted effects on the recorded force."""
+        return tuple(estimate.name for estimate in self.fitted)
+
+    @property
     def theta_with_effects(self) -> tuple[float, ...]:
         """Parameter values in spec order, and then those of the fitted effects on the recorded force."""
         return tuple(estimate.value for estimate in self.fitted)

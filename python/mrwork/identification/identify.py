@@ -12,6 +12,7 @@ import numpy as np
 
 from mrwork.base.arguments import Threads, takes_fields
 from mrwork.base.blas import on_one_blas_thread
+from mrwork.base.progress import OnProgress
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, plain_parameters
@@ -28,7 +29,7 @@ from mrwork.identification.minimise.plain_search import points_from_optimiser, p
 from mrwork.identification.minimise.polish import FinalFit, StartingPoints
 from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.progress import Identifying, Progress
+from mrwork.identification.progress import Identifying
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
 from mrwork.identification.settings import FitSettings, Race
 from mrwork.identification.verdicts import fitted_parameters
@@ -67,7 +68,7 @@ class _Call(FitSettings):
     model: DamperSpec | str = field(kw_only=False)
     tests: DamperTest | Sequence[DamperTest] = field(kw_only=False)
     threads: Threads = 0
-    on_progress: Callable[[Progress], bool | None] | None = None
+    on_progress: OnProgress | None = None
     journal: Journal | None = None
 
     @property
@@ -133,7 +134,7 @@ def identify_with(
     settings: FitSettings,
     *,
     threads: int = 0,
-    on_progress: Callable[[Progress], bool | None] | None = None,
+    on_progress: OnProgress | None = None,
     journal: Journal | None = None,
     warns: bool = True,
     examines: bool = True,

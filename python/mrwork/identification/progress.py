@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import os
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
-from mrwork.base.numbers import duration_in_words, format_rate
-from mrwork.base.progress import ProgressReport
+from mrwork.base.progress import Progress
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.store.long_call import LongCall, wait_for
 
@@ -65,11 +64,7 @@ def on_every_test(n_tests: int, threads: int, work: Callable[[int, int], T]) -> 
     return [results[index] for index in range(n_tests)]
 
 
-# Seconds until the remaining time of a stage is first estimated.
-_FIRST_ESTIMATE = 1.0
-
 Stage = Literal["search", "screening", "refinement"]
-Unit = Literal["simulations", "steps"]
 
 
 @dataclass(slots=True)
@@ -88,75 +83,12 @@ class Tally:
         self.simulations, self.steps = int(record["simulations"]), int(record["steps"])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress(ProgressReport):
-    """Progress of an identification; `share` is the used part of what the stage allows at most.
-
-    `fit_percent` is the best fit so far of what is `fitted`, as "dahl on excerpts"; empty for the model on all samples.
-    `generation` counts in the search, and `median_percent` is the median fit of its population; 0 and NaN outside a
-    search. `evaluations` and `steps` are the candidates and time steps simulated so far, `rates` how many in a second
-    of this stage, and `left` is the time that the stage takes at most [s]; 0 and `None` before they are known.
-    """
-
-    stage: Stage
-    count: int
-    unit: Unit
-    fit_percent: float
-    share: float = field()
-    seconds: float
-    generation: int
-    median_percent: float
-    evaluations: int
-    steps: int
-    fitted: str = ""
-    route: str = ""
-    rates: tuple[float, float] = (0.0, 0.0)
-    left: float | None = None
-
-    @property
-    def best_in_words(self) -> str:
-        """The best fit, and of what it is where that is not the model on all samples."""
-        return f"best {self.fit_percent:.2f} %{f' ({self.fitted})' if self.fitted else ''}"
-
-    @property
-    def in_words(self) -> str:
-        """Stage, generation, fits and rates in one line; what is unknown is left out."""
-        generation = f" {self.generation}" if self.generation else ""
-        parts = [f"{self.stage}{generation}", self.best_in_words]
-        if self.route:
-            parts.append(f"by {self.route}")
-        if math.isfinite(self.median_percent):
-            parts.append(f"median {self.median_percent:.2f} %")
-        if self.unit == "steps":
-            parts.append(f"{self.count} steps")
-        if self.rates[1] > 0.0:
-            parts += [f"{format_rate(self.rates[0])} evaluations/s", f"{format_rate(self.rates[1])} steps/s"]
-        parts.append(duration_in_words(self.seconds))
-        if self.left is not None:
-            parts.append(f"at most {duration_in_words(self.left)} of this stage left")
-        return ", ".join(parts)
-
-
-def since(began: Progress, progress: Progress) -> Progress:
-    """The progress with the rates of the stage that `began` there, and the time that it takes at most."""
-    running, done = progress.seconds - began.seconds, min(progress.share, 1.0) - began.share
-    if running <= 0.0:
-        return progress
-    rates = (
-        (progress.evaluations - began.evaluations) / running,
-        (progress.steps - began.steps) / running,
-    )
-    is_known = running >= _FIRST_ESTIMATE and done > 0.0
-    return replace(
-        progress, rates=rates, left=running * (1.0 - began.share - done) / done if is_known else None
-    )
-
-
 @array_dataclass()
 class Found:
     """What a search has found: its `best` point, (n_params,), its trace, and the share of iterations that are done.
 
-    `fitted` as of `Progress`; `route` is what of the search is at work.
+    `fitted` is what the best fit is of, as "dahl on excerpts", empty for all samples; `route` is what of the
+    search is at work.
     """
 
     best: Callable[[], Floats]
@@ -202,7 +134,7 @@ def part_of(
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
+class Identifying(LongCall["tuple[Floats, SearchTrace]"]):
     """An identification that runs, with the counts of its tally; so far it has a point and the trace that led to it.
 
     `least` is the least misfit of each stage and what it fits: searches and local minimisations follow each other, of
@@ -211,45 +143,43 @@ class Identifying(LongCall[Progress, "tuple[Floats, SearchTrace]"]):
 
     tally: Tally
     least: dict[tuple[Stage, str], float] = field(default_factory=dict)
-    stage_began: Progress | None = None
 
     def on_search(self, found: Found) -> None:
         """Keep the best point of a search for an interrupt, and report the search."""
         trace = found.trace
         self.so_far = lambda: (found.best(), replace(trace, stop_reason="interrupted"))
-        progress = self._progress("search", trace.best[-1], self.tally.simulations, found.fitted)
-        median = 100.0 * (1.0 - trace.median[-1])
-        self._report(
-            replace(
-                progress,
-                share=found.share,
-                generation=len(trace.best),
-                median_percent=median,
-                route=found.route,
-            )
-        )
+        median, generation = 100.0 * (1.0 - trace.median[-1]), len(trace.best)
+        said = [f"by {found.route}"] if found.route else []
+        if math.isfinite(median):
+            said.append(f"median {median:.2f} %")
+        numbers = {"generation": generation, "median_percent": median}
+        self._report("search", f" {generation}", trace.best[-1], found.fitted, said, numbers, found.share)
 
     def on_steps(self, stage: Stage, steps: int, misfit: float, fitted: str = "") -> None:
         """Report local minimisations of what is `fitted`."""
-        self._report(self._progress(stage, misfit, steps, fitted))
+        self._report(stage, "", misfit, fitted, [f"{steps} steps"], {"iterations": steps})
 
-    def _progress(self, stage: Stage, misfit: float, count: int, fitted: str) -> Progress:
+    def _report(
+        self,
+        stage: Stage,
+        where: str,
+        misfit: float,
+        fitted: str,
+        said: Sequence[str],
+        numbers: Mapping[str, float],
+        share: float | None = None,
+    ) -> None:
         least = self.least[stage, fitted] = min(misfit, self.least.get((stage, fitted), math.inf))
-        return Progress(
-            stage=stage,
-            count=count,
-            unit="simulations" if stage == "search" else "steps",
-            fit_percent=100.0 * (1.0 - least),
-            share=0.0,
-            seconds=self.seconds,
-            generation=0,
-            median_percent=math.nan,
-            evaluations=self.tally.simulations,
-            steps=self.tally.steps,
-            fitted=fitted,
+        fit_percent = 100.0 * (1.0 - least)
+        of = f" ({fitted})" if fitted else ""
+        counts = {"evaluations": self.tally.simulations, "steps": self.tally.steps}
+        self.report(
+            Progress(
+                stage=stage,
+                said=(f"{stage}{where}", f"best {fit_percent:.2f} %{of}", *said),
+                share=share,
+                at_most=True,
+                numbers={"fit_percent": fit_percent, **numbers, **counts},
+                rated=tuple(counts),
+            )
         )
-
-    def _report(self, progress: Progress) -> None:
-        if self.stage_began is None or self.stage_began.stage != progress.stage or self.recalling:
-            self.stage_began = progress
-        self.report(since(self.stage_began, progress))

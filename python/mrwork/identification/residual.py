@@ -233,19 +233,12 @@ LossFunction = Callable[[Floats], ArrayLike]
 
 
 # Arrays of NumPy or JAX.
-def _soft_l1(z: Any, xp: Any) -> tuple[Any, Any]:
-    root = xp.sqrt(1.0 + z)
-    return 2.0 * (root - 1.0), 1.0 / root
-
-
-def _huber(z: Any, xp: Any) -> tuple[Any, Any]:
-    root = xp.sqrt(xp.maximum(z, 1.0))
-    return xp.where(z <= 1.0, z, 2.0 * root - 1.0), 1.0 / root
-
-
 _LOSSES: dict[str, Callable[[Any, Any], tuple[Any, Any]]] = {
-    "soft_l1": _soft_l1,
-    "huber": _huber,
+    "soft_l1": lambda z, xp: (2.0 * (xp.sqrt(1.0 + z) - 1.0), 1.0 / xp.sqrt(1.0 + z)),
+    "huber": lambda z, xp: (
+        xp.where(z <= 1.0, z, 2.0 * xp.sqrt(xp.maximum(z, 1.0)) - 1.0),
+        1.0 / xp.sqrt(xp.maximum(z, 1.0)),
+    ),
     "cauchy": lambda z, xp: (xp.log1p(z), 1.0 / (1.0 + z)),
     "arctan": lambda z, xp: (xp.arctan(z), 1.0 / (1.0 + z**2)),
 }

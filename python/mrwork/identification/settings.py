@@ -66,11 +66,6 @@ class UnregisteredSearch:
 Search: TypeAlias = Race | UnregisteredSearch | Optimiser
 
 
-def has_generations(search: Search) -> bool:
-    """Whether the settings of a search have the size of a population and a largest number of generations."""
-    return not isinstance(search, Race | UnregisteredSearch)
-
-
 def resize_search(
     search: Search,
     *,
@@ -86,7 +81,7 @@ def resize_search(
     generations
         Largest number of generations; not for the race.
     """
-    # Any: whoever asks for another size has asked `has_generations`.
+    # Any: whoever asks for another size has seen that it is no race.
     settings: Any = search
     if population is not None:
         settings = replace(settings, population=population)

@@ -26,7 +26,7 @@ from mrwork.dampers.tested_range import Outside as Outside
 from mrwork.dampers.tested_range import covering, least_stroke
 from mrwork.errors import RecordError, SettingError
 from mrwork.records.finding import Finding as Finding
-from mrwork.records.motion import cycle_lengths, half_cycle_lengths, smooth_motion
+from mrwork.records.motion import crossing_instants, smooth_motion
 from mrwork.records.observation import AS_IT_IS, Observation
 
 Channel = Literal["displacement", "force"]
@@ -367,10 +367,11 @@ def range_of_tests(tests: Sequence[DamperTest], unit: CommandUnit | None = None)
 
 def _frequencies(test: DamperTest) -> tuple[float, float] | None:
     """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a half cycle."""
-    seconds = test.dt * cycle_lengths(test.displacement)
+    upward = crossing_instants(test.displacement)
+    seconds = test.dt * np.diff(upward)
     if not seconds.size:
         # About the mean of so short a record, halves are of unequal lengths.
-        halves = half_cycle_lengths(test.displacement)
+        halves = np.diff(np.sort(np.append(upward, crossing_instants(-test.displacement))))
         seconds = 2.0 * test.dt * np.array([halves.mean()] if halves.size else [])
     if not seconds.size:
         return None

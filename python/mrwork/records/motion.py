@@ -368,17 +368,8 @@ def upward_crossings(displacement: Floats) -> NDArray[np.intp]:
     return upward[nearest[nearest >= 0]]
 
 
-def cycle_lengths(displacement: Floats) -> Floats:
-    """Lengths of the complete cycles, shape (n_cycles,), in samples: crossings are interpolated between two of them."""
-    return np.diff(_crossing_instants(displacement))
-
-
-def half_cycle_lengths(displacement: Floats) -> Floats:
-    """Lengths between crossings of either direction, shape (n_half_cycles,), in samples."""
-    return np.diff(np.sort(np.append(_crossing_instants(displacement), _crossing_instants(-displacement))))
-
-
-def _crossing_instants(displacement: Floats) -> Floats:
+def crossing_instants(displacement: Floats) -> Floats:
+    """Instants of the upward crossings in samples, shape (n_crossings,), each interpolated between two samples."""
     crossings = upward_crossings(displacement)
     centred = displacement - np.mean(displacement)
     after = centred[crossings]

@@ -6,9 +6,9 @@ from functools import partial
 from pathlib import Path
 
 from mrwork.base.arguments import checked
+from mrwork.base.progress import OnProgress
 from mrwork.report.fit.page import fit_page, open_run
 from mrwork.report.html import Page
-from mrwork.report.section import OnDrawn, ignore_progress
 from mrwork.report.study.page import study_page
 from mrwork.runs.load import read_run
 from mrwork.store.run_folder import FIT_RUN, RunFolder
@@ -23,7 +23,7 @@ def write_page(
     *,
     summary: bool = False,
     every_test: bool = False,
-    on_progress: OnDrawn = ignore_progress,
+    on_progress: OnProgress | None = None,
 ) -> Path:
     """Draw the page of a run folder of any verb, and write it into the folder.
 
@@ -55,7 +55,7 @@ def write_page(
 
 
 def page_of(
-    path: Path, *, summary: bool, every_test: bool, on_progress: OnDrawn
+    path: Path, *, summary: bool, every_test: bool, on_progress: OnProgress | None
 ) -> tuple[Page, tuple[Prediction, ...]]:
     """The page of the run folder at `place`, and the tests of a fit with the forces of its model."""
     opened = RunFolder.open(path)

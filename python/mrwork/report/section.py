@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,39 +11,10 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from mrwork.base.arguments import checked
-from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.plots.canvas import inline_svg
 from mrwork.plots.drawn import drawn_csv
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PageProgress(ProgressReport):
-    """Parts of a page, or figure files, that are `done` of `total`, and the next `task` in words."""
-
-    done: int
-    total: int
-    task: str
-
-    @property
-    def in_words(self) -> str:
-        """Progress of a page in one line: drawn parts, and the next one."""
-        return f"drawing the page, {self.done} of {self.total}: {self.task}"
-
-    @property
-    def share(self) -> float | None:
-        """Share that is done, `None` where it is not known."""
-        return self.done / self.total if self.total else None
-
-
-OnDrawn = Callable[[PageProgress], None]
-"""Receives the progress of a page."""
-
-
-def ignore_progress(_: PageProgress) -> None:
-    """Take the progress of a page and show nothing."""
-
 
 # At this scale the letters of a figure are as large as the small ones of the page.
 _PIXELS_PER_INCH = 78

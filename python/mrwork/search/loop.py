@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -210,7 +209,7 @@ def run_search(
         facts = {"optimiser": optimiser.name, "settings": optimiser, "seed": rng, "n_params": n_params}
         journal.agree("search", {**facts, "generation": latest.course.generation})
     began, elapsed, reason = time.perf_counter(), 0.0, ""
-    call: LongCall[Any, SearchResult] = LongCall(
+    call: LongCall[SearchResult] = LongCall(
         journal=journal, so_far=lambda: _result(latest, "interrupted", time.perf_counter() - began)
     )
     with call.keeping("search"):

@@ -159,7 +159,7 @@ def run_front(
     static = library("pymoo.problems.static").StaticProblem
     evaluator = library("pymoo.core.evaluator").Evaluator()
     units, values = np.empty((0, n_params)), np.empty((0, n_objectives + n_constraints))
-    call: LongCall[Any, Any] = LongCall(journal=journal)
+    call: LongCall[Any] = LongCall(journal=journal)
     while len(units) + population <= max(budget, population):
         asked = algorithm.ask()
         points = np.clip(np.asarray(asked.get("X"), dtype=np.float64), 0.0, 1.0)

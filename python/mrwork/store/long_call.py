@@ -7,16 +7,16 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
+from mrwork.base.progress import OnProgress, Progress, since
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.errors import Interrupted
 from mrwork.store.codec import digest_of
 from mrwork.store.journal import Journal
 
 T = TypeVar("T")
-Report = TypeVar("Report")
 SoFar = TypeVar("SoFar")
 # Interval at which Ctrl-C is noticed while a thread works [s].
 _POLL_SECONDS = 0.05
@@ -55,7 +55,7 @@ class _Numbers:
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class LongCall(Generic[Report, SoFar]):
+class LongCall(Generic[SoFar]):
     """A computation that can be resumed, watched and stopped.
 
     `journal` recalls its steps. `on_progress` takes its reports, and ends it by returning true. `so_far` makes the best
@@ -64,9 +64,10 @@ class LongCall(Generic[Report, SoFar]):
     """
 
     journal: Journal | None = None
-    on_progress: Callable[[Report], bool | None] | None = None
+    on_progress: OnProgress | None = None
     so_far: Callable[[], SoFar | None] | None = None
     began: float = field(default_factory=time.perf_counter)
+    _stage_began: Progress | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         if self.journal is not None:
@@ -92,9 +93,19 @@ class LongCall(Generic[Report, SoFar]):
         """The result of a step as above that is an array."""
         return self.step(name, _Numbers, lambda: _Numbers(values=compute()), *inputs).values
 
-    def report(self, progress: Report) -> None:
+    def ends(self, progress: Progress) -> bool:
+        """Report progress with its times, and whether it ends the call; a stage begins here after recalled steps."""
+        if self.on_progress is None:
+            return False
+        progress = replace(progress, seconds=self.seconds)
+        began = self._stage_began
+        if began is None or began.stage != progress.stage or self.recalling:
+            self._stage_began = began = progress
+        return not self.recalling and bool(self.on_progress(since(began, progress)))
+
+    def report(self, progress: Progress) -> None:
         """Report progress, but not of steps that are recalled."""
-        if self.on_progress is not None and not self.recalling and self.on_progress(progress):
+        if self.ends(progress):
             raise Interrupted(None, "computation", stopped=True)
 
     @contextmanager

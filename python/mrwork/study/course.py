@@ -6,14 +6,13 @@ import math
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from mrwork.base.numbers import duration_in_words
-from mrwork.base.progress import ProgressReport
+from mrwork.base.progress import OnProgress, Progress, time_left
 from mrwork.buildings.groups import commanded, products_of
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
@@ -27,32 +26,6 @@ Kind = Literal["without dampers", "core", "rollout", "Python", "JAX"]
 
 What = Literal["constant commands", "runs", "realisations", "runs with half the step"]
 """What is simulated of a row at once: the runs themselves, constant commands before them, what is asked for beside."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StudyProgress(ProgressReport):
-    """Progress of a study: the label of the present runs, those done and in total, elapsed time [s].
-
-    `left` is the time that is left [s], `None` where it is not known, as before the first runs of a kind are done.
-    """
-
-    label: str
-    done: int = 0
-    total: int = 0
-    seconds: float = 0.0
-    left: float | None = None
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line: completed runs, the next ones, the remaining time."""
-        runs = [f"{self.done} of {self.total} runs"] if self.total else []
-        left = [] if self.left is None else [f"about {duration_in_words(self.left)} left"]
-        return ", ".join([*runs, self.label, duration_in_words(self.seconds), *left])
-
-    @property
-    def share(self) -> float | None:
-        """Share of the time that has passed; `None` if unknown."""
-        return None if self.left is None else self.seconds / max(self.seconds + self.left, 1e-9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +46,7 @@ class Course:
 
     def __init__(
         self,
-        on_progress: Callable[[StudyProgress], bool | None] | None = None,
+        on_progress: OnProgress | None = None,
         steps: Sequence[Step] = (),
         total: int = 0,
     ) -> None:
@@ -98,13 +71,16 @@ class Course:
         if self._on_progress is None or done == total:
             return
         within = f" {done:,} of {total:,}" if done else ""
+        runs = [f"{self._done} of {self._total} runs"] if self._total else []
+        seconds, left = time.perf_counter() - self._began, self._time_left()
         self._on_progress(
-            StudyProgress(
-                done=self._done,
-                total=self._total,
-                label=f"{self._label}{within}{by_whom()}",
-                seconds=time.perf_counter() - self._began,
-                left=self._time_left(),
+            Progress(
+                stage="study",
+                said=(*runs, f"{self._label}{within}{by_whom()}"),
+                share=None if left is None else seconds / max(seconds + left, 1e-9),
+                numbers={"runs": self._done},
+                seconds=seconds,
+                left=left,
             )
         )
 
@@ -119,10 +95,9 @@ class Course:
         left, seconds, simulated = self._standing(self._share)
         if not self._total:
             return None
-        rates = {kind: seconds[kind] / cost for kind, cost in simulated.items()}
-        if "core" in rates:
-            rates.setdefault("rollout", rates["core"])
-        return sum(left[kind] * rates[kind] for kind in left) if left.keys() <= rates.keys() else None
+        if simulated["core"] > 0.0 and not simulated["rollout"]:
+            simulated["rollout"], seconds["rollout"] = simulated["core"], seconds["core"]
+        return time_left(left, simulated, seconds)
 
 
 LEVELS = 21

@@ -19,7 +19,7 @@ from mrwork.closed_loop.evaluation import ratio
 from mrwork.closed_loop.responses import demand_of
 from mrwork.control.weights.limits import sine_force
 from mrwork.dampers.spec import worst_laws
-from mrwork.dampers.tested_range import Exceedance, Outside, worst_of
+from mrwork.dampers.tested_range import Outside, worst_of
 from mrwork.study.results import DeviceDemand, StudyResults
 from mrwork.study.runs import Runs
 from mrwork.study.study import Study
@@ -54,11 +54,6 @@ def demands_of(
         )
         demands.append(DeviceDemand(device=device.name, demand=demand, outside=device.outside(demand)))
     return tuple(demands)
-
-
-def worst_by_quantity(demands: Sequence[DeviceDemand]) -> tuple[Exceedance, ...]:
-    """The worst exceedance of each quantity over the devices."""
-    return tuple(worst for worst, _, _ in worst_of([(demand.device, demand.outside) for demand in demands]))
 
 
 def _outside_in_words(results: StudyResults) -> Iterator[str]:

@@ -13,7 +13,7 @@ import numpy as np
 from mrwork.base import arguments
 from mrwork.base.table import csv_text
 from mrwork.closed_loop.evaluation import criteria
-from mrwork.dampers.tested_range import covering
+from mrwork.dampers.tested_range import covering, worst_of
 from mrwork.errors import RecordError
 from mrwork.store.codec import built, json_document
 from mrwork.store.netcdf import netcdf_of, read_netcdf
@@ -28,7 +28,6 @@ from mrwork.store.run_folder import (
     RunFolder,
 )
 from mrwork.study.comparison import Comparison, compared, findings, judged_in_words, motion_groups
-from mrwork.study.damper_size import worst_by_quantity
 from mrwork.study.results import (
     DeviceDemand,
     Ensemble,
@@ -245,7 +244,9 @@ def _describe_run(results: StudyResults, row: int, motion: int) -> dict[str, Any
         )
         if is_known
         else None,
-        "exceedances": tuple(map(asdict, worst_by_quantity(demands))),
+        "exceedances": tuple(
+            asdict(worst) for worst, *_ in worst_of([(demand.device, demand.outside) for demand in demands])
+        ),
         "demand": asdict(covering([demand.demand for demand in demands])) if demands else None,
         "bands": {
             entry.name: asdict(band)

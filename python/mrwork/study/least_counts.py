@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import ClassVar, Literal
@@ -11,6 +11,7 @@ from typing import ClassVar, Literal
 from mrwork.base.arguments import Count, Threads, Whole, checked
 from mrwork.base.numbers import counted
 from mrwork.base.plotted import Plotted
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.summary import Summarised, Summary, list_names, named
 from mrwork.base.table import Table
 from mrwork.buildings.groups import commanded
@@ -18,7 +19,7 @@ from mrwork.closed_loop.evaluation import Scales, criterion, searched
 from mrwork.closed_loop.responses import in_command_unit, quantity_named
 from mrwork.errors import Interrupted, SettingError
 from mrwork.study.comparison import small_first
-from mrwork.study.course import StudyProgress, n_constant
+from mrwork.study.course import n_constant
 from mrwork.study.fragilities import limit_of
 from mrwork.study.reading import counted_study
 from mrwork.study.run import run_study
@@ -129,7 +130,7 @@ class _Trials:
     criterion: str
     limit: float
     threads: int
-    on_progress: Callable[[StudyProgress], None] | None
+    on_progress: OnProgress | None
     tried: dict[tuple[int, ...], TriedCounts] = field(default_factory=dict)
     runs: int = 0
 
@@ -140,9 +141,9 @@ class _Trials:
         return self.tried[counts].values
 
     def _simulate(self, counts: tuple[int, ...]) -> list[float]:
-        def report(progress: StudyProgress) -> None:
+        def report(progress: Progress) -> None:
             if self.on_progress is not None:
-                self.on_progress(replace(progress, label=f"{_counts_in_words(counts)}, {progress.label}"))
+                self.on_progress(replace(progress, said=(_counts_in_words(counts), *progress.said)))
 
         study = counted_study(self.study, counts)
         compared = tuple(arrangement for arrangement in study.arrangements if arrangement.row.kind in _KINDS)
@@ -188,7 +189,7 @@ def damper_counts(
     limit: Mapping[str, float | str] | None = None,
     by: By = "uniform",
     most: Count = MOST,
-    on_progress: Callable[[StudyProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
     threads: Threads = 0,
 ) -> DamperCounts:
     """Find how many dampers keep a limit of a criterion under every motion that a study is judged on.

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from functools import partial
 
 from mrwork.base.arguments import Threads, checked
+from mrwork.base.progress import OnProgress
 from mrwork.base.summary import named
 from mrwork.closed_loop.evaluation import Scales
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.course import Course, StudyProgress, What, steps_of
+from mrwork.study.course import Course, What, steps_of
 from mrwork.study.damper_size import judged_by_demand
 from mrwork.study.histories import RunHistory
 from mrwork.study.loop_runs import scales_of
@@ -32,7 +33,7 @@ def run_study(
     journal: Journal | None = None,
     kept: Callable[[int, int], bool] = lambda row, motion: True,
     keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None,
-    on_progress: Callable[[StudyProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
     check_step: bool = False,
     threads: Threads = 0,
     executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator

@@ -10,7 +10,7 @@ of 20 storeys.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -21,6 +21,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.keys import as_document, keys_of, toml_value
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.places import keyed, read_each
+from mrwork.base.progress import OnProgress
 from mrwork.base.summary import list_names, named
 from mrwork.base.values import Floats
 from mrwork.buildings import Building
@@ -36,7 +37,7 @@ from mrwork.errors import SettingError, SimulationError
 from mrwork.motions import GroundMotion
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
-from mrwork.study.course import LEVELS, ROUNDS, Course, StudyProgress
+from mrwork.study.course import LEVELS, ROUNDS, Course
 from mrwork.study.loop_runs import OnBlock, simulate_criteria
 from mrwork.study.runs import Runs
 from mrwork.study.schema import PASSIVE_OFF, PASSIVE_ON
@@ -169,7 +170,7 @@ class Trials:
             runs=runs.outcome.size,
         ), runs.of_row(best)
 
-    def chosen(self, call: LongCall[Any, Any], shares: dict[str, BestConstant]) -> tuple[Arrangement, str]:
+    def chosen(self, call: LongCall[Any], shares: dict[str, BestConstant]) -> tuple[Arrangement, str]:
         """The arrangement under its best constant commands, and a sentence on the choice.
 
         `shares` are the best shares of the largest commands that were found, by the digest of the runs.
@@ -283,7 +284,7 @@ def designed(
     study: Study,
     *,
     journal: Journal | None = None,
-    on_progress: Callable[[StudyProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Study:
     """Return the study with the gains of all its laws, as `run_study` and `tune` make it first.
 
@@ -311,7 +312,7 @@ def designed(
     if all(arrangement.named is None for arrangement in study.arrangements):
         return study
     call, course = (
-        LongCall[StudyProgress, Study](journal=journal, on_progress=on_progress),
+        LongCall[Study](journal=journal, on_progress=on_progress),
         Course(on_progress),
     )
     on_training = named(study, "chosen_on", "hardware")
@@ -336,7 +337,7 @@ class _Lacking:
 
     trials: Trials
     whole: DesignProblem
-    call: LongCall[StudyProgress, Study]
+    call: LongCall[Study]
     course: Course
 
     def design(self, named: NamedLaw) -> tuple[ControlLaw, TakenSettings]:

@@ -11,11 +11,11 @@ from typing import Any, ClassVar
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.numbers import apart, significant, with_decimals
+from mrwork.base.progress import OnProgress
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.control.laws.law_settings import design_law, settings_of
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.journal import Journal
-from mrwork.study.course import StudyProgress
 from mrwork.study.histories import RunHistory
 from mrwork.study.results import StudyResults
 from mrwork.study.run import run_study
@@ -134,7 +134,7 @@ def judge(
     journal: Journal | None = None,
     kept: Callable[[int, int], bool] = lambda row, motion: True,
     keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None,
-    on_progress: Callable[[StudyProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
     threads: Threads = 0,
     executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> TunedStudy:

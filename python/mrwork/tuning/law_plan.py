@@ -54,7 +54,7 @@ class Bench(Summarised):
 
     study: Study
     realisations: Realisations | None = None
-    call: LongCall[Any, Any] = field(default_factory=LongCall)
+    call: LongCall[Any] = field(default_factory=LongCall)
     threads: int = 0
     baselines: Mapping[str, Runs] = field(default_factory=dict)
 

@@ -8,15 +8,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from mrwork.base.numbers import duration_in_words, round_to
+from mrwork.base.numbers import round_to
 from mrwork.base.places import keyed
-from mrwork.base.progress import ProgressReport
 from mrwork.base.summary import named
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.buildings.groups import largest_command
@@ -64,35 +63,6 @@ _SCANNED = {
 # Share b of the semi-active condition, and factors of the budget that the dampers have.
 _SHARE = 0.1
 _SCALES = (0.2, 0.4, 0.8, 1.6, 3.2)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TuningProgress(ProgressReport):
-    """Progress of a tuning: the present search, its candidates and most of them, its least objective, searches done.
-
-    A search is of the placements, of a law, or of its front. `seconds` are of this process.
-    """
-
-    label: str
-    candidates: int
-    budget: int
-    least: float
-    done: int
-    total: int
-    seconds: float
-
-    @property
-    def share(self) -> float:
-        """The part of all candidates that is done, also before a tuning was resumed."""
-        return (self.done + min(self.candidates / self.budget, 1.0)) / self.total
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line: the present search, its candidates, its least objective, searches done."""
-        return (
-            f"{self.label}: {self.candidates} of {self.budget} candidates, least objective {self.least:.4f}, "
-            f"{self.done} of {self.total} searches done, {duration_in_words(self.seconds)}"
-        )
 
 
 Shape = tuple[Mapping[str, Any], str]

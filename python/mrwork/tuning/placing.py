@@ -88,7 +88,7 @@ def placed_study(study: Study, placed: Placed) -> Study:
 
 
 def compare_places(
-    study: Study, *, call: LongCall[Any, Any], threads: int, on_compared: Callable[[int, int, float], None]
+    study: Study, *, call: LongCall[Any], threads: int, on_compared: Callable[[int, int, float], None]
 ) -> list[Placement]:
     """The placements of a study that has a table of them, by the score of their best constant command, best first.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
@@ -15,6 +15,7 @@ import numpy as np
 from mrwork.base.arguments import Seed, Threads, checked
 from mrwork.base.keys import given_in
 from mrwork.base.places import Place, keyed, read_each
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.closed_loop.evaluation import Scales, criterion
 from mrwork.closed_loop.own_runs import beyond_twin
 from mrwork.control.laws.law_settings import SETTINGS
@@ -28,7 +29,6 @@ from mrwork.study.study import Study, fingerprint_of
 from mrwork.study.trials import designed, magnitudes_of_runs
 from mrwork.tuning.law_plan import Bench, LawPlan, check_controllable, without_gradient
 from mrwork.tuning.law_tuning import (
-    TuningProgress,
     check_settings,
     constant_commands,
     first_candidates,
@@ -55,7 +55,7 @@ def tune(
     rng: Seed = 0,
     journal: Journal | None = None,
     threads: Threads = 0,
-    on_progress: Callable[[TuningProgress], bool | None] | None = None,
+    on_progress: OnProgress | None = None,
     executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> TuningResults:
     """Tune the settings of control laws on the training motions of a study; `mr.tuning.judge` judges them.
@@ -130,18 +130,19 @@ def tune(
             seconds=call.seconds,
         )
 
-    call = LongCall[TuningProgress, TuningResults](journal=journal, on_progress=on_progress, so_far=found)
+    call = LongCall[TuningResults](journal=journal, on_progress=on_progress, so_far=found)
 
     def report(label: str, candidates: int, most: int, least: float = math.nan) -> None:
+        done = bool(places) + len(tuned) + len(fronts)
         call.report(
-            TuningProgress(
-                label=f"{label}{by_whom()}",
-                candidates=candidates,
-                budget=most,
-                least=least,
-                done=bool(places) + len(tuned) + len(fronts),
-                total=total,
-                seconds=call.seconds,
+            Progress(
+                stage="tuning",
+                said=(
+                    f"{label}{by_whom()}: {candidates} of {most} candidates, least objective {least:.4f}",
+                    f"{done} of {total} searches done",
+                ),
+                share=(done + min(candidates / most, 1.0)) / total,
+                numbers={"candidates": candidates},
             )
         )
 
@@ -172,7 +173,7 @@ def plan_of(study: Study, table: TuneTable, threads: int) -> LawPlan:
 
 
 def _plan(
-    study: Study, tables: Sequence[TuneTable], call: LongCall[Any, Any], threads: int
+    study: Study, tables: Sequence[TuneTable], call: LongCall[Any], threads: int
 ) -> tuple[list[LawPlan], Iterator[TunedLaw]]:
     """The laws of tables, and the references, those with weights still to be simulated."""
     bench = Bench(study=study, call=call, threads=threads)

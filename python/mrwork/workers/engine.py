@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 import pickle
 import shutil
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import contextmanager
@@ -23,7 +22,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from mrwork.base.arguments import Whole, checked
 from mrwork.base.blas import one_blas_thread
-from mrwork.base.numbers import counted, duration_in_words
+from mrwork.base.numbers import counted
 from mrwork.errors import MrworkError, WorkerError, reason_of
 from mrwork.store.journal import Journal
 from mrwork.store.run_folder import chunks_beside
@@ -52,11 +51,10 @@ def _prepared(common: bytes) -> tuple[Callable[..., Any], object]:
 
 @dataclass(slots=True)
 class _Stand:
-    """Where the present work stands: chunks done and in total, and when it began."""
+    """Where the present work stands: chunks done and in total."""
 
     done: int = 0
     total: int = 0
-    began: float = 0.0
 
 
 @checked
@@ -102,14 +100,10 @@ class Workers:
 
     @property
     def in_words(self) -> str:
-        """Where the present work stands: chunks done, workers, and the time left if the other chunks last as long."""
+        """Where the present work stands: chunks done, and workers."""
         stand = self._stand
         chunks = f"{stand.done} of {stand.total} chunks" if stand.total else "chunks"
-        words = f"{chunks} on {counted(self.n_workers, 'worker')}"
-        if not stand.done:
-            return words
-        left = (time.perf_counter() - stand.began) / stand.done * (stand.total - stand.done)
-        return f"{words}, about {duration_in_words(left)} left"
+        return f"{chunks} on {counted(self.n_workers, 'worker')}"
 
     @checked
     def futures(
@@ -136,7 +130,7 @@ class Workers:
         running: dict[Future[T], int] = {}
         done: dict[int, Future[T]] = {}
         stand = self._stand
-        stand.done, stand.total, stand.began = 0, len(chunks), time.perf_counter()
+        stand.done, stand.total = 0, len(chunks)
         try:
             for asked in range(len(chunks)):
                 while asked not in done:

@@ -266,17 +266,13 @@ class CostWeights:
 
     def _weigh_designed(self, wishes: WeightWishes, problem: DesignProblem) -> Weighed:
         """Cost of designed weights, scaled such that the mean control weight is 1 as designed."""
-        self.check_designed_alone()
+        for name in (*self._names(), "energy"):
+            if getattr(self, name) is not None:
+                raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
         designed = wishes.of_problem(problem, self.budget_scale)
         scale = 1.0 / float(designed.control_weight.mean())
         S = designed.R - np.diag(designed.control_weight)
         return Weighed(Q=scale * designed.Q, N=scale * designed.N, S=scale * S)
-
-    def check_designed_alone(self) -> None:
-        """Refuse other weights besides designed ones."""
-        for name in (*self._names(), "energy"):
-            if getattr(self, name) is not None:
-                raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
 
     def weights(self, problem: DesignProblem) -> DesignedWeights | None:
         """The designed weights, if the law has any."""

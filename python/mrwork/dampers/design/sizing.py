@@ -6,8 +6,8 @@ A Pareto front shows what the same wishes cost: size against dynamic range again
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -15,9 +15,8 @@ import numpy as np
 from mrwork.base.arguments import Count, NotNegative, Positive, Seed, checked
 from mrwork.base.hints import Within
 from mrwork.base.keys import check_known
-from mrwork.base.numbers import duration_in_words
 from mrwork.base.plotted import Plotted
-from mrwork.base.progress import ProgressReport
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
@@ -152,30 +151,8 @@ class SizedDamper(Summarised):
         return replace(summary, facts=facts)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SizingProgress(ProgressReport):
-    """Progress after a generation; `volume` [m^3] of the smallest damper that meets the wishes, NaN without one."""
-
-    stage: Literal["smallest", "front"]
-    evaluations: int
-    share: float = field()
-    volume: float
-    seconds: float
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line: the search, its candidates, the smallest damper."""
-        least = (
-            "none meets the wishes yet" if math.isnan(self.volume) else f"smallest {1e3 * self.volume:.3g} l"
-        )
-        return f"{self.stage}, {self.evaluations} candidates, {least}, {duration_in_words(self.seconds)}"
-
-
-OnSizing = Callable[[SizingProgress], bool | None]
-
-
 @dataclass(slots=True, kw_only=True, eq=False)
-class _Sizing(LongCall[SizingProgress, Any]):
+class _Sizing(LongCall[Any]):
     """A search of a damper that runs: what it has to do, its materials, its `best` design and candidates so far.
 
     The `budget` of candidates is for the whole search.
@@ -202,18 +179,21 @@ class _Sizing(LongCall[SizingProgress, Any]):
         """The design at a point of the unit cube, see `candidate`."""
         return candidate(unit, self.wishes, self.fluid, self.steel)
 
-    def ends(self, stage: Literal["smallest", "front"], least: float) -> bool:
-        """Whether the callback ends the search; `least` is the misfit of the best candidate, see `smallest`."""
-        if self.on_progress is None:
-            return False
-        progress = SizingProgress(
-            stage=stage,
-            evaluations=self.evaluations,
-            share=min(self.evaluations / self.budget, 1.0),
-            volume=least * self.wishes.volume if least <= 1.0 else math.nan,
-            seconds=self.seconds,
+    def stops(self, stage: Literal["smallest", "front"], least: float) -> bool:
+        """Report a generation, and whether the search ends; `least` is the misfit of the best candidate.
+
+        The numbers are the `evaluations`, and the `volume` [m^3] of the smallest damper that meets the wishes or NaN.
+        """
+        volume = least * self.wishes.volume if least <= 1.0 else math.nan
+        smallest = "none meets the wishes yet" if math.isnan(volume) else f"smallest {1e3 * volume:.3g} l"
+        return self.ends(
+            Progress(
+                stage=stage,
+                said=(stage, f"{self.evaluations} candidates", smallest),
+                share=min(self.evaluations / self.budget, 1.0),
+                numbers={"evaluations": self.evaluations, "volume": volume},
+            )
         )
-        return bool(self.on_progress(progress))
 
     def smallest(self, search: str, budget: int, rng: int) -> SearchResult:
         """Search of the smallest damper: the misfit is its share of the envelope, and above 1 where wishes are missed.
@@ -232,7 +212,7 @@ class _Sizing(LongCall[SizingProgress, Any]):
 
         def on_generation(result: SearchResult) -> bool:
             self.best, self.evaluations = self.design(result.best_unit), result.evaluations
-            return self.ends("smallest", result.best_misfit)
+            return self.stops("smallest", result.best_misfit)
 
         return run_search(
             replace(optimiser, stop=stop),
@@ -252,7 +232,7 @@ def size_damper(
     search: str = "differential_evolution",
     budget: Count = 4000,
     rng: Seed = 0,
-    on_progress: OnSizing | None = None,
+    on_progress: OnProgress | None = None,
 ) -> SizedDamper:
     """The damper of the least volume that meets the wishes.
 
@@ -393,7 +373,7 @@ def size_front(
     population: Annotated[int, Within(least=8, most=10_000)] = 60,
     budget: Count = 6000,
     rng: Seed = 0,
-    on_progress: OnSizing | None = None,
+    on_progress: OnProgress | None = None,
 ) -> SizeFront:
     """The front of volume, dynamic range and power among dampers that meet the wishes, by NSGA-II.
 
@@ -449,7 +429,7 @@ def size_front(
 
         def on_generation(evaluations: int) -> bool:
             sizing.evaluations = first.evaluations + evaluations
-            return sizing.ends("front", float(values[:, 0].min()))
+            return sizing.stops("front", float(values[:, 0].min()))
 
         if first.stop_reason != "callback":
             run_front(

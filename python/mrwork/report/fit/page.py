@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from mrwork.base import numbers
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.summary import list_names
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
@@ -20,8 +21,9 @@ from mrwork.report.fit.parameters import parameters_section
 from mrwork.report.fit.residuals import residual_section
 from mrwork.report.fit.search import search_section
 from mrwork.report.html import Page, page_html
-from mrwork.report.section import Group, OnDrawn, PageProgress, Section, ignore_progress, warning_section
+from mrwork.report.section import Group, Section, warning_section
 from mrwork.runs.load import StoredRun, with_additions
+from mrwork.store.long_call import LongCall
 from mrwork.store.run_folder import FIGURES
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.prediction import Prediction, predictions_of
@@ -37,7 +39,7 @@ def fit_page(
     *,
     every_test: bool = False,
     summary: bool = False,
-    on_progress: OnDrawn = ignore_progress,
+    on_progress: OnProgress | None = None,
 ) -> Page:
     """The page of a run: its front, and below it the sections on its fit and on what later verbs have added.
 
@@ -47,10 +49,10 @@ def fit_page(
     if summary:
         return page_html(fit_lead(run, predictions))
     total = len(predictions) + 1
-    done = itertools.count()
+    done, call = itertools.count(), LongCall[None](on_progress=on_progress)
 
     def before(task: str) -> None:
-        on_progress(PageProgress(done=next(done), total=total, task=task))
+        call.report(_drawing(next(done), total, task))
 
     of_tests = tests_section(run.fit, predictions, every_test=every_test, before=before)
     before("other sections of the page")
@@ -138,11 +140,17 @@ def _plain(value: object) -> str:
     )
 
 
-def write_figures(path: Path, page: Page, *, on_progress: OnDrawn = ignore_progress) -> tuple[str, ...]:
+def write_figures(path: Path, page: Page, *, on_progress: OnProgress | None = None) -> tuple[str, ...]:
     """Write every figure of a page as an SVG and a PNG file into its folder; return their names without suffix."""
-    pictures: dict[str, bytes] = {}
+    pictures, call = dict[str, bytes](), LongCall[None](on_progress=on_progress)
     for number, (name, figure) in enumerate(page.figures.items()):
-        on_progress(PageProgress(done=number, total=len(page.figures), task=f"figure {name}"))
+        call.report(_drawing(number, len(page.figures), f"figure {name}"))
         pictures |= {f"{FIGURES}/{name}.svg": svg_bytes(figure), f"{FIGURES}/{name}.png": png_bytes(figure)}
     add_to_run(path, pictures)
     return tuple(page.figures)
+
+
+def _drawing(done: int, total: int, task: str) -> Progress:
+    """Parts of a page, or figure files, that are done, and the next one in words."""
+    said = f"drawing the page, {done} of {total}: {task}"
+    return Progress(stage="page", said=(said,), share=done / total, numbers={"done": done, "total": total})

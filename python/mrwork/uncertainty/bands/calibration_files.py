@@ -8,13 +8,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import format_fixed, percent
-from mrwork.base.progress import ProgressReport
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.table import Table
 from mrwork.base.values import Floats, freeze_samples
@@ -25,6 +25,7 @@ from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest
 from mrwork.records.likeness import RecordedMotion, alike_groups
 from mrwork.store.codec import built, digest_of, json_document, plain
+from mrwork.store.long_call import LongCall
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, RunFolder
 from mrwork.store.run_writer import add_to_run
 from mrwork.uncertainty.bands.conformal import (
@@ -42,10 +43,6 @@ from mrwork.uncertainty.bands.prediction import (
     predict_left_out,
     rests_of,
 )
-from mrwork.workers.engine import present_workers
-
-if TYPE_CHECKING:
-    from mrwork.identification.progress import Progress
 
 
 def _thousandths(value: float) -> str:
@@ -237,23 +234,8 @@ def _prediction(facts: dict[str, Any], number: int, arrays: Mapping[str, NDArray
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FoldProgress(ProgressReport):
-    """Progress of a cross-validation: the `fold` that is fitted, as "motion 2 of 9", and how far its fit is."""
-
-    fold: str
-    progress: Progress | None
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line, of the workers where they fit."""
-        if (workers := present_workers()) is not None:
-            return workers.in_words
-        return self.fold if self.progress is None else f"{self.fold}: {self.progress.in_words}"
-
-
 def cross_validated(
-    opened: OpenedRun, leave_out: Fold = "test", *, threads: int, on_progress: Callable[[FoldProgress], None]
+    opened: OpenedRun, leave_out: Fold = "test", *, threads: int, on_progress: OnProgress
 ) -> tuple[tuple[Prediction, ...], tuple[Prediction, ...]]:
     """Predictions of the tests of a run, each by a fit to the others, which is kept in the run for another call.
 
@@ -278,13 +260,17 @@ def cross_validated(
     stored = {name: opened.run.read(Fit, name, verb=_VERB) for name in names}
     fits = {name: fit for name, fit in stored.items() if fit is not None}
     missing = [number for number, name in enumerate(names) if name not in (*fits, *names[:number])]
-    settings = opened.fit.settings.again
+    settings, call = opened.fit.settings.again, LongCall[None](on_progress=on_progress)
+
+    def report(number: int, within: Progress | None) -> None:
+        fold = f"{leave_out} {missing[number] + 1} of {len(rests)}"
+        said = () if within is None else within.said
+        call.report(Progress(stage="folds", said=(fold, *said), share=number / len(missing)))
+
     batch = FitBatch(
         tasks=[FitTask(spec=opened.fit.spec, tests=rests[number], settings=settings) for number in missing],
         threads=threads,
-        on_progress=lambda number, progress: on_progress(
-            FoldProgress(fold=f"{leave_out} {missing[number] + 1} of {len(rests)}", progress=progress)
-        ),
+        on_progress=report,
         on_fit=lambda number, fit: add_to_run(opened.run.path, {names[missing[number]]: fit_content(fit)}),
     )
     for task_number, number in enumerate(missing):

@@ -5,7 +5,7 @@ A family is a model with the laws and bounds that apply to its parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -18,8 +18,7 @@ from mrwork.base.arguments import Threads, checked
 from mrwork.base.blas import on_one_blas_thread
 from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArrays, WithAxes
-from mrwork.base.numbers import duration_in_words
-from mrwork.base.progress import ProgressReport
+from mrwork.base.progress import OnProgress, Progress, time_left
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.laws import LawName
@@ -37,7 +36,6 @@ from mrwork.identification.commands import count_levels, refuse_few_levels, with
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import command_warning
-from mrwork.identification.progress import Progress
 from mrwork.identification.settings import FitSettings, Fold
 from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
@@ -151,42 +149,8 @@ class Choice(WithAxes, Summarised):
         return self.ranking._summary()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChoiceProgress(ProgressReport):
-    """Progress of a choice of model or of laws; `within` is the current fit; `seconds_left` is `None` if unknown.
-
-    `share` of the fits is done, `None` where their number is not known.
-    Where laws are chosen, `n_tried` sets are done, and the best of them has the left-out fit `left_out_percent`.
-    """
-
-    model: str
-    number: int = 1
-    n_models: int = 1
-    task: str
-    seconds: float = 0.0
-    seconds_left: float | None = None
-    within: Progress | None = None
-    n_tried: int = 0
-    left_out_percent: float = np.nan
-    share: float | None = field(default=None)
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line: the model if one of several, the task, the best laws, the fit, the time."""
-        parts = [f"{self.model}, model {self.number} of {self.n_models}"] if self.n_models > 1 else []
-        parts.append(self.task)
-        if self.n_tried:
-            parts.append(f"{self.n_tried} tried, best left-out fit {self.left_out_percent:.2f} %")
-        if self.within is not None:
-            parts.append(f"{self.within.stage}, {self.within.best_in_words}")
-        parts.append(duration_in_words(self.seconds))
-        if self.seconds_left is not None:
-            parts.append(f"about {duration_in_words(self.seconds_left)} left")
-        return ", ".join(parts)
-
-
 @dataclass(slots=True, kw_only=True, eq=False)
-class Choosing(LongCall[ChoiceProgress, Choice]):
+class Choosing(LongCall[Choice]):
     """A choice that runs: its tests, models and splits, the journal of each step, and why models failed."""
 
     tests: tuple[DamperTest, ...]
@@ -207,11 +171,28 @@ class Choosing(LongCall[ChoiceProgress, Choice]):
         except MrworkError as error:
             self.failed[model] = str(error)
 
-    def tell(self, progress: ChoiceProgress) -> None:
-        """Report the progress of a model, with its number and the time."""
-        names = [model.name for model in self.models]
-        number = 1 + names.index(progress.model)
-        self.report(replace(progress, number=number, n_models=len(names), seconds=self.seconds))
+    def tell(
+        self,
+        model: str,
+        *said: str,
+        within: Progress | None = None,
+        share: float | None = None,
+        left: float | None = None,
+        numbers: Mapping[str, float] | None = None,
+    ) -> None:
+        """Report what is said of a model, which is named where there are several, and of the fit `within`, if any."""
+        names = [each.name for each in self.models]
+        of_several = [f"{model}, model {1 + names.index(model)} of {len(names)}"] if len(names) > 1 else []
+        of_fit = () if within is None else within.said[:2]
+        self.report(
+            Progress(
+                stage="choice",
+                said=(*of_several, *said, *of_fit),
+                share=share,
+                left=left,
+                numbers=numbers or {},
+            )
+        )
 
     def failing(self, model: DamperSpec) -> Standing:
         """The standing of a model that could not be fitted, with the reason."""
@@ -316,20 +297,17 @@ class _ChoosingModel(Choosing):
         self.done += len(fit.spec.parameters)
 
     def _report_fit(self, number: int, within: Progress | None) -> None:
-        n_splits, workers = self.splits.n_splits, present_workers()
+        n_splits = self.splits.n_splits
         model_index, fold = divmod(number, 1 + n_splits)
-        task = f"left out {fold} of {n_splits}" if fold else "all tests"
         total = (1 + n_splits) * sum(len(model.parameters) for model in self.models)
-        left = self.spent / self.done * max(total - self.done, 0) if self.done else None
+        left = time_left({"fits": max(total - self.done, 0)}, {"fits": self.done}, {"fits": self.spent})
         self.tell(
-            ChoiceProgress(
-                model=self.models[model_index].name,
-                task=task if workers is None else workers.in_words,
-                within=within,
-                # Workers tell the time that is left themselves.
-                seconds_left=left if workers is None else None,
-                share=self.done / total,
-            )
+            self.models[model_index].name,
+            f"left out {fold} of {n_splits}" if fold else "all tests",
+            within=within,
+            share=self.done / total,
+            # Fits on workers do not follow each other.
+            left=left if present_workers() is None else None,
         )
 
 
@@ -346,7 +324,7 @@ def choose_model(
     lagged: bool = False,
     settings: FitSettings | None = None,
     threads: Threads = 0,
-    on_progress: Callable[[ChoiceProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
     journal_of: JournalOf | None = None,
     executor: Executor | Workers | None = None,  # noqa: ARG001, of the decorator
 ) -> Choice:

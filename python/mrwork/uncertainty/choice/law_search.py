@@ -103,7 +103,7 @@ class LawSearch:
     given: Laws
     free: tuple[str, ...]
     most: int
-    call: LongCall[Any, Any] = field(default_factory=LongCall)
+    call: LongCall[Any] = field(default_factory=LongCall)
     report: Callable[[str], None] = lambda task: None
     fitted: list[FittedLaws] = field(default_factory=list)
     linearised: dict[int, Linearised] = field(default_factory=dict)

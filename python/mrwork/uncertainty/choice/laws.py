@@ -5,7 +5,7 @@ The laws of one model after the other are tried, and the best are fitted.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -14,6 +14,7 @@ import numpy as np
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.blas import on_one_blas_thread
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.law_sets import NEARLY_AS_WELL, farthest_apart
@@ -26,7 +27,6 @@ from mrwork.identification.fit import Fit, FitStatus
 from mrwork.identification.identify import identify_with
 from mrwork.identification.minimise.race import same_minimum
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.progress import Progress
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import FitSettings, Fold, Start
 from mrwork.records import DamperTest, observed
@@ -35,7 +35,6 @@ from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall
 from mrwork.uncertainty.choice.choose import (
     Choice,
-    ChoiceProgress,
     Choosing,
     compared_models,
     refuse_unknown,
@@ -261,12 +260,11 @@ class _ChoosingLaws(Choosing):
 
     def _report(self, search: LawSearch, task: str, within: Progress | None = None) -> None:
         errors = [laws.row.error for laws in self.fitted_laws]
-        best = 100.0 * (1.0 - min(errors, default=np.nan))
-        self.tell(
-            ChoiceProgress(
-                model=search.name, task=task, within=within, n_tried=len(errors), left_out_percent=best
-            )
-        )
+        numbers, tried = dict[str, float](), list[str]()
+        if errors:
+            numbers = {"n_tried": len(errors), "left_out_percent": 100.0 * (1.0 - min(errors))}
+            tried = [f"{len(errors)} tried, best left-out fit {numbers['left_out_percent']:.2f} %"]
+        self.tell(search.name, task, *tried, within=within, numbers=numbers)
 
 
 @checked
@@ -281,7 +279,7 @@ def choose_laws(
     leave_out: Fold | None = None,
     settings: FitSettings | None = None,
     threads: Threads = 0,
-    on_progress: Callable[[ChoiceProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
     journal_of: JournalOf | None = None,
 ) -> Choice:
     """Choose the laws by which parameters of a model follow the command, and the model where several are given.

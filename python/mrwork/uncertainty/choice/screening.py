@@ -5,7 +5,7 @@ It takes a second or two a family, and tells which of them predict a rig before 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import chain, groupby
@@ -14,6 +14,7 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import ALL, DamperSpec
@@ -30,12 +31,9 @@ from mrwork.records import DamperTest
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import groups_of, halves
-from mrwork.uncertainty.choice.choose import ChoiceProgress, compared_models
+from mrwork.uncertainty.choice.choose import compared_models
 from mrwork.uncertainty.choice.ranking import Standing, rank
 from mrwork.uncertainty.choice.splits import Split, Splits, splits_of
-
-FALLBACK = ("normalised_bouc_wen", "hyperbolic_tangent_guo", "viscous_dahl")
-"""Families that differ in kind, where nothing can be screened."""
 
 # Most families that go on, the points that they may be behind the best, and the share by which the error of one is less
 # than that of a simpler one that does.
@@ -139,7 +137,7 @@ def screen_families(
     settings: FitSettings,
     *,
     threads: int = 0,
-    on_progress: Callable[[ChoiceProgress], bool | None] | None = None,
+    on_progress: OnProgress | None = None,
     journal_of: JournalOf | None = None,
 ) -> tuple[Standing, ...]:
     """Every family, best first; none where the command varies in every test, or no family predicts any.
@@ -154,12 +152,12 @@ def screen_families(
     inputs = [(test.name, test.sha256, test.n_time) for test in tests], settings
 
     def screen(journal: Journal | None) -> list[Standing]:
-        call = LongCall[ChoiceProgress, None](journal=journal, on_progress=on_progress)
+        call = LongCall[None](journal=journal, on_progress=on_progress)
         rows = list[Standing]()
         with call.keeping("screening of families"):
             for spec in specs:
                 task, share = f"screening {spec.name}", len(rows) / len(specs)
-                call.report(ChoiceProgress(model="", task=task, seconds=call.seconds, share=share))
+                call.report(Progress(stage="screening", said=(task,), share=share))
                 work = partial(interruptible, partial(screening.standing, spec))
                 rows.append(call.step(task, Standing, work, *inputs))
         return rows

@@ -19,7 +19,7 @@ from mrwork.base.keys import check_known
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes, columns_of
 from mrwork.base.numbers import format_rounded, of_unit
 from mrwork.base.plotted import Plotted
-from mrwork.base.progress import ProgressReport
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.values import Floats
@@ -278,30 +278,6 @@ _MOST_ROUNDS = 3
 _MOST_STEPS = 50
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProfileProgress(ProgressReport):
-    """Progress of a profile likelihood: sides that have ended of all, points, simulations."""
-
-    ended: int
-    sides: int
-    points: int
-    evaluations: int
-    seconds: float
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line: completed sides of profiles, points on them, and the rate."""
-        return (
-            f"{self.ended} of {self.sides} sides, {self.points} points, "
-            f"{self.evaluations / self.seconds:.0f} evaluations/s, {self.seconds:.0f} s"
-        )
-
-    @property
-    def share(self) -> float | None:
-        """Share that is done, `None` where it is not known."""
-        return self.ended / self.sides if self.sides else None
-
-
 @checked
 def profile(
     fit: Fit,
@@ -310,7 +286,7 @@ def profile(
     parameters: Sequence[str] = (),
     level: Level = 0.95,
     threads: Threads = 0,
-    on_progress: Callable[[ProfileProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Profiles:
     """Profile likelihood of the free parameters of a fit, both sides of all parameters simulated in one batch.
 
@@ -341,7 +317,7 @@ def profile(
     Interrupted
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
-    call: LongCall[ProfileProgress, Profiles] = LongCall(on_progress=on_progress)
+    call = LongCall[Profiles](on_progress=on_progress)
     problem = Problem.of_fit(fit, as_tests(tests), threads=threads).freeing(fit.effect_values)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = problem.inside(fit.theta_with_effects)
@@ -396,13 +372,15 @@ def profile(
         )
 
     def report(sides: Sides) -> None:
+        ended = sum(side.end != "interrupted" for side in sides.values())
+        points = sum(len(side.points) - 1 for side in sides.values())
         call.report(
-            ProfileProgress(
-                ended=sum(side.end != "interrupted" for side in sides.values()),
-                sides=len(sides),
-                points=sum(len(side.points) - 1 for side in sides.values()),
-                evaluations=objective.tally.simulations,
-                seconds=call.seconds,
+            Progress(
+                stage="profile",
+                said=(f"{ended} of {len(sides)} sides", f"{points} points"),
+                share=ended / len(sides) if sides else None,
+                numbers={"points": points, "evaluations": objective.tally.simulations},
+                rated=("evaluations",),
             )
         )
 

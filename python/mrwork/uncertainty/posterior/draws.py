@@ -211,8 +211,8 @@ class DrawSummary:
 class Draws(Plotted, WithAxes, Summarised):
     """Draws from a posterior, by walker.
 
-    `chains` (n_walkers, n_kept, n_params) are parameters of the model of the fit, in spec order, and then its
-    `n_effects` free effects on the recorded force; `noise_chains` (n_walkers, n_kept, n_noise) are of the noise, in
+    `chains` (n_walkers, n_kept, n_names) are the `n_params` parameters of the model of the fit, in spec order, then its
+    free effects on the recorded force; `noise_chains` (n_walkers, n_kept, n_noise) are of the noise, in
     deviations of the test's force; `densities` (n_walkers, n_kept) the log posterior in the coordinates that were
     sampled, up to a constant. `temper` is the factor of the log-likelihood. Of `n_steps` steps the burn-in is left out,
     and every `thinning`-th of the others is kept. `measured` has the force of each test [N] by its name. Draws that
@@ -223,7 +223,7 @@ class Draws(Plotted, WithAxes, Summarised):
 
     model: str
     names: tuple[str, ...]
-    n_effects: int
+    n_params: int
     noise_model: str
     noise_names: tuple[str, ...]
     chains: Floats
@@ -242,11 +242,11 @@ class Draws(Plotted, WithAxes, Summarised):
     @property
     def theta(self) -> Floats:
         """Parameters of the model in all draws, shape (n_draws, n_params)."""
-        return self.with_effects[:, : len(self.names) - self.n_effects]
+        return self.with_effects[:, : self.n_params]
 
     @property
     def with_effects(self) -> Floats:
-        """Parameters and free effects of all draws, shape (n_draws, n_params + n_effects)."""
+        """Parameters and free effects of all draws, shape (n_draws, n_names)."""
         return self.chains.reshape(-1, len(self.names))
 
     @property
@@ -273,9 +273,7 @@ class Draws(Plotted, WithAxes, Summarised):
             kind="posterior",
             level=LEVEL,
             intervals=tuple(
-                summary.interval
-                for summary in self.varied
-                if summary.name in self.names[: len(self.names) - self.n_effects]
+                summary.interval for summary in self.varied if summary.name in self.names[: self.n_params]
             ),
         )
 
@@ -440,18 +438,19 @@ def _draws(members: Mapping[str, Member], fit: Fit) -> Draws:
     columns = {name: _numbers(member) for name, member in posterior.items()}
     facts = members[""].attributes
     noise = noise_model(facts["noise"])
-    names = tuple(estimate.name for estimate in fit.fitted)
     noise_names = tuple(NOISE + parameter.name for parameter in noise.parameters)
     return Draws(
         model=fit.model,
-        names=names,
-        n_effects=len(fit.effects),
+        names=fit.names_with_effects,
+        n_params=len(fit.theta),
         noise_model=noise.name,
         noise_names=noise_names,
-        chains=np.stack([columns[name] for name in names], axis=-1),
+        chains=np.stack([columns[name] for name in fit.names_with_effects], axis=-1),
         noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
         densities=_numbers(members["sample_stats/lp"]),
-        summaries=tuple(built(DrawSummary, posterior[name].attributes) for name in names + noise_names),
+        summaries=tuple(
+            built(DrawSummary, posterior[name].attributes) for name in fit.names_with_effects + noise_names
+        ),
         status=facts["status"],
         verdict=facts["verdict"],
         temper=float(facts["temper"]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import ceil
@@ -11,8 +12,7 @@ import numpy as np
 
 from mrwork.base.arguments import Threads, checked
 from mrwork.base.hints import Within
-from mrwork.base.numbers import duration_in_words, format_rate
-from mrwork.base.progress import ProgressReport
+from mrwork.base.progress import OnProgress, Progress
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
@@ -152,7 +152,7 @@ class SamplingProblem:
         return Draws(
             model=self.spec.name,
             names=(*self.spec.names, *self._effects),
-            n_effects=len(self._effects),
+            n_params=len(self.spec.names),
             noise_model=self.target.noise.name,
             noise_names=space.box.names[space.n_params :],
             chains=np.ascontiguousarray(chains[:, ::thin]),
@@ -233,43 +233,6 @@ _REPORT_EVERY = 0.2
 _MOST_BYTES = 16 << 30
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SamplingProgress(ProgressReport):
-    """Progress of a sampling run: steps done and allowed, steps per second, the latest diagnosis, if any."""
-
-    steps: int
-    most_steps: int
-    seconds: float
-    steps_per_second: float
-    diagnosis: Diagnosis | None
-
-    @property
-    def in_words(self) -> str:
-        """Progress in one line; the time left is of a chain that is long enough, and of the most steps."""
-        parts = [f"step {self.steps}", f"{format_rate(self.steps_per_second)} steps/s"]
-        if self.diagnosis is not None:
-            rhat = float(self.diagnosis.rhat.max())
-            parts.append(f"R-hat {rhat:.3f}, {self.diagnosis.length:.0f} autocorrelation times")
-        parts.append(duration_in_words(self.seconds))
-        if self.most_seconds is not None:
-            least = 0.0 if self.diagnosis is None else self.diagnosis.least_steps - self.steps
-            if 0.0 < least < self.most_steps - self.steps:
-                parts.append(f"at least {duration_in_words(least / self.steps_per_second)}")
-            parts.append(f"at most {duration_in_words(self.most_seconds)} left")
-        return ", ".join(parts)
-
-    @property
-    def most_seconds(self) -> float | None:
-        """Time of the steps that are left [s], `None` where it is not known."""
-        left = self.most_steps - self.steps
-        return left / self.steps_per_second if self.steps_per_second > 0.0 else None
-
-    @property
-    def share(self) -> float | None:
-        """Share that is done, `None` where it is not known."""
-        return self.steps / self.most_steps
-
-
 @checked
 def sample(
     fit: Fit,
@@ -283,7 +246,7 @@ def sample(
     rng: Annotated[int, Within(least=0, most=2**32 - 1)] = 0,
     threads: Threads = 0,
     journal: Journal | None = None,
-    on_progress: Callable[[SamplingProgress], None] | None = None,
+    on_progress: OnProgress | None = None,
 ) -> Draws:
     """Sample the posterior of a damper's parameters and of the noise, with an ensemble of walkers about a fit.
 
@@ -409,28 +372,30 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, call: _Sampling) -> Diagn
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class _Sampling(LongCall[SamplingProgress, Draws]):
+class _Sampling(LongCall[Draws]):
     """A sampling that runs; the rate is of computed steps, without the first, which includes the set-up."""
 
     most_steps: int
     diagnosis: Diagnosis | None = None
-    reported: float = 0.0
-    counted_from: tuple[int, float] | None = None
+    reported: float = -math.inf
 
     def update(self, steps: int) -> None:
-        """Report the rate and the time left, called after each step of the ensemble."""
-        seconds = self.seconds
-        if self.recalling or self.counted_from is None:
-            self.counted_from = (steps, seconds)
-        first, before = self.counted_from
-        if seconds - self.reported >= _REPORT_EVERY:
-            self.reported = seconds
-            self.report(
-                SamplingProgress(
-                    steps=steps,
-                    most_steps=self.most_steps,
-                    seconds=seconds,
-                    steps_per_second=(steps - first) / max(seconds - before, 1e-9),
-                    diagnosis=self.diagnosis,
-                )
+        """Report the steps, called after each step of the ensemble; where it must be longer, for how long at least."""
+        if self.seconds - self.reported < _REPORT_EVERY and not self.recalling:
+            return
+        self.reported = self.seconds
+        least, said = 0.0, list[str]()
+        if self.diagnosis is not None:
+            least, rhat = self.diagnosis.least_steps, float(self.diagnosis.rhat.max())
+            said = [f"R-hat {rhat:.3f}, {self.diagnosis.length:.0f} autocorrelation times"]
+        needed = f" of at least {least:.0f}" if steps < least < self.most_steps else ""
+        self.report(
+            Progress(
+                stage="sampling",
+                said=(f"step {steps}{needed}", *said),
+                share=steps / self.most_steps,
+                at_most=True,
+                numbers={"steps": steps},
+                rated=("steps",),
             )
+        )
