@@ -116,16 +116,11 @@ def _pulses(test: DamperTest, _: float | None) -> _Done:
         return "no command goes from zero to one level and back regularly, or within milliseconds"
     log, means = list[str](), list[Command]()
     for command, pulses in found:
-        values = pulses.mean_of(np.asarray(command.values))
-        mean = command_of(values, command.unit, source=test.label)[0]
-        means.append(mean)
-        over = 1e3 * test.dt * pulses.window
-        log.append(
-            f"the pulses of the {command.quantity} were replaced by their mean over {over:.3g} ms, {mean.in_words}; "
-            f"{pulses.left_unknown(test.dt)}"
-        )
+        means.append(command_of(pulses.mean, command.unit, source=test.label)[0])
+        replaced = f"the pulses of the {command.quantity} were replaced by their mean over {1e3 * pulses.window:.3g} ms"
+        log.append(f"{replaced}, {means[-1].in_words}; {pulses.unknown}")
     repaired = replace(test, **fields_of_commands(means))
-    return repaired, Measured(test.dt * found[0][1].window, "s"), "; ".join(log)
+    return repaired, Measured(found[0][1].window, "s"), "; ".join(log)
 
 
 def _offset(test: DamperTest, amount: float | None) -> _Done:
