@@ -121,7 +121,7 @@ def test_the_repair_gives_the_width_of_the_pulses(carrier: float, sampled: float
     settled = np.min(np.abs(np.arange(width.size) - steps[:, np.newaxis]), axis=0) > away
     # An edge may lie anywhere between two samples, and a window in a period of 21.3 samples.
     np.testing.assert_allclose(np.asarray(repaired.current)[settled], width[settled], atol=0.035)
-    assert f"above {1.0 / entry.measured.value:.3g} 1/s is not known" in entry.message
+    assert f"above {1.0 / entry.measured.value:.2g} 1/s is not known" in entry.message
 
 
 def test_the_mean_of_pulses_of_one_width_is_a_constant_command() -> None:

@@ -68,7 +68,7 @@ def pulses_of(command: Command, dt: float) -> Pulses | None:
     else:
         if cycle * dt > _FAST:
             return None
-    unknown = f"a lag of the driver above {1.0 / (dt * window):.3g} 1/s is not known with it"
+    unknown = f"a lag of the driver above {1.0 / (dt * window):.2g} 1/s is not known with it"
     if few:
         unknown = f"the samples show {window} phases of a period, which give the mean to 1/{window} only"
     total = np.append(0.0, np.cumsum(samples))
@@ -108,7 +108,7 @@ _PULSED: Final = FindingKind(
     "the {0} switches between zero and {value:.3g} {1}, has a state for {state:.3g} samples in the median, is on for "
     "{share:.0f} % of the time, and the force does not follow it, as with pulses of a driver (PWM), of which the coil "
     "gets the mean",
-    "record the current in the coil, or take the mean over {window:.3g} ms by --repair pulses: {unknown}",
+    "record the current in the coil, or take the mean over {window:.3g} ms by --repair pulses: {2}",
     verbs=OF_FILES,
     cured_by="pulses",
 )
@@ -121,8 +121,8 @@ def pulses_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
         if pulses is not None and not _follows(test, motion, command.values - pulses.mean):
             level, share, state, window, unknown, _ = pulses
             numbers = {"share": 100.0 * share, "state": state, "window": 1e3 * window}
-            measured = Measured(level, command.unit)
-            yield _PULSED.found(command.quantity, command.unit, measured=measured, unknown=unknown, **numbers)
+            words = command.quantity, command.unit, unknown
+            yield _PULSED.found(*words, measured=Measured(level, command.unit), **numbers)
 
 
 def _follows(test: DamperTest, motion: SmoothMotion, beside: Floats) -> bool:
