@@ -57,19 +57,18 @@ def pulses_of(command: Command, dt: float) -> Pulses | None:
     if not abs(low) < _OFF * high or edges.mean() > _ON_EDGES or switched.size < 2 * _FEWEST:
         return None
     cycle = 2.0 * samples.size / switched.size
-    window, few = min(round(_CYCLES * cycle), int(_LONGEST * samples.size)), False
+    window = min(round(_CYCLES * cycle), int(_LONGEST * samples.size))
     # By what a driver sets the width, its pulses begin or end in time.
     for lengths in (np.diff(switched[::2]), np.diff(switched[1::2])):
         usual = float(np.median(lengths))
         if np.mean(np.abs(lengths - usual) <= max(1.0, _ALIKE * usual)) >= _REGULAR:
             window = _whole_periods(on, usual)
-            few = window < _PHASES
             break
     else:
         if cycle * dt > _FAST:
             return None
     unknown = f"a lag of the driver above {1.0 / (dt * window):.2g} 1/s is not known with it"
-    if few:
+    if window < _PHASES:
         unknown = f"the samples show {window} phases of a period, which give the mean to 1/{window} only"
     total = np.append(0.0, np.cumsum(samples))
     # At the ends the mean of the outermost window.
@@ -86,8 +85,8 @@ def _whole_periods(on: NDArray[np.bool_], cycle: float) -> int:
     left = frequency = (slowest + int(np.argmax(lines[slowest:]))) / size
     before, window, unsure = 0, 1, _SURE / on.size
     # Nearest-integer continued fraction: window times frequency is nearly whole, or whole as far as the record tells.
-    while abs(window) < _PHASES and abs(window * frequency - round(window * frequency)) > unsure * abs(
-        window
+    while (
+        abs(window) < _PHASES and abs(window * frequency - round(window * frequency)) > abs(window) * unsure
     ):
         whole = round(1.0 / left)
         longer = whole * window + before
