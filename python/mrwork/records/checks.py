@@ -297,13 +297,7 @@ _COARSELY_READ: Final = FindingKind(
 )
 _CLIPPED: Final = FindingKind(
     "clipped",
-    "the {0} is clipped at its extreme in {value:.2g} % of its samples: the channel exceeded its range",
-    "measure again with a wider one, or omit these parts",
-)
-_CLIPPED_FORCE: Final = FindingKind(
-    "clipped",
-    "the {0} is clipped at its extreme in {value:.2g} % of its samples, which are not compared with a model: the "
-    "channel exceeded its range",
+    "the {0} is clipped at its extreme in {value:.2g} % of its samples{1}: the channel exceeded its range",
     "measure again with a wider one",
 )
 _HELD: Final = FindingKind(
@@ -349,8 +343,8 @@ def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
             measured = Measured(step, unit)
             yield _COARSELY_READ.found(name, unit, measured=measured, share=100.0 * step / half, half=half)
         elif (share := 100.0 * float(clipped_samples(samples).mean())) > 0.0:
-            kind = _CLIPPED_FORCE if name == "force" else _CLIPPED
-            yield kind.found(name, measured=Measured(share, "%"))
+            left_out = ", which are not compared with a model" if name == "force" else ""
+            yield _CLIPPED.found(name, left_out, measured=Measured(share, "%"))
         if (held := held_samples(samples)) > 1:
             late = 500.0 * (held - 1) * test.dt
             measured = Measured(held, "samples")

@@ -38,6 +38,7 @@ _VARIES: Final = FindingKind(
     "the {0} {1} {lowest} and {highest} {2}, by {value:.4g} {2}; a model follows it by current laws (--law), a coil "
     "behind its set point by --driver-lag",
     verbs=ONCE,
+    cured_by="pulses",
 )
 _RINGS: Final = FindingKind(
     "command_rings",

@@ -19,9 +19,8 @@ from mrwork.errors import RecordError
 from mrwork.records.checks import held_samples
 from mrwork.records.damper_test import DamperTest, VelocitySource
 from mrwork.records.finding import Finding, FindingKind, Measured
-from mrwork.records.motion import Differentiator, SmoothMotion, regular_cycles
+from mrwork.records.motion import Differentiator, SmoothMotion, regular_cycles, robust_deviation
 
-_MAD_TO_DEVIATION: Final = 1.4826
 # Beyond this share of the range to either side of its middle a channel is on that side.
 _SIDE: Final = 0.25
 # A channel of white noise spans 9 standard deviations in 1e5 samples, and does not go 5 to either side. It never stands
@@ -75,7 +74,7 @@ def _still_spans(
     """
     (raw, smooth, gain), (raw_moving, moving, _) = still, other
     low, high = np.percentile(moving, [1.0, 99.0])
-    if high - low <= 2.0 * _STILL_NOISE * _noise(raw_moving, moving):
+    if high - low <= 2.0 * _STILL_NOISE * robust_deviation(raw_moving - moving):
         return []
     beyond = (moving - 0.5 * (low + high)) / (high - low)
     decided = np.flatnonzero(np.abs(beyond) > _SIDE)
@@ -86,7 +85,7 @@ def _still_spans(
     first, last = decided[np.append(0, changes + 1)], decided[np.append(changes, -1)]
     within = (last - first) // 4
     swings = np.stack([(last - within)[:-1], (first + within)[1:] + 1], axis=1)
-    noise = _noise(raw, smooth) * gain
+    noise = robust_deviation(raw - smooth) * gain
     stroke = float(np.ptp(smooth))
     least = max(min(_STILL_NOISE * noise, _STILL * stroke), _ROUNDING * stroke)
     padded = np.append(smooth, smooth[-1])
@@ -104,11 +103,6 @@ def _widen_span(smooth: Floats, begin: int, end: int, least: float) -> tuple[int
     left = np.flatnonzero(np.abs(smooth - np.median(smooth[begin:end])) > least)
     before, after = left[left < begin], left[left >= end]
     return int(before[-1]) + 1 if before.size else 0, int(after[0]) if after.size else smooth.size
-
-
-def _noise(raw: Floats, smooth: Floats) -> float:
-    """Standard deviation of what smoothing took away; the median passes over jumps."""
-    return _MAD_TO_DEVIATION * float(np.median(np.abs(raw - smooth)))
 
 
 # A jump exceeds the steps before and after it by this multiple of the noise of that difference, of the largest other
@@ -133,7 +127,7 @@ def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     if steps.size < 3:
         return
     beyond = np.abs(steps[1:-1] - 0.5 * (steps[:-2] + steps[2:]))
-    noise = _MAD_TO_DEVIATION * float(np.median(beyond))
+    noise = robust_deviation(beyond)
     usual = float(np.percentile(np.abs(steps), 99.0))
     least = max(_JUMP_NOISE * noise, _JUMP_STEPS * usual, _JUMP * float(np.ptp(displacement)))
     # The steps beside a jump differ from theirs by half of it.

@@ -15,7 +15,7 @@ OF_FILES: Final[tuple[Verb, ...]] = ("check", "identify", "predict", "calibrate"
 ONCE: Final[tuple[Verb, ...]] = ("check", "identify")
 """Verbs that say findings which change no number by themselves."""
 
-RepairKind = Literal["rest", "offset", "velocity"]
+RepairKind = Literal["rest", "pulses", "offset", "velocity"]
 REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
 
 

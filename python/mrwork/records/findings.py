@@ -17,7 +17,7 @@ from mrwork.records.checks import static_force
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.finding import ONCE, Finding, FindingKind, Measured, Verb
 from mrwork.records.likeness import RecordedMotion, likest
-from mrwork.records.motion import smooth_motion
+from mrwork.records.motion import robust_deviation, smooth_motion
 
 _RECORD_REPEATED: Final = FindingKind(
     "record_repeated",
@@ -62,7 +62,6 @@ _APART: Final = 0.1
 # An outlier differs by at least this much, and by this many robust standard deviations of the set.
 _STANDS_OUT: Final = 0.18
 _SIGNIFICANT: Final = 3.5
-_MAD_TO_DEVIATION: Final = 1.4826
 
 
 _MISLABELLED: Final = FindingKind(
@@ -110,7 +109,7 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
     force = force_there - _slope(force_there, velocity, alike) * velocity
     levels = np.array([np.median(force[group]) for group in alike])
     beside = np.concatenate([force[group] - level for group, level in zip(alike, levels, strict=True)])
-    spread = _MAD_TO_DEVIATION * float(np.median(np.abs(beside)))
+    spread = robust_deviation(beside)
     limit = max(_STANDS_OUT, _SIGNIFICANT * spread)
     at = np.array([np.median(commands[group]) for group in alike])
     findings = []

@@ -93,8 +93,12 @@ _CELL: Final = 8
 _FAR_BEYOND: Final = 10.0
 # Ratio of the squared bias to the squared difference from a shorter window: 1.4 of a sine, 5 where the velocity jumps.
 _BIAS: Final = 2.0
-_MAD_TO_DEVIATION: Final = 1.4826
 _DIFFERENCES: Final = 6
+
+
+def robust_deviation(noise: Floats) -> float:
+    """Standard deviation of normal noise about zero, by the median of its sizes, which passes over jumps."""
+    return 1.4826 * float(np.median(np.abs(noise)))
 
 
 class _Comparison(NamedTuple):
@@ -180,9 +184,7 @@ def _means_and_noise(displacement: Floats) -> tuple[Floats, int, float]:
         )
         of_rounding = min(variance, quantum**2 / 12.0) if is_quantised else 0.0
         mostly_still = is_quantised and np.count_nonzero(steps) < steps.size // 2
-        variance = max(
-            0.0 if mostly_still else (_MAD_TO_DEVIATION * float(np.median(rough))) ** 2, of_rounding
-        )
+        variance = max(0.0 if mostly_still else robust_deviation(rough) ** 2, of_rounding)
     return means, span, max(variance, float(np.spacing(np.ptp(displacement))) ** 2)
 
 

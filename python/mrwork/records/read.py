@@ -64,6 +64,7 @@ from mrwork.records.cycles import delay_finding, drift_finding, mass_finding
 from mrwork.records.damper_test import DamperTest, VelocitySource, fields_of_commands
 from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion, smooth_motion
+from mrwork.records.pulses import pulses_finding
 from mrwork.records.rig_table import (
     EVERY_USE,
     UNKNOWN,
@@ -88,7 +89,7 @@ _DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]],
     motion_matches_name, checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding,
     checks.stroke_finding, checks.force_finding, checks.pace_finding, checks.command_finding,
     checks.resolution_findings, checks.stuck_force, still_findings, jump_finding, drift_of_displacement_finding,
-    repeated_part, drift_finding,
+    repeated_part, drift_finding, pulses_finding,
 )  # fmt: skip
 
 

@@ -157,7 +157,7 @@ class Reading:
         return tuple(tests)
 
     def test_of(self, file: str) -> DamperTest:
-        """Read one of the files with its columns, cut, repaired and settled as was asked; or make a synthetic test."""
+        """Read one of the files with its columns, cut, repaired, thinned and settled; or make a synthetic test."""
         if is_synthetic(file):
             test = synthetic_test(file.removeprefix(_SYNTHETIC))
         else:
@@ -176,10 +176,12 @@ class Reading:
                 if len(self.files) == 1 or not error.of_columns:
                     raise
                 raise type(error)(f"{error}; {_OF_ONE_FILE}") from error
-        if (self.start, self.end, self.every) != (None, None, 1):
-            test = cut(test, start=self.start, end=self.end, every=self.every)
+        if (self.start, self.end) != (None, None):
+            test = cut(test, start=self.start, end=self.end)
         amounts = {kind: amount for kind, amount in self.repairs.items() if amount is not None}
         test, _ = repair(test, self.repairs, amounts=amounts)
+        if self.every > 1:  # of pulses every N-th sample shows less
+            test = cut(test, every=self.every)
         return test if self.settle is None else count_samples_from(test, self.settle)
 
     def _path(self, file: str) -> str:

@@ -13,9 +13,11 @@ import numpy as np
 
 from mrwork.base.arguments import checked
 from mrwork.base.values import freeze_samples
+from mrwork.dampers.command import Command
 from mrwork.errors import SettingError
 from mrwork.records.checks import rest_before_motion, samples_at_rest, static_force
-from mrwork.records.damper_test import DamperTest
+from mrwork.records.command import command_of
+from mrwork.records.damper_test import DamperTest, fields_of_commands
 from mrwork.records.finding import OF_FILES, ONCE, REPAIR_KINDS, Finding, FindingKind, Measured, RepairKind
 from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.observation import (
@@ -30,6 +32,7 @@ from mrwork.records.observation import (
     as_words,
     value_of,
 )
+from mrwork.records.pulses import pulses_of
 from mrwork.records.window import cut
 
 _REPAIRED: Final = {
@@ -52,8 +55,9 @@ def repair(
     test
         Test to repair. It is not changed; the repaired test has it as its `original`.
     kinds
-        `rest`: the rest before the motion is cut off. `offset`: the static force is subtracted. `velocity`: the
-        measured velocity is replaced by the derivative of the displacement.
+        `rest`: the rest before the motion is cut off. `pulses`: a command of pulses is replaced by its mean over their
+        periods. `offset`: the static force is subtracted. `velocity`: the measured velocity is replaced by the
+        derivative of the displacement.
     amounts
         Known offset [N] by kind, used instead of the estimate from the record.
 
@@ -106,6 +110,19 @@ def _rest(test: DamperTest, _: float | None) -> _Done:
     return shorter, Measured(seconds, "s"), f"the first {seconds:.3g} s, at rest, were cut off"
 
 
+def _pulses(test: DamperTest, _: float | None) -> _Done:
+    found = [(command, pulses) for command in test.commands if (pulses := pulses_of(command, test.dt))]
+    if not found:
+        return "no command goes from zero to one level and back regularly, or within milliseconds"
+    log, means = list[str](), list[Command]()
+    for command, pulses in found:
+        means.append(command_of(pulses.mean, command.unit, source=test.label)[0])
+        replaced = f"the pulses of the {command.quantity} were replaced by their mean over {1e3 * pulses.window:.3g} ms"
+        log.append(f"{replaced}, {means[-1].in_words}; {pulses.unknown}")
+    repaired = replace(test, **fields_of_commands(means))
+    return repaired, Measured(found[0][1].window, "s"), "; ".join(log)
+
+
 def _offset(test: DamperTest, amount: float | None) -> _Done:
     if test.has_varying_command and amount is None:
         return "the mean force under a varying command is no static one; give one"
@@ -130,7 +147,7 @@ def _velocity(test: DamperTest, _: float | None) -> _Done:
 
 
 _REPAIRS: Final[Mapping[RepairKind, Callable[[DamperTest, float | None], _Done]]] = {
-    "rest": _rest, "offset": _offset, "velocity": _velocity,
+    "rest": _rest, "pulses": _pulses, "offset": _offset, "velocity": _velocity,
 }  # fmt: skip
 _AMOUNTS: Final[Mapping[RepairKind, str]] = {"offset": "N"}
 AMOUNTS_IN_WORDS: Final = ", ".join(f"{kind} [{unit}]" for kind, unit in _AMOUNTS.items())

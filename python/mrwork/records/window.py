@@ -64,11 +64,8 @@ class Signals:
     def rows(self, chosen: slice) -> Signals:
         """The chosen samples of every channel."""
         measured: dict[str, Any] = {name: channel[chosen] for name, channel in self.measured.items()}
-        return Signals(
-            time=self.time[chosen],
-            **measured,
-            commands=tuple(Command(np.asarray(values)[chosen], unit) for values, unit in self.commands),
-        )
+        commands = tuple(Command(np.asarray(values)[chosen], unit) for values, unit in self.commands)
+        return Signals(time=self.time[chosen], **measured, commands=commands)
 
 
 _DROPPED: Final = FindingKind(
