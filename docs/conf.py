@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from sphinx.application import Sphinx
+
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
 
@@ -87,3 +89,10 @@ html_theme_options = {
 html_sidebars = {"index": []}
 copybutton_prompt_text = r"\$ |>>> |\.\.\. "
 copybutton_prompt_is_regexp = True
+
+
+def setup(app: Sphinx) -> None:
+    """Read pages with index entries anew every time: a search that Sphinx 9 updates loses those of other pages."""
+    marked = (path for path in DOCS.rglob("*.md") if "```{index}" in path.read_text())
+    names = [path.relative_to(DOCS).with_suffix("").as_posix() for path in marked]
+    app.connect("env-get-outdated", lambda *_: names)

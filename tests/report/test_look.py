@@ -109,6 +109,10 @@ def test_the_front_fits_a_screen_and_three_of_a_telephone(
         assert tab.ask("document.querySelector('header').getBoundingClientRect().bottom") <= most
         assert tab.ask("document.documentElement.scrollWidth") <= width
         assert not tab.ask("[...document.querySelectorAll('details')].some(each => each.open)")
+        # The verdict on each law is read without scrolling sideways.
+        verdicts = "[...document.querySelectorAll('header tbody td:nth-child(2)')]"
+        assert tab.ask(f"{verdicts}.some(cell => cell.innerText.startsWith('better'))")
+        assert tab.ask(f"Math.max(...{verdicts}.map(cell => cell.getBoundingClientRect().right))") <= width
 
 
 def test_a_printed_page_is_open_light_and_as_wide_as_its_sheet(

@@ -12,7 +12,9 @@ import pytest
 import study_samples
 from blank_pictures import blank
 
+import mrwork as mr
 from mrwork.plots.samples import envelope
+from mrwork.report.section import Lead
 from mrwork.report.study.figures import fragilities_of_page
 from mrwork.report.study.front import study_lead
 from mrwork.report.study.page import study_page
@@ -21,6 +23,7 @@ from mrwork.study.study import Row
 from mrwork.study.tables import (
     MOST_DRAWN,
     MOST_LISTED,
+    shown_rows,
     value_table,
 )
 
@@ -47,10 +50,10 @@ def test_every_row_motion_and_warning_stands_on_the_page(page: str) -> None:
     for motion in study_samples.MOTIONS:
         assert motion.name in page
     assert "of the largest energy, by up to 3.0e-04" in page
-    assert "halve the step" in page.lower()
+    assert page.count("which half the step tells") == 1
     whole = study_samples.runs_by_place(study_samples.results())
     calm = {key: run for key, run in whole.items() if key != (3, 1)}
-    assert "halve the step" not in text_of(runs=calm).lower()
+    assert "which half the step tells" not in text_of(runs=calm)
     assert "<1 A>" not in page
     assert not re.search(r'(src|href)="(https?:)?//', page)
     names = re.findall(r'\bid="([^"]+)"', page)
@@ -168,9 +171,60 @@ def test_of_many_laws_the_page_shows_the_best_and_says_so() -> None:
 
 
 @pytest.mark.contract
-def test_numbers_of_the_front_are_sorted_as_numbers() -> None:
+@pytest.mark.parametrize("count", [2, 10, 100])
+def test_passive_on_stays_in_the_table_beside_an_optimal_passive_that_is_the_same(count: int) -> None:
+    """Also where laws leave no room for passive-off."""
+    few = study_samples.results()
+    laws = [Row(label=f"law {number}", kind="controller") for number in range(count)]
+    on, best = Row(label="on", kind="passive"), Row(label="Optimal passive, 100 %", kind="best_passive")
+    rows = (*study_samples.ROWS[:2], *laws, on, best)
+    runs = {(row, 0): study_samples.run(0.02, 2) for row in range(len(rows))}
+    runs |= {(row, 0): study_samples.run(0.05, 2 * row) for row in range(2)}
+    results = study_samples.with_runs(few, runs, rows=rows, motions=few.motions[:1])
+    comparison = compared(results)
+    assert {1, len(rows) - 2, len(rows) - 1} <= {*shown_rows(comparison, ()).listed}
+    with blank():
+        table = study_lead(comparison).table
+    assert table is not None
+    verdicts = {row[0].rpartition("> ")[2]: row[1] for row in table.rows}
+    assert len([label for label in verdicts if label.startswith("law")]) == min(count, 5)
+    assert [*verdicts][min(count, 5) :] == [
+        "Optimal passive, 100 %", "on", *([] if count > 4 else ["Passive-off"]), "uncontrolled",
+    ]  # fmt: skip
+    assert (verdicts[best.label], verdicts["on"]) == ("the reference", "the largest command")
+
+
+def front_of(a_g: float, count: int) -> Lead:
+    """The front of a frame of one storey under three motions at 2 m/s2 beside a target."""
+    study = mr.study_of(
+        building={"masses": [30e3], "stiffnesses": [3e7], "modal_damping": {"ratios": [0.035]}},
+        dampers=[{"storey": 1, "preset": "kwok2006", "count": count}],
+        laws=["best_passive"],
+        motions=[mr.synthetic_motion(rng=seed, duration=5.0, peak=2.0, name=str(seed)) for seed in range(3)],
+        target={"code": "en_1998", "a_g": a_g},
+    )
+    with blank():
+        return study_lead(compared(mr.run_study(study, threads=1)))
+
+
+@pytest.mark.contract
+def test_a_suite_at_half_of_its_target_and_small_dampers_stand_on_the_front() -> None:
+    weak = front_of(5.0, 5)
+    assert ", damping 3.5 %; under 3 motions" in weak.subject
+    at_half, small = weak.cautions
+    ratio = float(at_half.partition(" times the target")[0].rpartition(" ")[2])
+    assert 0.3 < ratio < 0.7
+    assert "small for this building" in small
+    # Dampers that lock the storey are not small, whatever command is best.
+    strong = front_of(5.0 * ratio, 150).cautions
+    assert any("locks its storey" in each for each in strong)
+    assert not any("times the target" in each or "are small" in each for each in strong)
+
+
+@pytest.mark.contract
+def test_the_front_has_the_damping_of_each_mode_and_sorts_numbers_as_numbers() -> None:
     results = study_samples.incremental()
     facts = replace(results.building, damping_ratios=(0.02, 309.017, 9.5, 0.1), yield_drifts=(17.5, 0.0, 9.0))
     subject = study_lead(compared(replace(results, building=facts))).subject
-    assert "damping 2.0 to 30\u202f901.7 %" in subject
+    assert "periods 0.500, 0.200, 0.100 s, damping 2.0, 30\u202f901.7, 950.0 %" in subject
     assert "yields at 9000 to 17\u202f500 mm of drift" in subject

@@ -190,6 +190,28 @@ def test_the_share_of_the_base_shear_is_told_and_the_count_for_a_tenth(count: in
         assert reached == pytest.approx(0.1, rel=0.2)
 
 
+def test_dampers_are_small_where_the_largest_command_is_best_and_more_of_them_reduce_more(
+    tmp_path: Path,
+) -> None:
+    def found(count: int) -> tuple[float, float, bool]:
+        """Score over that without dampers, share of the largest command, and whether the dampers are called small."""
+        results = ran(tmp_path, count=count)
+        best = results.row_of("best_passive")
+        assert best is not None
+        command = float(results.rows[best].label.split()[-2])
+        told = any("so the dampers are small" in each for each in results.warnings())
+        return results.score(best) / results.score(0), command / 1.88, told
+
+    few, of_few, told = found(300)
+    more, *_ = found(600)
+    _, of_many, told_of_many = found(10_000)
+    assert told
+    assert not told_of_many
+    assert of_few == 1.0
+    assert of_many < 1.0
+    assert more < 0.95 * few
+
+
 @pytest.mark.long
 def test_a_damper_that_locks_its_storey_is_told_with_a_smaller_count(tmp_path: Path) -> None:
     pair = f"{PLAIN}\ndifferential = true"

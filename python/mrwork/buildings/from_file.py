@@ -298,8 +298,8 @@ def _with_statements(building: Building, table: BuildingTable) -> Building:
     if heights is not None and len(heights) != count:
         raise InvalidSettingError(
             "heights",
-            f"heights has {counted(len(heights), 'number')} for {counted(count, 'storey')}; give one for each, or one "
-            "height for all",
+            f"heights has {counted(len(heights), 'number')} for {counted(count, 'storey')}; give one for each, or "
+            "`height` in its place, one for all",
         )
     strokes = np.zeros(len(building.storeys) - count)
     stated: dict[str, Any] = {

@@ -32,6 +32,8 @@ RANGE = (0.2, 2.0)
 """Ends of the range of periods of a suite, over the first period of the building."""
 LEAST_RATIO = 0.9
 """Least ratio of the mean spectrum of a suite to its target within that range."""
+# Factor from which a suite is not of its target: 48 synthetic suites scaled by least squares are within 0.9 and 1.2.
+_FAR = 1.3
 # Logarithmic steps of that range, and of what a figure shows on either side of it.
 _STEPS, _MARGIN = 100, 30
 
@@ -340,13 +342,23 @@ class SuiteCheck(Plotted, Summarised):
         return np.asarray(self.spectra.mean(axis=0))
 
     @property
+    def _ratios(self) -> tuple[Floats, Floats]:
+        """Periods within 0.2 to 2 times the period [s], and ratios of the mean spectrum to the target at them."""
+        ends = _range_of(self.period)
+        periods = self.periods[within := (self.periods >= ends[0]) & (self.periods <= ends[-1])]
+        return periods, self.mean[within] / self.target.acceleration(periods)
+
+    @property
     def least(self) -> tuple[float, float]:
         """Least ratio of the mean spectrum to the target within 0.2 to 2 times the period, and its period [s]."""
-        periods = _range_of(self.period)
-        within = (self.periods >= periods[0]) & (self.periods <= periods[-1])
-        ratios = self.mean[within] / self.target.acceleration(self.periods[within])
+        periods, ratios = self._ratios
         at = int(ratios.argmin())
-        return float(ratios[at]), float(self.periods[within][at])
+        return float(ratios[at]), float(periods[at])
+
+    @property
+    def mean_ratio(self) -> float:
+        """Ratio of the mean spectrum to the target, mean over the range in equal steps of the logarithm of periods."""
+        return float(self._ratios[1].mean())
 
     @property
     def peak_ratio(self) -> float | None:
@@ -378,6 +390,18 @@ class SuiteCheck(Plotted, Summarised):
         if self.factor * _ROUNDED > 1.0:
             gaps.append(f"A factor of {math.ceil(1e3 * self.factor) / 1e3:g} on every motion is enough.")
         return tuple(gaps)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence on a suite that is much weaker or stronger than its target; empty otherwise."""
+        ratio, count = self.mean_ratio, counted(len(self.names), "motion")
+        if 1.0 / _FAR <= ratio <= _FAR:
+            return ()
+        return (
+            f"the mean spectrum of {count} is {ratio:.2g} times the target, {self.target.name}, on average from "
+            f"{self._range_in_words}: motions that are scaled to the target would be "
+            f"{'stronger' if ratio < 1.0 else 'weaker'}, and so would the responses.",
+        )
 
     @property
     def in_words(self) -> tuple[str, ...]:

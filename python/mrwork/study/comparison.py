@@ -160,6 +160,13 @@ class Comparison(Summarised):
         return (self.uncontrolled,) if self.passive is None else (self.uncontrolled, self.passive)
 
     @property
+    def constants(self) -> tuple[int, ...]:
+        """The rows of one constant command that tables always show, the best of them first."""
+        kinds: tuple[Kind, ...] = ("best_passive", "passive", "passive_off")
+        rows = (self.passive, *map(self.results.row_of, kinds))
+        return tuple(dict.fromkeys(row for row in rows if row is not None))
+
+    @property
     def lacks_best_passive(self) -> bool:
         """Whether control laws are compared, but not with the best constant command."""
         kinds = {row.kind for row in self.results.rows}

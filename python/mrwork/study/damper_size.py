@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.base.numbers import counted, round_to
 from mrwork.base.summary import list_names
+from mrwork.base.values import Floats
 from mrwork.buildings.matrices import Device
 from mrwork.closed_loop.evaluation import ratio
 from mrwork.closed_loop.responses import demand_of
@@ -32,7 +33,9 @@ _ADVISED = 0.1
 # of one and six storeys under El Centro, by the number of dampers: below 1 where the score is least, accelerations of
 # the six storeys exceed those without dampers above 2, and above 5 less than half of the energy that the best number
 # dissipates is left.
-_RIGID = 5.0
+_RIGID, _FREE = 5.0, 1.0
+# Share of the largest command above which a constant one is the largest; those that are tried are further apart.
+_LARGEST = 0.99
 _NAMED = 3
 
 _COMMANDED = ("passive_off", "passive", "best_passive", "best_passive_by_group", "controller")
@@ -115,8 +118,11 @@ def judged_by_demand(results: StudyResults, study: Study) -> StudyResults:
         for row, motion in np.argwhere(results.quantities.done[:, :, 0]).tolist()
     }
     results = replace(results, demanded=demanded)
-    warnings = (*_outside_in_words(results), *_weak(results), *_locked_storeys(results, study))
-    return replace(results, damper_warnings=warnings)
+    warnings = [*_outside_in_words(results), *_weak(results)]
+    if results.dampers:
+        rigidity = _rigidity(results, study)
+        warnings += [*_at_largest(results, study, rigidity), *_locked_storeys(results, study, rigidity)]
+    return replace(results, damper_warnings=tuple(warnings))
 
 
 def _weak(results: StudyResults) -> Iterator[str]:
@@ -131,15 +137,38 @@ def _weak(results: StudyResults) -> Iterator[str]:
     )
 
 
-def _locked_storeys(results: StudyResults, study: Study) -> Iterator[str]:
+def _at_largest(results: StudyResults, study: Study, rigidity: Floats) -> Iterator[str]:
+    """A sentence on dampers of which the largest command is the best constant one, and none is stiff at it."""
+    best, judged = results.row_of("best_passive"), results.judged_motions
+    if best is None or not results.finished_under(best, judged):
+        return
+    largest = np.array([device.largest_command for device in study.devices if device.is_commanded])
+    reached = results.quantities.numbers["peak_current"][best, list(judged), 0, : largest.size]
+    if (reached > _LARGEST * largest).all() and not (rigidity[best] > _FREE).any():
+        yield (
+            f"the largest command is the best constant one ({results.rows[best].label}), so the dampers are small for "
+            "this building: more or larger dampers would reduce its response further."
+        )
+
+
+def _rigidity(results: StudyResults, study: Study) -> Floats:
+    """Peak force over peak stroke over the stiffness of the storey, shape (n_rows, n_motions, n_dampers)."""
+    rows = study.building.storeys[[damper.storey for damper in results.dampers]]
+    # Against opposite forces at the two ends of the storey.
+    flexibility = np.einsum("ij,ji->i", rows, np.linalg.solve(study.building.stiffness, rows.T))
+    shares = np.array([damper.share for damper in results.dampers])
+    force, stroke = (
+        results.quantities.numbers[name][..., 0, : len(shares)] for name in ("peak_force", "peak_stroke")
+    )
+    return np.asarray(shares**2 * ratio(force, stroke) * flexibility)
+
+
+def _locked_storeys(results: StudyResults, study: Study, rigidity: Floats) -> Iterator[str]:
     """A sentence for each device that locks its storey at i = 0, else with a law or a constant command."""
     off, commanded = results.row_of("passive_off"), _commanded(results)
     stroke, force = (results.quantities.numbers[name][..., 0, :] for name in ("peak_stroke", "peak_force"))
-    for device, damper in enumerate(results.dampers):
-        row = study.building.storeys[damper.storey]
-        # Against opposite forces at the two ends of the storey.
-        stiffness = 1.0 / float(row @ np.linalg.solve(study.building.stiffness, row))
-        ratios = damper.share**2 * ratio(force[..., device], stroke[..., device]) / stiffness
+    for device in range(len(results.dampers)):
+        ratios = rigidity[..., device]
         stiff = commanded & (ratios > _RIGID)
         at_zero = off is not None and bool(stiff[off].any())
         if at_zero:

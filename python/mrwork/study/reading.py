@@ -19,7 +19,7 @@ import numpy as np
 
 from mrwork.base.documents import read_table
 from mrwork.base.keys import Arguments, check_known, given_in
-from mrwork.base.numbers import of_unit
+from mrwork.base.numbers import of_unit, significant
 from mrwork.base.places import KeyPath, Place, all_mistakes, keyed
 from mrwork.base.summary import list_names
 from mrwork.buildings import Building
@@ -334,9 +334,10 @@ def _choose_detailed(table: StudyTable, motions: Sequence[MotionOfStudy]) -> int
 def _facts(
     bare: Building, devices: Sequence[Device], sources: Sequence[str], hardware: Hardware
 ) -> tuple[tuple[str, str], ...]:
-    frequencies = ", ".join(f"{frequency:.3g}" for frequency in bare.frequencies[:5])
+    modes = zip(bare.frequencies[:5], 100.0 * bare.damping_ratios[:5], strict=True)
+    frequencies = ", ".join(f"{frequency:.3g} Hz ({significant(ratio, 3)} %)" for frequency, ratio in modes)
     source = f"; {bare.source} ({bare.status})" if bare.source else ""
-    facts = [("Building", f"{bare.name}, {frequencies} Hz{source}")]
+    facts = [("Building", f"{bare.name}, frequencies (damping) {frequencies}{source}")]
     for device in devices:
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""

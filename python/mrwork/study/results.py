@@ -54,11 +54,6 @@ class RealisationBand:
         return RealisationBand(lower=lower, median=median, upper=upper)
 
 
-OFF_BALANCE = (
-    "Energies that do not balance indicate that a law chatters or that the step is too long: "
-    "halve the step and compare, as --check-step does."
-)
-"""Advice for runs whose energies do not balance."""
 _IN_WORDS = {Outcome.UNRESOLVED: "could not be resolved", Outcome.ABANDONED: "was abandoned"}
 _NO_CRITERIA = " A run that does not finish has no criteria."
 
@@ -551,14 +546,22 @@ class StudyResults(Plotted, Summarised):
         chosen = self.judged_motions if motions is None else motions
         return Spread.of(self.scores(row)[list(chosen)].tolist())
 
-    @property
-    def balanced(self) -> bool:
-        """Whether the energies of all runs that finished balance."""
-        return bool(self.quantities.balanced[:, :, 0].all())
-
     def warnings(self) -> list[str]:
-        """Warnings on modes, levels, dampers out of tested ranges, runs that did not finish or do not balance."""
-        warnings, levels = [*self.study_warnings], self.design_levels
+        """Warnings on energies that do not balance, modes, levels, dampers out of tested ranges, unfinished runs."""
+        warnings, levels = list[str](), self.design_levels
+        off = ~self.quantities.balanced[:, :, 0]
+        if off.any():
+            # An energy error that is not a number counts as the largest.
+            errors = np.where(off, searched(self.quantities.energy_error[:, :, 0]), 0.0)
+            worst, motion = divmod(int(errors.argmax()), errors.shape[1])
+            of_rows = list_names([self.rows[number].label for number in np.flatnonzero(off.any(axis=1))])
+            warnings.append(
+                f"the energies of {counted(int(off.sum()), 'run')} do not balance to {ENERGY_TOLERANCE:.0e} of the "
+                f"largest energy, by up to {errors[worst, motion]:.1e}, {self.rows[worst].label} under "
+                f"{self.motions[motion].name}; runs of {of_rows}: a law chatters, or the step is too long, which half "
+                "the step tells (--check-step)."
+            )
+        warnings += self.study_warnings
         if len(levels) > 1:
             warnings.append(
                 f"laws are designed, and the best constant command is chosen, over {len(levels)} levels at once "
@@ -578,17 +581,6 @@ class StudyResults(Plotted, Summarised):
                     under = f"{1 + len(more)} of {len(simulated)} motions, as {first}," if more else first
                     without = "" if outcome is Outcome.FAILED_SAFE else _NO_CRITERIA
                     warnings.append(f"{row.label} under {under} {self._end(row, outcome)}.{without}")
-        off = ~self.quantities.balanced[:, :, 0]
-        if off.any():
-            # An energy error that is not a number counts as the largest.
-            errors = np.where(off, searched(self.quantities.energy_error[:, :, 0]), 0.0)
-            worst, motion = divmod(int(errors.argmax()), errors.shape[1])
-            of_rows = list_names([self.rows[number].label for number in np.flatnonzero(off.any(axis=1))])
-            warnings.append(
-                f"the energies of {counted(int(off.sum()), 'run')} do not balance to {ENERGY_TOLERANCE:.0e} of the "
-                f"largest energy, by up to {errors[worst, motion]:.1e}, {self.rows[worst].label} under "
-                f"{self.motions[motion].name}; runs of {of_rows}."
-            )
         return warnings
 
     def _end(self, row: Row, outcome: Outcome) -> str:

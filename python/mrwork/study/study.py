@@ -293,7 +293,7 @@ class Study(Summarised):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on records, on the building and its baselines, and on unusual numbers.
+        """Sentences on records and their target, on the building and its baselines, and on unusual numbers.
 
         Damping of a baseline is told of only where there is nothing to be said of the building.
         """
@@ -313,6 +313,7 @@ class Study(Summarised):
                 copies.setdefault(copy.copy_of, []).append(copy.record)
         of_records = dict.fromkeys(sentence for motion in self.motions for sentence in motion.warnings)
         of_motions = (*of_records, *copies_in_words(copies))
+        of_motions += () if self.suite is None else self.suite.warnings
         return (*of_motions, *next(filter(None, of_each), ()), *same, *self.questions)
 
     @property

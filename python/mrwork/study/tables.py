@@ -34,7 +34,6 @@ from mrwork.study.comparison import (
 )
 from mrwork.study.results import (
     BAND,
-    OFF_BALANCE,
     ON_OFF,
     RealisationBand,
     StudyResults,
@@ -91,8 +90,8 @@ def _best_rows(comparison: Comparison, among: Collection[int], most: int) -> tup
         return tuple(among)
     ranked = [row for _, rows in comparison.ranks for row in rows]
     best = [rows[0] for _, rows in comparison.ranks]
-    order = [*comparison.references, comparison.results.row_of("passive_off"), *best, *ranked]
-    return tuple(sorted([row for row in dict.fromkeys(order) if row is not None and row in among][:most]))
+    order = [*comparison.references, *comparison.constants, *best, *ranked]
+    return tuple(sorted([row for row in dict.fromkeys(order) if row in among][:most]))
 
 
 # Criterion, displayed unit, and factor to that unit.
@@ -264,7 +263,6 @@ def study_summary(results: StudyResults) -> Summary:
             *filter(None, [chosen_in_words(results)]),
             *([ADD_BEST_PASSIVE] if comparison.lacks_best_passive else []),
             *findings(results),
-            *([] if results.balanced else [OFF_BALANCE]),
             *([ON_OFF] if results.step_checked else []),
         ],
     )

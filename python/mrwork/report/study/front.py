@@ -33,12 +33,12 @@ from mrwork.study.comparison import (
     verdict,
 )
 from mrwork.study.fragilities import Fragilities
-from mrwork.study.results import OFF_BALANCE, StudyResults, bands_over
+from mrwork.study.results import StudyResults, bands_over
 from mrwork.study.tables import MOST_DRAWN
 from mrwork.tuning.judging import TunedStudy
 
 # Laws with colours and rows in the table; cautions; modes and motions that are named.
-_LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 2, 2, 3, 2
+_LAWS, _CAUTIONS, _ADVICE, _MODES, _NAMED = 6, 3, 2, 3, 2
 # Ranks of laws and of devices with power or settings of their own, in the order of the table.
 _ACTIVE = ("law", "actuator", "other_device")
 # Size of the line of a row in the table [in].
@@ -50,8 +50,7 @@ _ENOUGH, _MOST_FLOORS = 3, 100
 def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -> Lead:
     """The front of the page of a study, with the fragilities of its records at several levels."""
     results = comparison.results
-    drawn = drawn_rows(comparison)
-    off_balance, count = [] if results.balanced else [OFF_BALANCE], len(results.judged_motions)
+    drawn, count = drawn_rows(comparison), len(results.judged_motions)
     places = results.tuned.places if isinstance(results, TunedStudy) else ()
     placed = (
         f" Best of {counted(len(places), 'placement')} of the dampers: {places[0].in_words}."
@@ -75,7 +74,6 @@ def study_lead(comparison: Comparison, fragilities: Fragilities | None = None) -
         table=_table(comparison, drawn),
         cautions=first_sentences(
             [
-                *off_balance,
                 *results.warnings(),
                 *([few] if 0 < count < _ENOUGH else []),
                 *(() if fragilities is None else fragilities.cautions),
@@ -93,11 +91,11 @@ def _subject(results: StudyResults) -> str:
     names = f"{uses}: {list_names(motions, _NAMED)}"
     facts = results.building
     periods = [significant(period, 3) for period in facts.periods[:_MODES] if np.isfinite(period)]
-    ratios = [100.0 * ratio for ratio in facts.damping_ratios[:_MODES] if np.isfinite(ratio)]
+    ratios = [format_fixed(100.0 * ratio, 1) for ratio in facts.damping_ratios[:_MODES] if np.isfinite(ratio)]
     storeys = (
         counted(len(facts.stiffnesses), "storey") if facts.stiffnesses else f"{len(facts.masses)} floors"
     )
-    damping = f", damping {least_to_most(ratios, lambda ratio: format_fixed(ratio, 1))} %" if ratios else ""
+    damping = f", damping {', '.join(ratios)} %" if ratios else ""
     mass = significant(1e-3 * sum(facts.masses), 3)
     height = f", {significant(sum(facts.heights), 3)} m" if facts.heights else ""
     drifts = [1e3 * drift for drift in facts.yield_drifts if drift]
@@ -151,9 +149,11 @@ def drawn_rows(comparison: Comparison) -> list[int]:
     """The first laws and the references: those with a line in the table; more rows are drawn in grey."""
     active = [(rank, row) for rank, rows in comparison.ranks if rank.name in _ACTIVE for row in rows]
     many = sum(rank is LAWS for rank, _ in active) >= _LAWS - 1
-    off = None if many else comparison.results.row_of("passive_off")
-    references = [row for row in (comparison.passive, off, comparison.uncontrolled) if row is not None]
-    return list(dict.fromkeys([*(row for _, row in active[:_LAWS]), *references]))
+    on, off = (comparison.results.row_of(kind) for kind in ("passive", "passive_off"))
+    references = (row for row in comparison.constants if not (many and row == off))
+    # Passive-on has a colour as a law has.
+    laws = active[: _LAWS if on is None else _LAWS - 1]
+    return [*dict.fromkeys([*(row for _, row in laws), *references, comparison.uncontrolled])]
 
 
 def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
@@ -161,7 +161,11 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
     results = comparison.results
     of_row = strokes(results, drawn)
     laws = next((rows for rank, rows in comparison.ranks if rank is LAWS), ())
-    others = {comparison.passive: "the reference", results.row_of("passive_off"): "dampers without a command"}
+    others = {
+        results.row_of("passive_off"): "dampers without a command",
+        results.row_of("passive"): "the largest command",
+        comparison.passive: "the reference",
+    }
     # The best constant command first.
     references = comparison.references[::-1]
     # The peak drift ratio, mean over the judged motions, where heights are known.
@@ -173,6 +177,7 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
     def cells(row: int) -> tuple[str, ...]:
         return (
             _line(of_row[row], row) + Markup(" {}").format(short(results.rows[row].label, 34)),
+            verdict(comparison, row) if row in laws else others.get(row, ""),
             format_fixed(results.score(row), 3),
             *([significant(100.0 * peaks[row], 3)] if has_ratios else []),
             *(
@@ -180,7 +185,6 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
                 for reference in references
                 for name in BOTH
             ),
-            verdict(comparison, row) if row in laws else others.get(row, ""),
         )
 
     more = len(set(laws) - set(drawn))
@@ -188,9 +192,10 @@ def _table(comparison: Comparison, drawn: Sequence[int]) -> Table:
     heads = [f"Against {results.rows[reference].label.partition(',')[0]} (%)" for reference in references]
     return Table(
         label="What each law is worth",
-        columns=("", "Score", *ratio_head, *(("Drift", "Acc.") * len(references)), "Verdict"),
+        # In a narrow window the numbers are scrolled, and the verdict is not.
+        columns=("", "Verdict", "Score", *ratio_head, *(("Drift", "Acc.") * len(references))),
         rows=tuple(map(cells, drawn)),
-        over=(("", 2 + len(ratio_head)), *((head, 2) for head in heads), ("", 1)) if heads else (),
+        over=(("", 3 + len(ratio_head)), *((head, 2) for head in heads)),
         note=f"{counted(more, 'more law')} below, in grey above." if more else "",
     )
 

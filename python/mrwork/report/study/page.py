@@ -28,7 +28,7 @@ from mrwork.report.study.figures import (
 )
 from mrwork.report.study.front import drawn_rows, study_lead
 from mrwork.study.comparison import Comparison, change_table, compared, findings, judged_in_words
-from mrwork.study.results import OFF_BALANCE, StudyResults, largest_step_changes
+from mrwork.study.results import StudyResults, largest_step_changes
 from mrwork.study.storeys import OVERTURNING, SHEAR, limits_in_words, storey_table
 from mrwork.study.tables import ShownRows, bands_of_study, shown_rows, step_table, value_table
 from mrwork.tuning.judging import TunedStudy
@@ -340,7 +340,7 @@ def study_page(
     several = len(results.judged_motions) > 1
     median = f", median of {judged_in_words(results)}" if several else ""
     sections = [
-        warning_section([*results.warnings(), *([] if results.balanced else [OFF_BALANCE])]),
+        warning_section(results.warnings()),
         _change_section(comparison, shown),
         spread_section(comparison, shown, of_row),
         *(tuning_sections(results) if isinstance(results, TunedStudy) else ()),
