@@ -72,6 +72,7 @@ from .uncertainty.bands.predictions import predict as predict
 from .uncertainty.choice.choose import Choice as Choice
 from .uncertainty.choice.choose import choose_model as choose_model
 from .uncertainty.choice.laws import choose_laws as choose_laws
+from .uncertainty.choice.screening import screen_families as screen_families
 from .uncertainty.identifiability.profile import profile as profile
 from .uncertainty.planning import plan as plan
 from .uncertainty.posterior.draws import Draws as Draws

@@ -56,7 +56,7 @@ def journal(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def rows(rig, journal):
-    return screen_families(rig, SETTINGS, threads=1, journal_of=lambda step: Journal(journal))
+    return screen_families(rig, settings=SETTINGS, threads=1, journal_of=lambda step: Journal(journal))
 
 
 def test_every_family_is_screened(rows):
@@ -95,7 +95,7 @@ def test_of_families_with_the_same_loop_the_simplest_goes_on():
         for command in (0.0, 1.0)
         for motion in MOTIONS
     )
-    rows = screen_families(tests, SETTINGS, threads=1)
+    rows = screen_families(tests, settings=SETTINGS, threads=1)
     assert [row.model for row in rows if row.verdict == "goes on"] == ["viscous_dahl"]
 
 
@@ -107,12 +107,14 @@ def test_threads_change_nothing(rig, rows):
 
 def test_a_resumed_screening_computes_nothing(rig, rows, journal):
     written = journal.read_bytes()
-    resumed = screen_families(rig, SETTINGS, threads=1, journal_of=lambda step: Journal(journal, resume=True))
+    resumed = screen_families(
+        rig, settings=SETTINGS, threads=1, journal_of=lambda step: Journal(journal, resume=True)
+    )
     assert (resumed, journal.read_bytes()) == (rows, written)
 
 
 def test_single_test_is_screened_by_its_halves():
-    rows = screen_families((thinning_test(MOTIONS[0]),), SETTINGS, threads=1)
+    rows = screen_families((thinning_test(MOTIONS[0]),), settings=SETTINGS, threads=1)
     own = next(row for row in rows if row.model == "bingham")
     (sentence,) = better_family(rows, "bingham")
     assert rows[0].left_out_percent - own.left_out_percent > 2.0
@@ -140,4 +142,4 @@ def test_identify_screens_where_no_model_is_named(rig, rows, tmp_path):
 def test_nothing_is_screened_where_the_command_varies():
     test = thinning_test(MOTIONS[0], 0.5)
     varying = replace(test, current=np.linspace(0.0, 1.0, test.n_time))
-    assert screen_families((varying,), SETTINGS, threads=1) == ()
+    assert screen_families((varying,), settings=SETTINGS, threads=1) == ()

@@ -92,7 +92,8 @@ class Identification(Frame):
     def fit(self, spec: DamperSpec, settings: FitSettings, *, screens: bool = False) -> int:
         """Fit one model to the tests into the run folder, and show it; return the exit status.
 
-        Where it `screens` other families, a warning names one that predicts visibly better.
+        Where it `screens` other families, because the residual is not noise, a warning names one that predicts visibly
+        better.
         """
         with self.work as work:
             journal, threads = work.journal(), self.options.threads
@@ -101,12 +102,13 @@ class Identification(Frame):
                 fit = identify_with(
                     spec, self.tests, settings, threads=threads, on_progress=line, journal=journal
                 )
-                if not screens:
+                is_noise = bool(fit.force_noise_n) and fit.times_noise is None
+                if not screens or is_noise:
                     return fit
                 from mrwork.uncertainty.choice.screening import better_family, screen_families  # slow to load
 
                 with LongCall[Fit](so_far=lambda: fit).keeping("screening"), suppress(MrworkError):
-                    rows = screen_families(self.tests, settings, threads=threads, on_progress=line)
+                    rows = screen_families(self.tests, settings=settings, threads=threads, on_progress=line)
                     return replace(fit, warnings=(*fit.warnings, *better_family(rows, spec.name)))
                 return fit
 
@@ -142,7 +144,7 @@ class Identification(Frame):
                     "journal_of": lambda step: work.journal(f"{MODELS}/{step}.jsonl"),
                 }
                 if models is None:
-                    screened = screen_families(self.tests, settings, **common)
+                    screened = screen_families(self.tests, settings=settings, **common)
                 kept = [row.model for row in screened if row.verdict == "goes on"]
                 return choose(models or kept or DEFAULT_MODELS, tests=self.tests, **common)
 

@@ -21,9 +21,11 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.law_sets import is_untested
 from mrwork.dampers.tested_range import Exceedance, OperatingQuantity
 from mrwork.errors import SettingError
+from mrwork.identification.covariance import effective_samples
 from mrwork.records import DamperTest, Likeness, OperatingRange, Outside
 from mrwork.records.damper_test import range_of_test, range_of_tests
 from mrwork.records.likeness import RecordedMotion, alike_groups, likenesses_in_words, likest
+from mrwork.records.motion import regular_cycles
 from mrwork.uncertainty.bands.band import (
     Band,
     BandScore,
@@ -44,6 +46,10 @@ from mrwork.uncertainty.bands.error_shape import (
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
 
 LEVELS = (0.5, 0.9, 0.95)
+
+# Probability by which chance leaves less of a test in its band, and tests of a calibration that tell of its scatter.
+_BY_CHANCE = 0.01
+_LEAST_TO_SCATTER = 4
 
 # Demands that drive a model; its force and power follow from them.
 _DRIVEN = ("stroke", "velocity", "frequency", "command")
@@ -105,6 +111,17 @@ class Reach:
             )
             for (quantity, below), rows in reached.items()
         )
+
+
+def _least_by_binomial(prediction: Prediction, band: Band) -> float:
+    """Share of independent samples in a band; cycles of a motion that repeats err alike, and count as one."""
+    import scipy  # slow to load
+
+    test = prediction.test
+    cycles = regular_cycles(test.displacement[test.counted])
+    inside = (prediction.measured >= band.lower) & (prediction.measured <= band.upper)
+    n = max(round(effective_samples([inside - np.mean(inside)]) / max(len(cycles), 1)), 1)
+    return float(np.searchsorted(scipy.special.bdtr(np.arange(n + 1), n, band.level), _BY_CHANCE)) / n
 
 
 def side_of(exceedance: Exceedance) -> tuple[OperatingQuantity, bool]:
@@ -225,6 +242,38 @@ class Calibration(Summarised):
             upper=band.upper + np.max(apart, axis=0),
             basis=basis,
         )
+
+    def least_by_chance(self, pairs: Sequence[tuple[Prediction, Band] | None]) -> tuple[float, ...]:
+        """Share of each test that its band holds at least, but for one in a hundred; 0 where there is no band.
+
+        It is that of the binomial distribution of the independent samples of the test, or what the tests of the
+        calibration leave for a further one, if that is less.
+        """
+        levels = {pair[1].level for pair in pairs if pair is not None}
+        for_next = {
+            (level, kind): self._least_of_next(level, kind) for level in levels for kind in (False, True)
+        }
+        return tuple(
+            0.0
+            if pair is None
+            else min(_least_by_binomial(*pair), for_next[pair[1].level, has_regular_cycles(pair[0].test)])
+            for pair in pairs
+        )
+
+    def _least_of_next(self, level: float, periodic: bool) -> float:
+        """What a further test is held at least, by how the tests are held by the band of the others."""
+        import scipy  # slow to load
+
+        scores = self.scores.of(periodic=periodic)
+        if len(scores) < _LEAST_TO_SCATTER:
+            return 0.0
+        others = [scores[:index] + scores[index + 1 :] for index in range(len(scores))]
+        held = [
+            float(np.mean(own <= next_test_quantile(rest, level)))
+            for own, rest in zip(scores, others, strict=True)
+        ]
+        deviation = float(np.std(held, ddof=1) * np.sqrt(1.0 + 1.0 / len(held)))
+        return max(float(np.mean(held) + scipy.special.stdtrit(len(held) - 1, _BY_CHANCE) * deviation), 0.0)
 
     @property
     def basis(self) -> str:

@@ -7,10 +7,6 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any, ClassVar, overload
 from warnings import warn
 
-import numpy as np
-import scipy
-from numpy.typing import NDArray
-
 from mrwork.base.arguments import Level, checked
 from mrwork.base.hints import Within
 from mrwork.base.summary import Summarised, Summary, named
@@ -18,13 +14,11 @@ from mrwork.base.table import Table
 from mrwork.dampers.spec import worst_laws
 from mrwork.dampers.tested_range import worst_of
 from mrwork.errors import MrworkWarning
-from mrwork.identification.covariance import effective_samples
 from mrwork.identification.fit import Fit, FitSpread
 from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import estimated_in_words, missing_warnings, refuse_free
 from mrwork.records import DamperTest, Likeness
 from mrwork.records.likeness import likenesses_in_words
-from mrwork.records.motion import regular_cycles
 from mrwork.records.observation import as_words, effects_of_each
 from mrwork.uncertainty.bands.band import Band, BandScore, score
 from mrwork.uncertainty.bands.conformal import Calibration
@@ -37,7 +31,8 @@ class Predictions(Summarised):
 
     `used` are the tests of the calibration that the predicted ones are alike to, `None` for others; `bands` have
     their scores against the measured force beside them, and are `None` farther beyond the tests than the model was
-    tried: `tests_to_run` says which test each of these takes.
+    tried: `tests_to_run` says which test each of these takes. `by_chance` is the share of each test that its band holds
+    at least.
     """
 
     _made_by: ClassVar[str] = "mr.predict(fit, tests)"
@@ -51,6 +46,7 @@ class Predictions(Summarised):
     basis: str = ""
     new_kind: str = ""
     tests_to_run: tuple[str, ...] = ()
+    by_chance: tuple[float, ...] = ()
 
     @classmethod
     def of(
@@ -95,6 +91,7 @@ class Predictions(Summarised):
         """Predictions that were made already, with the bands of a calibration."""
         bands: tuple[tuple[Band, BandScore] | None, ...] = ()
         tests_to_run: tuple[str, ...] = ()
+        by_chance: tuple[float, ...] = ()
         if calibration is not None and level is not None:
             made = [calibration.band(prediction, level) for prediction in predictions]
             bands = tuple(
@@ -102,6 +99,12 @@ class Predictions(Summarised):
                 for band, prediction in zip(made, predictions, strict=True)
             )
             tests_to_run = tuple(calibration.test_to_run(prediction) for prediction in predictions)
+            by_chance = calibration.least_by_chance(
+                [
+                    None if pair is None else (each, pair[0])
+                    for each, pair in zip(predictions, bands, strict=True)
+                ]
+            )
         return cls(
             fit=fit,
             predictions=tuple(predictions),
@@ -115,6 +118,7 @@ class Predictions(Summarised):
             basis=calibration.basis if calibration is not None and bands else "",
             new_kind=calibration.new_kind(predictions) if calibration is not None and bands else "",
             tests_to_run=tests_to_run,
+            by_chance=by_chance,
         )
 
     @property
@@ -159,33 +163,30 @@ class Predictions(Summarised):
     @property
     def coverage(self) -> dict[str, float]:
         """Share of the samples in its band, of each test with a band that neither fit nor calibration has seen."""
-        return {each.test.label: scored.coverage for each, _, scored in self._judged}
-
-    @property
-    def _judged(self) -> list[tuple[Prediction, Band, BandScore]]:
-        held_out = self.held_out
+        held_out = [prediction.test.label for prediction in self.held_out]
         pairs = zip(self.predictions, self.bands, strict=True) if self.bands else ()
-        return [(each, *pair) for each, pair in pairs if pair is not None and each in held_out]
+        return {
+            each.test.label: pair[1].coverage
+            for each, pair in pairs
+            if pair is not None and each.test.label in held_out
+        }
 
     def _too_narrow(self) -> list[str]:
-        """Warning of bands that hold less of a held-out test than chance leaves, the worst first."""
-        short = []
-        for each, band, scored in self._judged:
-            inside = (each.measured >= band.lower) & (each.measured <= band.upper)
-            least = _least_by_chance(each.test, inside, band.level)
-            if scored.coverage < least:
-                short.append((scored.coverage, least, each.test.label))
+        """Warning of bands that hold less of a held-out test than chance leaves, of the worst."""
+        coverage = self.coverage
+        least = {
+            each.test.label: share for each, share in zip(self.predictions, self.by_chance, strict=False)
+        }
+        short = [label for label in coverage if coverage[label] < least[label]]
         if not short:
             return []
-        coverage, least, label = min(short)
+        worst = min(short, key=lambda label: coverage[label])
         count = (
-            f"{len(short)} of {len(self._judged)} tests are held less than by chance"
-            if len(short) > 1
-            else ""
+            f"; {len(short)} of {len(coverage)} tests are held less than by chance" if len(short) > 1 else ""
         )
         return [
-            f"the {100.0 * (self.level or 0.0):g} % band holds {100.0 * coverage:.0f} % of {label}, by chance at least "
-            f"{100.0 * least:.0f} %{f'; {count}' if count else ''}: errors there are larger than in the tests of the "
+            f"the {100.0 * (self.level or 0.0):g} % band holds {100.0 * coverage[worst]:.0f} % of {worst}, by chance "
+            f"at least {100.0 * least[worst]:.0f} %{count}: errors there are larger than in the tests of the "
             "calibration; calibrate on tests of such motions, too"
         ]
 
@@ -292,21 +293,6 @@ class Predictions(Summarised):
             tables=[Table(columns=heads, rows=rows)],
             notes=notes,
         )
-
-
-# Probability by which chance leaves less of a test in its band.
-_BY_CHANCE = 0.01
-
-
-def _least_by_chance(test: DamperTest, inside: NDArray[np.bool_], level: float) -> float:
-    """Share of a test that its band holds at least, by the binomial distribution of its independent samples.
-
-    Cycles of a motion that repeats err alike, and count as one.
-    """
-    cycles = regular_cycles(test.displacement[test.counted])
-    n = max(round(effective_samples([inside - np.mean(inside)]) / max(len(cycles), 1)), 1)
-    of_fewer = scipy.special.bdtr(np.arange(n + 1), n, level)
-    return float(np.searchsorted(of_fewer, _BY_CHANCE)) / n
 
 
 def spread_of(predictions: Sequence[Prediction]) -> FitSpread:
