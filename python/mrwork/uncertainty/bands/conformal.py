@@ -243,21 +243,19 @@ class Calibration(Summarised):
             basis=basis,
         )
 
-    def least_by_chance(self, pairs: Sequence[tuple[Prediction, Band] | None]) -> tuple[float, ...]:
+    @checked
+    def least_by_chance(self, predictions: Sequence[Prediction], level: Level) -> tuple[float, ...]:
         """Share of each test that its band holds at least, but for one in a hundred; 0 where there is no band.
 
         It is that of the binomial distribution of the independent samples of the test, or what the tests of the
         calibration leave for a further one, if that is less.
         """
-        levels = {pair[1].level for pair in pairs if pair is not None}
-        for_next = {
-            (level, kind): self._least_of_next(level, kind) for level in levels for kind in (False, True)
-        }
+        for_next = {kind: self._least_of_next(level, kind) for kind in (False, True)}
         return tuple(
             0.0
-            if pair is None
-            else min(_least_by_binomial(*pair), for_next[pair[1].level, has_regular_cycles(pair[0].test)])
-            for pair in pairs
+            if (band := self.band(prediction, level)) is None
+            else min(_least_by_binomial(prediction, band), for_next[has_regular_cycles(prediction.test)])
+            for prediction in predictions
         )
 
     def _least_of_next(self, level: float, periodic: bool) -> float:
@@ -285,6 +283,7 @@ class Calibration(Summarised):
         kinds = repeating.get(self.n_repeating, f"{self.n_repeating} of them of motions that repeat")
         return f"calibrated on {n_tests} tests {self.held_out}, {kinds}"
 
+    @checked
     def new_kind(self, predictions: Sequence[Prediction]) -> str:
         """A sentence on motions that do not repeat, or do, unlike all of the calibration; empty without any."""
         if self.n_repeating not in (0, len(self.tests)):

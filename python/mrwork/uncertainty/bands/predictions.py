@@ -99,12 +99,7 @@ class Predictions(Summarised):
                 for band, prediction in zip(made, predictions, strict=True)
             )
             tests_to_run = tuple(calibration.test_to_run(prediction) for prediction in predictions)
-            by_chance = calibration.least_by_chance(
-                [
-                    None if pair is None else (each, pair[0])
-                    for each, pair in zip(predictions, bands, strict=True)
-                ]
-            )
+            by_chance = calibration.least_by_chance(predictions, level)
         return cls(
             fit=fit,
             predictions=tuple(predictions),
