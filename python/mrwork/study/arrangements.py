@@ -26,6 +26,7 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.files.matrices import read_matrix
 from mrwork.store.codec import digest_of
 from mrwork.store.user_python import run_file, text_to_compare
+from mrwork.study.row_kinds import Kind
 from mrwork.study.schema import (
     CONSTANT_LAWS,
     PASSIVE_OFF,
@@ -35,7 +36,7 @@ from mrwork.study.schema import (
     StudyTable,
     TuneTable,
 )
-from mrwork.study.study import Arrangement, Kind, NamedLaw, Row, StudyLaw, constant_share
+from mrwork.study.study import Arrangement, NamedLaw, Row, StudyLaw, constant_share
 
 
 def _load_law(table: LawFileTable, folder: Path) -> UserLaw:

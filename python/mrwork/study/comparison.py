@@ -21,8 +21,9 @@ from mrwork.base.values import Floats
 from mrwork.closed_loop.evaluation import Criterion, criteria, ties_in_words
 from mrwork.study.damper_size import shares_in_words
 from mrwork.study.results import StudyResults
+from mrwork.study.row_kinds import LAWS, RANKS, Kind, Rank
 from mrwork.study.storeys import limits_in_words
-from mrwork.study.study import Kind, uses_in_words
+from mrwork.study.study import uses_in_words
 
 BOTH = ("peak_drift", "peak_acceleration")
 """Criteria that a law must lower together to be better than a constant command."""
@@ -76,28 +77,6 @@ def times_better(results: StudyResults, row: int, reference: int, names: Sequenc
     judged = np.array([ratios[name][row, list(results.judged_motions)] for name in names])
     return None if np.isnan(judged).any() else int((judged < 1.0).all(axis=0).sum())
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rank:
-    """Rows that are compared with each other: their name in files, a heading of tables, and their kinds."""
-
-    name: str
-    title: str
-    kinds: tuple[Kind, ...]
-
-
-LAWS = Rank(name="law", title="Control laws", kinds=("controller",))
-# Commands by group are no reference: laws are compared with one share of all largest commands.
-_REFERENCES: tuple[Kind, ...] = ("passive_off", "passive", "best_passive")
-PASSIVE = Rank(name="passive", title="Passive dampers", kinds=(*_REFERENCES, "best_passive_by_group"))
-RANKS = (
-    LAWS,
-    PASSIVE,
-    Rank(name="actuator", title="Ideal actuators", kinds=("actuator",)),
-    Rank(name="other_device", title="Other devices", kinds=("baseline",)),
-    Rank(name="uncontrolled", title="No dampers", kinds=("uncontrolled",)),
-)
-"""Ranks in the order of tables; every kind of row belongs to one."""
 
 ADD_BEST_PASSIVE = (
     "Against i = 0 alone most laws look good: the best constant command is missing beside them, leave out "
@@ -202,7 +181,7 @@ def findings(results: StudyResults) -> tuple[str, ...]:
         *(
             f"{row.label} under every motion: {words}."
             for number, row in enumerate(results.rows)
-            if row.kind == "controller" and (words := constant_in_words(results, number))
+            if row.what.rank is LAWS and (words := constant_in_words(results, number))
         ),
         *_ties(compared(results)),
     )
@@ -316,14 +295,14 @@ def compared(results: StudyResults) -> Comparison:
     # The best constant command comes before one that is the same by another name.
     best = results.row_of("best_passive")
     order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row != best))
-    every = ((rank, tuple(row for row in order if results.rows[row].kind in rank.kinds)) for rank in RANKS)
+    every = ((rank, tuple(row for row in order if results.rows[row].what.rank is rank)) for rank in RANKS)
     ranks = tuple((rank, rows) for rank, rows in every if rows)
     uncontrolled = [row.kind for row in results.rows].index("uncontrolled")
     comparison = Comparison(
         results=results,
         ranks=ranks,
         uncontrolled=uncontrolled,
-        passive=next((row for row in order if results.rows[row].kind in _REFERENCES), None),
+        passive=next((row for row in order if results.rows[row].what.is_reference), None),
         leading=next((rows[0] for _, rows in ranks if rows[0] != uncontrolled), None),
         tables={},
     )
@@ -379,7 +358,7 @@ def best_cells(
     """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
     strong = set()
     for rank in RANKS:
-        candidates = [line for line, row in enumerate(rows) if results.rows[row].kind in rank.kinds]
+        candidates = [line for line, row in enumerate(rows) if results.rows[row].what.rank is rank]
         for cell, column in enumerate(columns, start=1):
             values = [column[line] for line in candidates if not math.isnan(column[line])]
             if len(values) > 1:
@@ -400,7 +379,7 @@ def change_table(comparison: Comparison, reference: int, shown: Collection[int])
     of_laws = [
         comparison.tables[number, reference]
         for number, row in enumerate(results.rows)
-        if row.kind in LAWS.kinds
+        if row.what.rank is LAWS
     ]
     worse = (sum(of_row[entry.name].worse for of_row in of_laws) for entry in quantities)
     foot = (f"Worse control laws, of {len(of_laws)}", *(format_fixed(count, 0) for count in worse))

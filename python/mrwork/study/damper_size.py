@@ -38,8 +38,6 @@ _RIGID, _FREE = 5.0, 1.0
 _LARGEST = 0.99
 _NAMED = 3
 
-_COMMANDED = ("passive_off", "passive", "best_passive", "best_passive_by_group", "controller")
-
 
 def demands_of(
     runs: Runs, row: int, motion: int, devices: Sequence[Device], seconds: float
@@ -195,7 +193,7 @@ def _locked_storeys(results: StudyResults, study: Study, rigidity: Floats) -> It
 
 def _commanded(results: StudyResults) -> NDArray[np.bool_]:
     """Whether each run finished and has dampers that follow a command, shape (n_rows, n_motions)."""
-    kinds = np.array([row.kind in _COMMANDED for row in results.rows])
+    kinds = np.array([row.what.has_commands for row in results.rows])
     return np.asarray(results.quantities.finished[:, :, 0] & kinds[:, None])
 
 

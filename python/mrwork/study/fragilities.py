@@ -34,16 +34,14 @@ from mrwork.closed_loop.responses import in_command_unit
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.study.comparison import small_first
 from mrwork.study.results import RecordLevels, StudyResults
+from mrwork.study.row_kinds import ROW_KINDS, Kind
 from mrwork.study.storeys import COLLAPSED
-from mrwork.study.study import Kind
 
 _DRAWS = 2000
 COLLAPSE: Mapping[str, float] = {"peak_drift_ratio": COLLAPSED}
 """Limit of a study that names none."""
 
 _FEWEST = 2
-# Rows that are no alternative to others.
-_BARE = ("uncontrolled", "passive_off")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -280,7 +278,7 @@ class Fragilities(Plotted, WithAxes, Summarised):
     def in_words(self, against: str | None = None) -> tuple[str, ...]:
         """A sentence on the median of each other arrangement against one, by default the `reference`."""
         base = self[self.reference if against is None else against]
-        rows = [row for row in self.rows.values() if row is not base and row.kind not in _BARE]
+        rows = [row for row in self.rows.values() if row is not base and ROW_KINDS[row.kind].is_alternative]
         return tuple(self._against(entry, base) for entry in rows)
 
     def _against(self, one: Fragility, base: Fragility) -> str:

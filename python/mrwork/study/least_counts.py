@@ -22,8 +22,9 @@ from mrwork.study.comparison import small_first
 from mrwork.study.course import n_constant
 from mrwork.study.fragilities import limit_of
 from mrwork.study.reading import counted_study
+from mrwork.study.row_kinds import Kind
 from mrwork.study.run import run_study
-from mrwork.study.study import Kind, Study
+from mrwork.study.study import Study
 from mrwork.study.trials import designed
 
 By = Literal["uniform", "storey"]
@@ -31,8 +32,6 @@ By = Literal["uniform", "storey"]
 
 MOST = 64
 """Most dampers of a [[damper]]."""
-
-_KINDS: tuple[Kind, ...] = ("uncontrolled", "passive_off", "passive", "best_passive", "controller")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +145,7 @@ class _Trials:
                 self.on_progress(replace(progress, said=(_counts_in_words(counts), *progress.said)))
 
         study = counted_study(self.study, counts)
-        compared = tuple(arrangement for arrangement in study.arrangements if arrangement.row.kind in _KINDS)
+        compared = tuple(arrangement for arrangement in study.arrangements if arrangement.row.what.is_counted)
         study = designed(replace(study, arrangements=compared), on_progress=report)
         results = run_study(study, on_progress=report, threads=self.threads)
         taken = [settings.runs for _, settings in study.taken_settings]
@@ -243,7 +242,7 @@ def damper_counts(
     if not devices or not devices[0].is_commanded:
         raise SettingError("the study has no damper that follows a command; give a [[damper]]")
     trials = _Trials(study=study, criterion=name, limit=value, threads=threads, on_progress=on_progress)
-    compared = [arrangement.row for arrangement in study.arrangements if arrangement.row.kind in _KINDS]
+    compared = [arrangement.row for arrangement in study.arrangements if arrangement.row.what.is_counted]
     storeys = [study.building.storey_name(damper.storey) for damper in study.table.damper[: len(devices)]]
     heights = [study.building.storey_names.index(storey) for storey in storeys]
     highest_first = sorted(range(len(devices)), key=lambda place: -heights[place])

@@ -51,10 +51,7 @@ from mrwork.study.schema import (
     TuneTable,
     target_spectrum,
 )
-from mrwork.study.study import Arrangement, Kind, MotionOfStudy, Row, Study, StudyFile
-
-# What a row is that is designed for the motions, or chosen on them.
-_DESIGNED: tuple[Kind, ...] = ("best_passive", "best_passive_by_group", "controller", "actuator")
+from mrwork.study.study import Arrangement, MotionOfStudy, Row, Study, StudyFile
 
 
 def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
@@ -249,7 +246,7 @@ def _study_of(table: StudyTable, inputs: _Found) -> Study:
         arrangements=compared,
         motions=motions,
         chosen_on=chosen_on,
-        design_levels=levels if any(each.row.kind in _DESIGNED for each in compared) else (),
+        design_levels=levels if any(each.row.what.is_designed for each in compared) else (),
         limit=limit,
         hardware=hardware,
         devices=devices,

@@ -26,9 +26,10 @@ from mrwork.dampers.simulation import Outcome
 from mrwork.dampers.tested_range import OperatingRange, Outside
 from mrwork.errors import SettingError
 from mrwork.motions.spectrum import Intensity
+from mrwork.study.row_kinds import Kind
 from mrwork.study.runs import NOT_RUN, Runs
 from mrwork.study.schema import Use
-from mrwork.study.study import Kind, MotionOfStudy, Row, Study
+from mrwork.study.study import MotionOfStudy, Row, Study
 
 if TYPE_CHECKING:
     from mrwork.base.labelled import DataFrame, DataTree

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,19 +36,12 @@ from mrwork.motions.targets import SuiteCheck
 from mrwork.store.codec import digest_of, package_version
 from mrwork.study.dampers import Identified, OtherSet
 from mrwork.study.realisations import Realisations
+from mrwork.study.row_kinds import ROW_KINDS, Kind, RowKind
 from mrwork.study.schema import ControllerTable, StudyTable, TuneTable, Use
 from mrwork.study.study_file import write_study_file
 
 WEIGHT = "control_weight"
 """R of a regulator."""
-
-
-Kind = Literal[
-    "uncontrolled", "passive_off", "passive", "best_passive", "best_passive_by_group", "baseline", "controller",
-    "actuator",
-]  # fmt: skip
-"""What a row is: the building without dampers, i = 0, a constant command, the best of those, the best of one for each
-group of dampers, other devices, a control law of the dampers, or one of ideal actuators."""
 
 
 StudyLaw = ControlLaw | UserLaw
@@ -97,6 +90,11 @@ class Row:
     label: str
     kind: Kind
     description: str = ""
+
+    @property
+    def what(self) -> RowKind:
+        """What rows of its kind are."""
+        return ROW_KINDS[self.kind]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -30,8 +30,8 @@ from mrwork.search import SearchResult, run_search
 from mrwork.search.registry import ALL_OPTIMISERS, PEERS, run_front
 from mrwork.search.rules import EliteRule, StopRules, ended_in_words
 from mrwork.study.course import LEVELS
+from mrwork.study.row_kinds import Kind
 from mrwork.study.schema import OPTIMAL_PASSIVE, PASSIVE_OFF, PASSIVE_ON
-from mrwork.study.study import Kind
 from mrwork.study.trials import BestConstant, Trials
 from mrwork.tuning.law_plan import Bench, LawPlan
 from mrwork.tuning.results import Front, FrontPoint, TracePoint, TunedLaw

@@ -25,7 +25,7 @@ from mrwork.base.summary import Summarised, Summary, list_names
 from mrwork.base.table import Table
 from mrwork.buildings.groups import BOTH_UNITS
 from mrwork.errors import SettingError
-from mrwork.study.study import Kind
+from mrwork.study.row_kinds import Kind
 from mrwork.tuning.space import (
     COMMAND_SLOPE,
     DEAD_ZONE,

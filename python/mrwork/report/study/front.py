@@ -21,7 +21,6 @@ from mrwork.report.study.figures import profile_figure
 from mrwork.study.comparison import (
     ADD_BEST_PASSIVE,
     BOTH,
-    LAWS,
     Comparison,
     beaten_in_words,
     is_tied,
@@ -34,6 +33,7 @@ from mrwork.study.comparison import (
 )
 from mrwork.study.fragilities import Fragilities
 from mrwork.study.results import StudyResults, bands_over
+from mrwork.study.row_kinds import LAWS
 from mrwork.study.tables import MOST_DRAWN
 from mrwork.tuning.judging import TunedStudy
 
