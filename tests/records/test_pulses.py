@@ -150,3 +150,15 @@ def test_a_command_without_pulses_is_not_averaged() -> None:
     same, (entry,) = repair(test, ["pulses"])
     assert entry.code == "no_pulses"
     np.testing.assert_array_equal(same.current, command)
+
+
+@pytest.mark.parametrize(("carrier", "sampled", "known"), [(50.0, 1000.0, True), (1003.0, 500.0, False)])
+def test_a_lag_that_the_mean_of_pulses_hides_is_not_identifiable(
+    carrier: float, sampled: float, known: bool
+) -> None:
+    repaired, _ = repair(pulsed(carrier, sampled)[0], ["pulses"])
+    laws = {"f_c": "linear", "c0": "linear"}
+    spec = mr.damper("bingham").with_current_laws(laws, unit="A", lagged=True)
+    lag = mr.identify(spec, repaired, rng=1, threads=1).parameters["eta"]
+    assert (lag.verdict != "not identifiable") is known
+    assert known or "mean of pulses over" in lag.reason

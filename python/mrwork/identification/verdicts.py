@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import DRIVER_RATE
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.covariance import INSENSITIVE, Covariance, remarks_of
 from mrwork.identification.equivalent import search_box
@@ -24,6 +25,7 @@ from mrwork.identification.fit import Direction, FittedParameter, ParameterChang
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.observation import Effect
+from mrwork.records.repairs import seconds_of_pulses
 
 # A standard deviation above this share of the value, or of 1 in the logarithm, is no determination.
 WEAK = 0.25
@@ -450,4 +452,16 @@ def fitted_parameters(
     )
     for index, estimate in zip(taken, judged_estimates, strict=True):
         estimates[index] = estimate
-    return tuple(estimates), directions
+    averaged = max(map(seconds_of_pulses, problem.objective.tests))
+    return tuple(_beside_pulses(estimate, averaged) for estimate in estimates), directions
+
+
+def _beside_pulses(estimate: FittedParameter, averaged: float) -> FittedParameter:
+    """The rate of a driver is not known from a command that is a mean over more than its time [s]."""
+    if estimate.name != DRIVER_RATE.name or averaged * estimate.value <= 1.0:
+        return estimate
+    reason = (
+        f"the command is the mean of pulses over {1e3 * averaged:.3g} ms, which tells no rate above "
+        f"{1.0 / averaged:.2g} 1/s"
+    )
+    return replace(estimate, verdict="not identifiable", reason=reason)

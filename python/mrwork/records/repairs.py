@@ -101,6 +101,18 @@ def repair(
 _Done = tuple[DamperTest, Measured, str] | str
 
 
+def seconds_of_pulses(test: DamperTest) -> float:
+    """The time [s] over which pulses of its command were averaged, 0 where they were not."""
+    return max(
+        (
+            entry.measured.value
+            for entry in test.findings
+            if entry.measured and entry.kind is _REPAIRED["pulses"]
+        ),
+        default=0.0,
+    )
+
+
 def _rest(test: DamperTest, _: float | None) -> _Done:
     if not any(rest_before_motion(test, smooth_motion(test.displacement, test.dt))):
         return "the motion starts within a quarter of a cycle"
