@@ -141,7 +141,7 @@ def predicted(entry: dict[str, Any], tests: list[mr.DamperTest]) -> dict[str, An
         for test in tests:
             if (test.amplitude, test.frequency) == motion:
                 hidden = replace(test, force=np.zeros_like(test.force), path="", sha256="", uncompared=())
-                hidden = replace(hidden, findings=(), smoothing=None, original=None)
+                hidden = replace(hidden, remarks=(), smoothing=None, original=None)
                 force = np.asarray(predict(hidden), dtype=float)
                 if force.shape != test.force.shape or not np.isfinite(force).all():
                     raise ValueError(

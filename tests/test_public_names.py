@@ -52,7 +52,7 @@ SMALL_VALUES = {
     "CurrentLaws",
     "Envelope",
     "Fault",
-    "Finding",
+    "Remark",
     "GammaEnvelope",
     "Judgement",
     "KanaiTajimi",

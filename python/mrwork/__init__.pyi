@@ -17,6 +17,7 @@ from . import uncertainty as uncertainty
 from ._rust import __version__ as __version__
 from .base.progress import Progress as Progress
 from .base.progress import show_progress as show_progress
+from .base.remark import Remark as Remark
 from .buildings.frames import building as building
 from .buildings.matrices import Building as Building
 from .buildings.matrices import Device as Device

@@ -50,11 +50,11 @@ def test_models_draws_the_loops_of_a_model(tmp_path: Path) -> None:
     assert (tmp_path / "figure.svg").read_bytes().startswith(b"<?xml")
 
 
-def test_check_has_facts_and_findings_without_fitting(record: Path) -> None:
+def test_check_has_facts_and_remarks_without_fitting(record: Path) -> None:
     assert "0.5 A" in printed("check", record)
     (facts,) = json.loads(printed("check", record, "--json"))["files"]
     assert facts["n_time"] == 400
-    assert {"code", "severity", "message", "measured"} == set(facts["findings"][0])
+    assert {"code", "severity", "message", "measured", "words"} == set(facts["remarks"][0])
 
 
 def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_a_prediction_observed_otherwise_than_its_fit_says_so(tmp_path: Path, re
     command_refusal("predict", out, record, "--observe", "lag=free", match="leaves lag to a fit")
 
 
-def test_several_tests_have_a_median_a_worst_and_each_finding_once(tmp_path: Path, record: Path) -> None:
+def test_several_tests_have_a_median_a_worst_and_each_remark_once(tmp_path: Path, record: Path) -> None:
     other, out = tmp_path / "other.csv", tmp_path / "run"
     other.write_bytes(record.read_bytes())
     model = ("--model", "static_hysteretic", "--repair", "offset=100", "--out", out)

@@ -127,7 +127,7 @@ def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(sampled: Path) -> Non
     again = mrwork("sample", sampled, "--steps", "400", "--walkers", "20", "--resume", "--json")
     document = json.loads(again.stdout)
     assert document["steps"] == 400
-    expected = {"median", "lower_5", "upper_95", "ess_bulk", "rhat", "remark"}
+    expected = {"median", "lower_5", "upper_95", "ess_bulk", "rhat", "state"}
     assert set(document["parameters"]["alpha"]) >= expected
     command_refusal("sample", sampled, "--seed", "9", "--resume", "--quiet", match="another sampling")
 

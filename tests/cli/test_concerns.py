@@ -1,4 +1,4 @@
-"""What `mrwork check` knows of a record, every verb says that it matters to: all declared kinds of findings."""
+"""What `mrwork check` knows of a record, every verb says that it matters to: all declared kinds of remarks."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from record_files import Columns, codes, write_text
 
 import mrwork as mr
 from mrwork import records
+from mrwork.base.remark import RemarkKind, Verb
 from mrwork.dampers import damper
 from mrwork.identification.minimise import polish
 from mrwork.records import DamperTest, read_damper_test
-from mrwork.records.finding import FindingKind, Verb
-from mrwork.records.findings import findings_for
+from mrwork.records.remarks import remarks_for
 
 VERBS: tuple[Verb, ...] = get_args(Verb)
-# Findings of tests together, which stand in no test.
+# Remarks of tests together, which stand in no test.
 OF_THE_SET = ("command_mislabelled", "record_repeated", "repeat_differs")
 
 
 PLAIN = mr.synthetic_test("spencer1997_fast")
 
 
-def declared() -> dict[str, FindingKind]:
-    """Every kind of finding that a module of the records declares, by its code."""
+def declared() -> dict[str, RemarkKind]:
+    """Every kind of remark that a module of the records declares, by its code."""
     modules = [import_module(f"mrwork.records.{each.name}") for each in iter_modules(records.__path__)]
     values = [value for module in modules for value in vars(module).values()]
     values += [inner for value in values if isinstance(value, dict) for inner in value.values()]
-    kinds = [value for value in values if isinstance(value, FindingKind)]
+    kinds = [value for value in values if isinstance(value, RemarkKind)]
     assert len({(each.code, each.verbs) for each in kinds}) == len({each.code for each in kinds})
     return {each.code: each for each in kinds}
 
@@ -45,22 +45,22 @@ def declared() -> dict[str, FindingKind]:
 DECLARED = declared()
 
 
-def has_finding(code: str, **changes: Any) -> DamperTest:
-    finding = replace(DECLARED[code], text=f"it has {code}", cure="do something").found()
-    return replace(PLAIN, **{"findings": (finding,), "sha256": code, **changes})
+def has_remark(code: str, **changes: Any) -> DamperTest:
+    remark = replace(DECLARED[code], text=f"it has {code}", cure="do something").remark()
+    return replace(PLAIN, **{"remarks": (remark,), "sha256": code, **changes})
 
 
 @pytest.mark.parametrize("verb", VERBS)
 @pytest.mark.words
-def test_a_verb_says_a_finding_where_the_table_has_it(verb: Verb) -> None:
+def test_a_verb_says_a_remark_where_the_table_has_it(verb: Verb) -> None:
     for code, kind in DECLARED.items():
-        alone = [has_finding(code), replace(PLAIN, findings=(), sha256="another")]
-        said = [each.code for each in findings_for(verb, set_with(code) if code in OF_THE_SET else alone)]
+        alone = [has_remark(code), replace(PLAIN, remarks=(), sha256="another")]
+        said = [each.code for each in remarks_for(verb, set_with(code) if code in OF_THE_SET else alone)]
         assert said == ([code] if verb in kind.verbs else [])
 
 
 def set_with(code: str) -> list[DamperTest]:
-    plain = replace(PLAIN, findings=(), current=1.0)
+    plain = replace(PLAIN, remarks=(), current=1.0)
     if code == "record_repeated":
         return [replace(plain, name="first", path="a.csv"), replace(plain, name="second", path="b.csv")]
     weak = replace(plain, name="weak", sha256="4", force=0.5 * plain.force)
@@ -115,7 +115,7 @@ def strange_records(folder: Path) -> list[Path]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """A run folder of a fit to strange records, and their findings by code."""
+    """A run folder of a fit to strange records, and their remarks by code."""
 
     folder: Path
     files: Sequence[Path]
@@ -134,7 +134,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Run:
 
 
 def told(document: Any) -> set[str]:
-    return {each["code"] for each in document["findings"]}
+    return {each["code"] for each in document["test_remarks"]}
 
 
 def arguments_of(verb: Verb, run: Run) -> tuple[object, ...]:

@@ -72,7 +72,7 @@ def check_one_verdict(place: Path, terminal: str) -> dict[str, str]:
         assert fit.intervals is not None or own["verdict"] == each.verdict
         # 0 was once that of a parameter at its bound.
         assert each.standard_error is None or each.standard_error > 0.0
-        if each.remark:
+        if each.state:
             assert each.standard_error is None
     words = {line: verdicts[name] for name, line in rows_of(terminal).items() if name in verdicts}
     assert all(f"  {verdict}" in line for line, verdict in words.items())
@@ -100,7 +100,7 @@ def test_verdicts_and_errors_are_the_same_everywhere(
     assert expected.items() <= verdicts.items()
     assert {key: each["verdict"] for key, each in document["parameters"].items()} == verdicts
     for each in document["parameters"].values():
-        assert (each["standard_error"] is None) or not each["remark"]
+        assert (each["standard_error"] is None) or not each["state"]
 
 
 @pytest.mark.parametrize("model", ["viscous_dahl", "bouc_wen"])

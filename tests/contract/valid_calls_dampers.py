@@ -28,7 +28,7 @@ _N_TIME = 60
 _BINGHAM = mr.damper("bingham")
 _FIELDS = (
     *("name", "path", "sha256", "dt", "start_time", "displacement", "velocity", "force", "velocity_source"),
-    *("n_settle", "amplitude", "frequency", "observation", "findings"),
+    *("n_settle", "amplitude", "frequency", "observation", "remarks"),
 )
 
 

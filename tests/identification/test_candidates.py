@@ -195,13 +195,13 @@ def test_a_point_outside_the_cube_and_a_loss_without_its_slope_are_refused(test:
     refusal(objective, mr.damper("bingham").nominal, match="derivative")
 
 
-def test_arrays_become_a_test_with_the_findings_of_a_file() -> None:
+def test_arrays_become_a_test_with_the_remarks_of_a_file() -> None:
     known = mr.synthetic_test("rd1005_1a")
     made = mr.test_from_arrays(
         known.time, known.displacement, -known.force, command=1.0, command_unit="A", name="mine"
     )
     assert (made.name, made.current, made.command) == ("mine", 1.0, None)
-    assert {"velocity_derived", "force_sign_flipped"} <= {each.code for each in made.findings}
+    assert {"velocity_derived", "force_sign_flipped"} <= {each.code for each in made.remarks}
     assert np.array_equal(made.force, known.force)
     opening = mr.test_from_arrays(known.time, known.displacement, known.force, command=30.0, command_unit="%")
     assert (opening.current, opening.command, opening.command_unit) == (None, 30.0, "%")

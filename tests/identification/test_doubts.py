@@ -113,7 +113,7 @@ def test_only_an_offset_that_the_model_cannot_describe_is_a_warning(
     test = cut(mr.synthetic_test("spencer1997_fast"), every=8)
     if repaired:
         test, _ = mr.records.repair(test, ["offset"])
-    assert any(each.code == "force_offset" for each in test.findings) != repaired
+    assert any(each.code == "force_offset" for each in test.remarks) != repaired
     bounds = {} if f0 is None else {"f0": (f0, f0)}
     fit = fitted(test, "dahl", bounds=bounds, observe=observe)
     about = [each for each in fit.warnings if "static offset" in each]
@@ -124,7 +124,7 @@ def test_only_an_offset_that_the_model_cannot_describe_is_a_warning(
 def test_the_first_demo_has_no_warning() -> None:
     test = mr.synthetic_test("spencer1997")
     assert mr.identify("normalised_bouc_wen", test, rng=1).warnings == ()
-    assert "force_offset" in {each.code for each in test.findings}
+    assert "force_offset" in {each.code for each in test.remarks}
 
 
 DT = 4e-3
@@ -216,7 +216,7 @@ def test_recorded_temperatures_that_differ_between_tests_are_told(
         header = "time_s,displacement_mm,force_N,Temp (°C)"
         np.savetxt(paths[-1], channels, delimiter=",", header=header, comments="", encoding="utf-8")
     tests = mr.read_damper_tests(paths)
-    assert all("temperature" in {finding.code for finding in test.findings} for test in tests)
+    assert all("temperature" in {remark.code for remark in test.remarks} for test in tests)
     fit = fitted(tests)
     assert any("no model has a temperature" in warning for warning in fit.warnings) is told
 

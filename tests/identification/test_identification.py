@@ -61,7 +61,7 @@ def test_the_residual_of_a_true_model_is_the_sensor_noise(fit: Fit) -> None:
 def test_the_redundant_form_reaches_the_same_fit_and_names_what_it_held(record: DamperTest, fit: Fit) -> None:
     spencer = identify("bouc_wen", record, search=SEARCH, rng=3)
     assert spencer.fit_percent == pytest.approx(fit.fit_percent, abs=1e-6)
-    held = {estimate.name for estimate in spencer.estimates if estimate.remark == "fixed"}
+    held = {estimate.name for estimate in spencer.estimates if estimate.state == "fixed"}
     assert held == {"A"}
     assert all(estimate.standard_error for estimate in spencer.estimates if estimate.name != "A")
 
@@ -80,8 +80,8 @@ def test_a_fixed_parameter_stays_and_a_bound_is_kept(record: DamperTest) -> None
     bound = identify("normalised_bouc_wen", record, search=SEARCH, bounds=bounds, rng=1)
     by_name = {estimate.name: estimate for estimate in bound.estimates}
     assert by_name["n"].value == 2.0
-    assert by_name["n"].remark == "fixed"
-    assert by_name["rho"].remark == "at upper bound"
+    assert by_name["n"].state == "fixed"
+    assert by_name["rho"].state == "at upper bound"
     assert by_name["rho"].standard_error is None
 
 

@@ -59,7 +59,7 @@ def fit(tests: tuple[DamperTest, ...]):
 def test_the_laws_are_recovered_within_their_standard_errors(fit) -> None:
     assert fit.status == "converged"
     for estimate, true in zip(fit.estimates, TRUTH, strict=True):
-        if estimate.remark == "fixed":
+        if estimate.state == "fixed":
             assert estimate.value == true
             continue
         assert estimate.standard_error is not None
@@ -113,7 +113,7 @@ def test_an_offset_of_each_test_leaves_none_to_the_model(tests: tuple[DamperTest
     plain = damper("static_hysteretic")
     held = identify(plain, shifted[2], search=SEARCH, bounds=FIXED, observe="offset=each", rng=2)
     by_name = {estimate.name: estimate for estimate in held.estimates}
-    assert (by_name["f0"].value, by_name["f0"].remark) == (0.0, "fixed")
+    assert (by_name["f0"].value, by_name["f0"].state) == (0.0, "fixed")
     assert held.quality[0].estimated.offset == pytest.approx(130.0 + 57.0 - 18.0, abs=2.0)
 
 

@@ -71,7 +71,7 @@ def test_tests_come_back_as_they_were_read_from_any_folder(run: Path) -> None:
     assert test.observation.average_seconds == 0.02
     assert test.observation == quality.observation
     assert opened.fit.settings.observe == ("average=0.02", "gain=each")
-    assert any(finding.code == "repaired_offset" for finding in test.findings)
+    assert any(remark.code == "repaired_offset" for remark in test.remarks)
 
 
 def test_a_reading_survives_json() -> None:
@@ -99,7 +99,7 @@ def test_a_run_keeps_the_velocity_that_it_was_fitted_to(tmp_path: Path) -> None:
         opened = reopen(folder)
         assert opened.tests[0].velocity_source == source
         predicted = json.loads(printed("predict", folder, file, "--json"))
-        told = {each["code"] for each in predicted["findings"]}
+        told = {each["code"] for each in predicted["test_remarks"]}
         assert told & {"velocity_late", "velocity_difference"} == {code}
         assert predicted["files"][0]["fit_percent"] == pytest.approx(opened.fit.quality[0].fit_percent)
 

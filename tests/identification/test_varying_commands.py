@@ -99,7 +99,7 @@ def assert_recovered(fit: Fit) -> None:
     assert fit.status == "converged" or "genetic was the only search" in fit.status_in_words
     assert fit.rmse_n == pytest.approx(NOISE_N, rel=0.05)
     for estimate in fit.estimates:
-        if estimate.remark == "fixed":
+        if estimate.state == "fixed":
             continue
         assert estimate.standard_error is not None
         assert abs(estimate.value - TRUTH[estimate.name]) < 5.0 * estimate.standard_error, estimate

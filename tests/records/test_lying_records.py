@@ -1,4 +1,4 @@
-"""Records that lie are told, and honest records of every kind of motion and of every model have no such finding."""
+"""Records that lie are told, and honest records of every kind of motion and of every model have no such remark."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DATA = measured_data.DATA / "dampers"
 Samples = NDArray[np.float64]
 # Rate at which a damper is simulated, of which a record keeps every tenth sample or less [Hz].
 FINE = 10_000
-# Findings of lies alone; others an honest record may have, too.
+# Remarks of lies alone; others an honest record may have, too.
 TELLING = {
     *("displacement_still", "displacement_jumps", "displacement_drifts", "displacement_unusual", "clipped"),
     *("force_still", "force_unusual", "time_unusual", "command_unusual", "coarse", "held_samples"),
@@ -45,7 +45,7 @@ class Columns:
         return mr.test_from_arrays(name="record", **channels)
 
     def says(self) -> set[str]:
-        """The findings that tell of a lie, or a refusal."""
+        """The remarks that tell of a lie, or a refusal."""
         try:
             return set(codes(self.test()))
         except MrworkError:
@@ -170,7 +170,7 @@ def clipped(samples: Samples, share: float) -> Samples:
     return np.clip(samples, middle - share * half, middle + share * half)
 
 
-# What is done to the columns, and one of which findings tells of it.
+# What is done to the columns, and one of which remarks tells of it.
 LIES: dict[str, tuple[Columns | dict[str, Samples], set[str]]] = {
     "the displacement stands still": ({"displacement": stuck(MOVED)}, {"displacement_still"}),
     "the displacement is noise for a part": ({"displacement": stuck(MOVED, 1e-4)}, {"displacement_still"}),
@@ -220,7 +220,7 @@ def test_a_lie_of_a_plain_sine_is_told(lie: str) -> None:
 
 
 @pytest.mark.parametrize("model", ["bouc_wen", "dahl"])
-def test_honest_records_of_every_motion_have_no_finding_of_a_lie(model: str) -> None:
+def test_honest_records_of_every_motion_have_no_remark_of_a_lie(model: str) -> None:
     records = {motion: honest(model, motion) for motion in MOTIONS}
     # No actuator drives a large damper within a sample.
     large = {
@@ -239,7 +239,7 @@ def test_every_model_is_honest_in_a_sine() -> None:
 
 @pytest.mark.long
 @pytest.mark.skipif(not DATA.is_dir(), reason=f"measured damper records are not at {DATA} (set MRWORK_DATA)")
-def test_measured_records_have_no_finding_of_a_lie() -> None:
+def test_measured_records_have_no_remark_of_a_lie() -> None:
     tests = read_damper_tests([DATA / "utfsm", DATA / "labcontrol"])
     assert {test.name: found for test in tests if (found := TELLING & set(codes(test)))} == {}
 

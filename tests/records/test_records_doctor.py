@@ -1,4 +1,4 @@
-"""Each defect added to a clean record is detected with its size; the clean record has no finding."""
+"""Each defect added to a clean record is detected with its size; the clean record has no remark."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from mrwork.dampers import damper
 from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.records import DamperTest
 from mrwork.records.checks import breakaway_overshoot, clipped_samples, detect_smoothing, static_force
-from mrwork.records.cycles import delay_finding, drift_finding, force_delay, loop_drift, moving_mass
-from mrwork.records.findings import find_mislabelled, repeats_that_differ
+from mrwork.records.cycles import delay_remark, drift_remark, force_delay, loop_drift, moving_mass
 from mrwork.records.motion import SmoothMotion, smooth_motion, whole_cycles
 from mrwork.records.read import examine
 from mrwork.records.reading import SYNTHETIC_TESTS, synthetic_test
+from mrwork.records.remarks import find_mislabelled, repeats_that_differ
 from mrwork.records.window import cut
 
 # Models with displacement hysteresis have a corner at motion reversals; the other has none.
@@ -65,7 +65,7 @@ def late(test: DamperTest, delay: float) -> DamperTest:
 
 
 def alarms(test: DamperTest) -> list[str]:
-    """Codes of the findings, without the offset that a model has."""
+    """Codes of the remarks, without the offset that a model has."""
     return [each.code for each in examine(*with_motion(test)) if each.code != "force_offset"]
 
 
@@ -92,15 +92,15 @@ def test_a_delay_of_the_force_is_found(model: str, frequency: float, share: floa
     # 0.1 % of a period is the step of the search and hence the least standard error; the bound is three times that.
     assert abs(found.value - delay) < 3.0 * found.standard_error
     assert found.standard_error < 4e-3 / frequency
-    (finding,) = delay_finding(*with_motion(test))
-    assert "lags" in finding.message
+    (remark,) = delay_remark(*with_motion(test))
+    assert "lags" in remark.message
 
 
 def test_a_force_that_comes_early_is_told_as_a_lead() -> None:
-    (finding,) = delay_finding(*with_motion(late(simulated("normalised_bouc_wen"), -0.015)))
-    assert "leads" in finding.message
-    assert finding.measured is not None
-    assert finding.measured.value == pytest.approx(-0.015, abs=1.5e-3)
+    (remark,) = delay_remark(*with_motion(late(simulated("normalised_bouc_wen"), -0.015)))
+    assert "leads" in remark.message
+    assert remark.measured is not None
+    assert remark.measured.value == pytest.approx(-0.015, abs=1.5e-3)
 
 
 @pytest.mark.parametrize("delay", [-0.01, 0.0, 0.005])
@@ -214,7 +214,7 @@ def test_a_drift_of_the_loop_is_measured(change: float) -> None:
     # Noise of 0.3 % averages to 1e-4 in a cycle of 500 samples; for a drifting force, the mean over the travel differs
     # slightly from its offset.
     assert found.value == pytest.approx(expected, abs=0.003)
-    assert len([*drift_finding(*with_motion(test))]) == 1
+    assert len([*drift_remark(*with_motion(test))]) == 1
 
 
 SLOW = 0.002 * np.arange(6000)
@@ -253,10 +253,10 @@ def test_a_command_that_is_not_constant_is_told_by_its_course(
     built = mr.test_from_arrays(
         name="rig", time=test.time, displacement=test.displacement, force=test.force, current=current
     )
-    (finding,) = [finding for finding in built.findings if finding.code == "command_varies"]
-    assert finding.message.startswith(f"the current {word} between")
-    assert finding.measured is not None
-    assert finding.measured.value == pytest.approx(1.0, abs=0.03)
+    (remark,) = [remark for remark in built.remarks if remark.code == "command_varies"]
+    assert remark.message.startswith(f"the current {word} between")
+    assert remark.measured is not None
+    assert remark.measured.value == pytest.approx(1.0, abs=0.03)
 
 
 @cache
@@ -279,9 +279,9 @@ def test_a_repeat_of_another_force_is_told_with_its_ratio() -> None:
     first = simulated(SMOOTH, cycles=4, rng=1)
     first, second = (replace(first, name=name, current=1.0) for name in ("first", "second"))
     assert [*repeats_that_differ([first, replace(second, force=1.05 * second.force)])] == []
-    (finding,) = repeats_that_differ([first, replace(second, force=1.3 * second.force)])
-    assert "second has the motion and command of first" in finding.message
-    assert "times 1.30" in finding.message
+    (remark,) = repeats_that_differ([first, replace(second, force=1.3 * second.force)])
+    assert "second has the motion and command of first" in remark.message
+    assert "times 1.30" in remark.message
 
 
 @pytest.mark.parametrize(("wrong", "label"), [(7, 1.0), (12, 0.5), (3, 0.5)])
@@ -289,21 +289,21 @@ def test_a_wrong_label_in_a_set_is_named(wrong: int, label: float) -> None:
     tests = [*_set_of_tests()]
     right = tests[wrong].current
     tests[wrong] = replace(tests[wrong], current=label)
-    (finding,) = find_mislabelled(tests)
-    assert finding.message.startswith(f"{tests[wrong].name}: ")
-    assert f"the other tests at {label:.3g} A" in finding.message
-    assert finding.measured is not None
+    (remark,) = find_mislabelled(tests)
+    assert remark.message.startswith(f"{tests[wrong].name}: ")
+    assert f"the other tests at {label:.3g} A" in remark.message
+    assert remark.measured is not None
     assert right is not None
-    assert np.sign(finding.measured.value) == np.sign(right - label)
+    assert np.sign(remark.measured.value) == np.sign(right - label)
 
 
 def test_a_force_in_another_unit_than_those_of_its_set_is_told_with_the_unit() -> None:
     tests = [*_set_of_tests()]
     assert "lbf" not in find_mislabelled([*tests[:7], replace(tests[7], current=1.0), *tests[8:]])[0].message
     tests[8] = replace(tests[8], force=tests[8].force / 4.448)
-    (finding,) = find_mislabelled(tests)
-    assert finding.message.startswith(f"{tests[8].name}: ")
-    assert "in lbf instead of newtons" in finding.message
+    (remark,) = find_mislabelled(tests)
+    assert remark.message.startswith(f"{tests[8].name}: ")
+    assert "in lbf instead of newtons" in remark.message
 
 
 @pytest.mark.parametrize(("held", "told"), [(60, True), (10, False)])

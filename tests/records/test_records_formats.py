@@ -33,11 +33,11 @@ def assert_is_the_clean_test(test: DamperTest, rtol: float = 1e-15) -> None:
     assert test.dt == pytest.approx(DT)
 
 
-def test_a_clean_file_gives_its_arrays_and_no_finding(tmp_path: Path) -> None:
+def test_a_clean_file_gives_its_arrays_and_no_remark(tmp_path: Path) -> None:
     path = write_text(tmp_path / "rig 3.csv", clean_columns())
     test = read_damper_test(path)
     assert_is_the_clean_test(test, rtol=0.0)
-    assert test.findings == ()
+    assert test.remarks == ()
     assert (test.name, test.path) == ("rig 3", str(path))
     assert test.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert (test.current, test.voltage, test.amplitude, test.frequency) == (None, None, None, None)
@@ -91,7 +91,7 @@ def test_units_do_not_matter(tmp_path: Path, column: str, other: str, factor: fl
     test = read_damper_test(write_text(tmp_path / "rig.csv", columns, ";"))
     # One multiplication each way: three roundings.
     assert_is_the_clean_test(test, rtol=4e-16)
-    assert test.findings == ()
+    assert test.remarks == ()
 
 
 @pytest.mark.parametrize(
@@ -247,7 +247,7 @@ def test_the_first_sheet_with_a_record_is_read_and_the_others_are_named(tmp_path
 def test_further_sheets_with_a_record_are_a_warning(tmp_path: Path) -> None:
     test = read_workbook(tmp_path / "rig.xlsx", {"Run 1": HEAD + BODY, "Run 2": HEAD + BODY, "Info": [["a"]]})
     assert_is_the_test(test)
-    (warning,) = [each for each in test.findings if each.code == "further_records"]
+    (warning,) = [each for each in test.remarks if each.code == "further_records"]
     assert warning.severity == "warning"
     assert "have a record: 'Run 2'; save each as a file" in warning.message
     assert message(test, "not_used") == "not used: sheet 'Info'"

@@ -1,4 +1,4 @@
-"""Measured records: all are read, their known defects are detected, and clean ones have no finding."""
+"""Measured records: all are read, their known defects are detected, and clean ones have no remark."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from record_files import codes
 import mrwork as mr
 from mrwork.records import DamperTest, read_damper_tests
 from mrwork.records.checks import detect_smoothing
-from mrwork.records.findings import find_mislabelled
 from mrwork.records.likeness import RecordedMotion, alike_groups
+from mrwork.records.remarks import find_mislabelled
 
 DATA = measured_data.DATA / "dampers"
 
@@ -32,7 +32,7 @@ def labcontrol() -> tuple[DamperTest, ...]:
     return read_damper_tests(DATA / "labcontrol" / "*.csv")
 
 
-def test_each_finding_is_where_its_cause_is(utfsm: tuple[DamperTest, ...]) -> None:
+def test_each_remark_is_where_its_cause_is(utfsm: tuple[DamperTest, ...]) -> None:
     assert len(utfsm) >= 45
     names = {test.name for test in utfsm}
     told = {
@@ -55,7 +55,7 @@ def test_labels_of_one_set_are_right_and_two_of_the_other_wrong(
     utfsm: tuple[DamperTest, ...], labcontrol: tuple[DamperTest, ...]
 ) -> None:
     assert find_mislabelled(utfsm) == ()
-    named = {finding.message.partition(": ")[0] for finding in find_mislabelled(labcontrol)}
+    named = {remark.message.partition(": ")[0] for remark in find_mislabelled(labcontrol)}
     # Of the tests labelled 0.87 V, these two dissipate a quarter more than the other eight, which agree within 10 %.
     assert {Path(name).stem for name in named} == {"ensaio9.2", "ensaio10.2"}
 

@@ -67,7 +67,7 @@ def test_marker_lines_are_told_together_and_skipped_by_one_answer(
     refusal(read_damper_test, path, match=f"2 lines .*line {place + 1} '.*line 102 '.*--column markers=skip")
     test = read_damper_test(path, columns={"markers": "skip"})
     assert test.n_time == 200
-    assert any(f"line {place + 1}" in each.message for each in test.findings)
+    assert any(f"line {place + 1}" in each.message for each in test.remarks)
     assert np.allclose(test.displacement, 1e-3 * STROKE, atol=1e-8)
 
 
@@ -87,8 +87,8 @@ def test_a_wrong_row_is_no_marker(tmp_path: Path, row: str, word: str) -> None:
 @pytest.mark.parametrize(("unit", "scale"), [("ms", 1e3), ("us", 1e6)])
 def test_a_slow_clock_beside_a_velocity_is_named_first(tmp_path: Path, unit: str, scale: float) -> None:
     path = write(tmp_path / "a.csv", text("t_s,x_mm,F_N,v_mmps", scale * TIME, STROKE, FORCE, SPEED))
-    (finding,) = [each for each in read_damper_test(path).findings if each.code == "time_factor"]
-    assert f"a time in {unit} is taken for one in s" in finding.message
+    (remark,) = [each for each in read_damper_test(path).remarks if each.code == "time_factor"]
+    assert f"a time in {unit} is taken for one in s" in remark.message
     # Without the velocity the time is as wrong as with it.
     arguments = ("identify", path, "--repair", "velocity", "--out", tmp_path / "out")
     command_refusal(*arguments, match=f"time=COLUMN:{unit}")
@@ -110,7 +110,7 @@ def test_words_of_the_field_are_known_in_their_encodings(tmp_path: Path, names: 
     test = read_damper_test(write(tmp_path / "a.csv", lines, encoding))
     assert (test.n_time, test.current, test.dt) == (200, 0.5, pytest.approx(0.005))
     assert np.allclose(test.displacement, 1e-3 * STROKE, atol=1e-8)
-    said = [each.message for each in test.findings if each.code == "encoding"]
+    said = [each.message for each in test.remarks if each.code == "encoding"]
     assert len(said) == ((encoding not in ("utf-8-sig",) and not names.isascii()) or encoding == "utf-16")
 
 
@@ -130,7 +130,7 @@ def test_a_name_with_two_commands_is_asked_about(tmp_path: Path) -> None:
     path = write(tmp_path / "sweep_0A_to_2A.csv", text("t_s,x_mm,F_N", TIME, STROKE, FORCE))
     test = read_damper_test(path)
     assert not test.commands
-    assert any("says 0 A and 2 A" in each.message for each in test.findings)
+    assert any("says 0 A and 2 A" in each.message for each in test.remarks)
 
 
 @pytest.mark.long

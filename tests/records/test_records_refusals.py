@@ -182,7 +182,7 @@ def test_millimetres_taken_for_metres_are_told() -> None:
     time, displacement, force = COLUMNS.values()
     for factor, told in ((1.0, False), (1e3, True)):
         test = mr.test_from_arrays(name="rig", time=time, displacement=factor * displacement, force=force)
-        assert ("displacement_unusual" in [each.code for each in test.findings]) == told
+        assert ("displacement_unusual" in [each.code for each in test.remarks]) == told
 
 
 def test_the_command_of_a_test_made_by_hand_has_its_length_and_is_a_number_where_constant() -> None:

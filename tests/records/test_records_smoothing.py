@@ -1,4 +1,4 @@
-"""A moving average is detected with its window, others have no finding; the filter agrees with that of SciPy."""
+"""A moving average is detected with its window, others have no remark; the filter agrees with that of SciPy."""
 
 from __future__ import annotations
 

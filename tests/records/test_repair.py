@@ -10,8 +10,8 @@ from refusals import refusal
 
 import mrwork as mr
 from mrwork.records import DamperTest, repair
-from mrwork.records.finding import REPAIR_KINDS
 from mrwork.records.reading import synthetic_test
+from mrwork.records.repairs import REPAIR_KINDS
 
 # Its noise has a standard deviation of 8 N.
 NOISE_N = 8.0
@@ -64,16 +64,16 @@ def test_the_record_is_kept_beside_the_repaired_one(clean: DamperTest) -> None:
     assert once.original is clean
     assert twice.original is clean
     assert clean.original is None
-    assert [finding.severity for finding in twice.findings] == ["repaired", "repaired"]
+    assert [remark.severity for remark in twice.remarks] == ["repaired", "repaired"]
 
 
-def test_a_cured_finding_gives_way_to_the_repair(clean: DamperTest) -> None:
+def test_a_cured_remark_gives_way_to_the_repair(clean: DamperTest) -> None:
     raised = mr.test_from_arrays(
         name="raised", time=clean.time, displacement=clean.displacement, force=clean.force + 300.0
     )
-    assert "force_offset" in [finding.code for finding in raised.findings]
+    assert "force_offset" in [remark.code for remark in raised.remarks]
     repaired, _ = repair(raised, ["offset"])
-    assert [finding.code for finding in repaired.findings] == ["velocity_derived", "repaired_offset"]
+    assert [remark.code for remark in repaired.remarks] == ["velocity_derived", "repaired_offset"]
 
 
 def test_a_repair_without_a_cause_changes_nothing_and_says_why(clean: DamperTest) -> None:

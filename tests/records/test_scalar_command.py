@@ -87,7 +87,7 @@ def test_a_heading_of_a_command_in_another_unit_is_read_without_conversion(
 def test_a_column_that_is_no_command_of_the_damper_is_not_used(tmp_path: Path, heading: str) -> None:
     test = read_damper_test(written(tmp_path, heading, 50.0, 0.0))
     assert test.commands == ()
-    assert "not_used" in {finding.code for finding in test.findings}
+    assert "not_used" in {remark.code for remark in test.remarks}
     # Unless it is said to be.
     unit = heading.rpartition("_")[2].strip("()") if "_" in heading else "mm"
     assert read_damper_test(test.path, columns={"command": f"{heading}:{unit}"}).command_unit == unit
@@ -123,7 +123,7 @@ def test_a_number_in_another_unit_is_the_command(
 def test_a_negative_opening_is_a_warning_and_a_negative_temperature_is_none(tmp_path: Path) -> None:
     for heading, warned in (("valve_mm", True), ("command (degC)", False)):
         test = read_damper_test(written(tmp_path, heading, 50.0, -20.0))
-        assert ("command_negative" in {finding.code for finding in test.findings}) is warned
+        assert ("command_negative" in {remark.code for remark in test.remarks}) is warned
 
 
 def made(unit: CommandUnit, command: float | NDArray[np.float64], *, rng: int = 0) -> DamperTest:

@@ -15,7 +15,7 @@ import mrwork as mr
 from mrwork.dampers.command import Command, is_stepped, levels_of_command
 from mrwork.identification.excerpts import excerpt, varied_excerpt
 from mrwork.records import DamperTest, cut, read_damper_test, repair
-from mrwork.records.findings import find_mislabelled
+from mrwork.records.remarks import find_mislabelled
 
 DT = 1e-3
 N_TIME = 4000
@@ -45,9 +45,9 @@ def test_a_varying_command_is_kept_sample_by_sample(current: NDArray[np.float64]
     assert isinstance(test.current, np.ndarray)
     np.testing.assert_array_equal(test.current, current)
     assert not test.current.flags.writeable
-    (finding,) = [each for each in test.findings if each.code == "command_varies"]
-    assert finding.severity == "note"
-    assert "--law" in finding.message
+    (remark,) = [each for each in test.remarks if each.code == "command_varies"]
+    assert remark.severity == "note"
+    assert "--law" in remark.message
 
 
 def test_noise_about_a_constant_command_is_not_a_varying_one() -> None:
@@ -57,9 +57,9 @@ def test_noise_about_a_constant_command_is_not_a_varying_one() -> None:
 
 def test_a_negative_command_is_a_warning_and_one_beyond_any_driver_refused() -> None:
     for current in (-1.0, SMOOTH - 0.5):
-        (finding,) = [each for each in built(current).findings if each.code == "command_negative"]
-        assert finding.severity == "warning"
-        assert "give its magnitude" in finding.message
+        (remark,) = [each for each in built(current).remarks if each.code == "command_negative"]
+        assert remark.severity == "warning"
+        assert "give its magnitude" in remark.message
     # Noise about zero.
     noise = 0.004 * np.random.default_rng(3).standard_normal(N_TIME)
     assert "command_negative" not in codes(built(noise))
@@ -195,7 +195,7 @@ def test_repairs_and_excerpts_keep_the_command_beside_the_motion() -> None:
     assert whole.dt * whole.n_time == pytest.approx(test.dt * test.n_time)
 
 
-def test_a_varying_command_gives_no_finding_on_cycles_that_differ_by_it() -> None:
+def test_a_varying_command_gives_no_remark_on_cycles_that_differ_by_it() -> None:
     rising = built(np.where(TIME < 2.0, 0.0, 1.0))
     assert {"loop_drift", "force_delay", "moving_mass"}.isdisjoint(codes(rising))
     assert find_mislabelled([built(SWITCHING), *(built(0.5) for _ in range(3))]) == ()

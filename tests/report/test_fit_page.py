@@ -24,9 +24,9 @@ from run_folders import write_fit
 
 import mrwork as mr
 from mrwork import StoredRun, identify
+from mrwork.base.remark import RemarkKind
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import cut
-from mrwork.records.finding import FindingKind
 from mrwork.records.reading import synthetic_test
 from mrwork.report import html
 from mrwork.report.fit.agreement import amplitude_section
@@ -95,10 +95,10 @@ def page_of(*predictions: Prediction, **changes: object) -> html.Page:
 @pytest.fixture(scope="module")
 def two_tests() -> html.Page:
     noted = (
-        FindingKind("rest", "The first 0.12 s are at rest.").found(),
-        FindingKind("sign", "The force has been flipped", "check it").found(),
+        RemarkKind("rest", "The first 0.12 s are at rest.").remark(),
+        RemarkKind("sign", "The force has been flipped", "check it").remark(),
     )
-    return page_of(prediction(findings=noted), prediction("spencer1997", synthetic=True, peak_force=400.0))
+    return page_of(prediction(remarks=noted), prediction("spencer1997", synthetic=True, peak_force=400.0))
 
 
 def assert_links_lead_somewhere(text: str, files: Collection[str]) -> None:
@@ -187,8 +187,8 @@ def test_an_unfinished_fit_says_so_in_a_banner() -> None:
 
 def test_names_from_files_cannot_write_markup() -> None:
     hostile = '<script>alert("1")</script>&amp;'
-    found = FindingKind("x", "{text}").found(text=hostile)
-    text = page_of(prediction(hostile, findings=(found,)), stop_reason=hostile)
+    found = RemarkKind("x", "{text}").remark(text=hostile)
+    text = page_of(prediction(hostile, remarks=(found,)), stop_reason=hostile)
     page = Page(text)
     assert "script" not in {tag for tag, _ in page.elements}
     assert text.count("alert(&#34;1&#34;)") + text.count("alert(&quot;1&quot;)") > 5
@@ -294,12 +294,12 @@ def test_coverage_is_printed_beside_the_band_as_it_was_measured(whole: Path) -> 
 
 def worse(number: int) -> Prediction:
     """A test whose model misses more with its number."""
-    made = prediction(f"test{number}", n_time=400, findings=(DRIFT,))
+    made = prediction(f"test{number}", n_time=400, remarks=(DRIFT,))
     model = (1.0 - 0.1 * number) * made.model_force
     return replace(made, model_force=model)
 
 
-DRIFT = FindingKind("drift", "the force drifts by 3 %", "cool it").found()
+DRIFT = RemarkKind("drift", "the force drifts by 3 %", "cool it").remark()
 
 
 @pytest.mark.contract

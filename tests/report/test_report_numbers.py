@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from mrwork.base import numbers
+from mrwork.base.remark import Measured
 from mrwork.plots.canvas import inline_svg
 from mrwork.plots.style import symbol_text
-from mrwork.records.finding import Measured
 from mrwork.report.html import equation_html, page_html, symbol
 from mrwork.report.section import Lead
 

@@ -284,7 +284,7 @@ def test_openseespy_reproduces_the_exported_damper_to_the_stated_error(fit: Fit,
 def on_bound(fit: Fit, name: str, value: float, **bounds: float) -> Fit:
     """The fit with a parameter on its upper bound."""
     estimates = [
-        replace(each, remark="at upper bound", value=value, **bounds) if each.name == name else each
+        replace(each, state="at upper bound", value=value, **bounds) if each.name == name else each
         for each in fit.estimates
     ]
     return replace(fit, estimates=tuple(estimates))

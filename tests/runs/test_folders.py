@@ -67,7 +67,7 @@ def test_a_folder_of_tests_becomes_a_damper_or_a_question(tmp_path: Path) -> Non
         printed("characterise", rig, "--model", "viscous_dahl", "--out", tmp_path / "out", "--json")
     )
     assert found["uses"]["test"] == 2
-    assert "velocity_derived" in {finding["code"] for finding in found["findings"]}
+    assert "velocity_derived" in {remark["code"] for remark in found["test_remarks"]}
     assert found["held_out"]["worst_percent"] > 85.0
     assert found["verdict"].startswith("Predicts 2 tests kept for test")
     assert Path(found["summary"]).is_file()

@@ -51,8 +51,8 @@ def write_test(path: Path, test: DamperTest) -> Path:
 
 
 def codes(test: DamperTest) -> list[str]:
-    """Findings of the checks, by code."""
-    return [finding.code for finding in test.findings]
+    """Remarks of the checks, by code."""
+    return [remark.code for remark in test.remarks]
 
 
 def built(
@@ -74,6 +74,6 @@ def built(
 
 
 def message(test: DamperTest, code: str) -> str:
-    """Text of the one finding of that code."""
-    (text,) = [finding.message for finding in test.findings if finding.code == code]
+    """Text of the one remark of that code."""
+    (text,) = [remark.message for remark in test.remarks if remark.code == code]
     return text

@@ -5,17 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.remark import Remark
 from mrwork.identification import Fit
 from mrwork.identification.fit import (
     ErrorNorms,
     FitQuality,
     FitStatus,
     FittedParameter,
+    ParameterState,
     Provenance,
-    Remark,
     SearchTrace,
 )
-from mrwork.records import DamperTest, Finding
+from mrwork.records import DamperTest
 from mrwork.records.damper_test import range_of_tests
 from mrwork.records.likeness import RecordedMotion
 from mrwork.uncertainty import Prediction
@@ -29,7 +30,7 @@ def prediction(
     amplitude: float = 0.01,
     peak_force: float = 900.0,
     synthetic: bool = False,
-    findings: tuple[Finding, ...] = (),
+    remarks: tuple[Remark, ...] = (),
     rng: int = 0,
 ) -> Prediction:
     """A 1 Hz test of a smooth hysteretic damper with 2 % noise, and the model without the noise."""
@@ -54,7 +55,7 @@ def prediction(
         amplitude=amplitude,
         frequency=1.0,
         synthetic=synthetic,
-        findings=findings,
+        remarks=remarks,
     )
     return Prediction(test=test, model_force=model)
 
@@ -78,8 +79,8 @@ def quality(test: DamperTest, model_force: NDArray[np.float64]) -> FitQuality:
     )
 
 
-# Name, unit, value, standard error, bounds and remark.
-PARAMETERS: tuple[tuple[str, str, float, float | None, float, float, Remark], ...] = (
+# Name, unit, value, standard error, bounds and state.
+PARAMETERS: tuple[tuple[str, str, float, float | None, float, float, ParameterState], ...] = (
     ("c", "N s/m", 1843.7263, 6.2, 0, 1e5, ""),
     ("k", "N/m", -2310.8, 114.0, -1e5, 1e5, ""),
     ("x0", "m", -1.2346e-4, 2.1e-5, -0.02, 0.02, ""),
@@ -93,7 +94,7 @@ PARAMETERS: tuple[tuple[str, str, float, float | None, float, float, Remark], ..
 def fit(
     *predictions: Prediction, status: FitStatus = "converged", stop_reason: str = "step below 1e-8"
 ) -> Fit:
-    """A fit of eight parameters with every kind of remark."""
+    """A fit of eight parameters with every state."""
     qualities = tuple(quality(entry.test, entry.model_force) for entry in predictions)
     nrmse = float(np.mean([entry.nrmse for entry in qualities]))
     evaluations = np.arange(1, 41) * 64
@@ -111,11 +112,11 @@ def fit(
                 standard_error=error,
                 lower=low,
                 upper=high,
-                remark=remark,
-                verdict="fixed" if remark == "fixed" else "",
-                reason="" if remark == "fixed" else remark,
+                state=state,
+                verdict="fixed" if state == "fixed" else "",
+                reason="" if state == "fixed" else state,
             )
-            for name, unit, value, error, low, high, remark in PARAMETERS
+            for name, unit, value, error, low, high, state in PARAMETERS
         ),
         status=status,
         stop_reason=stop_reason,

@@ -86,7 +86,7 @@ def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> No
     tests = [with_laws(model, values, current, test) for current in (0.5, 0.55)]
     start = identify(damper("bingham"), tests[0], rng=1)
     estimates = tuple(
-        replace(start.estimates[0], name=name, value=values[name], lower=low, upper=high, remark="")
+        replace(start.estimates[0], name=name, value=values[name], lower=low, upper=high, state="")
         for name, low, high in ((each.name, each.lower, each.upper) for each in model.parameters)
     )
     fit = replace(start, estimates=estimates, current=model.current_laws)

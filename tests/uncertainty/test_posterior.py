@@ -78,7 +78,7 @@ def test_walkers_that_disagree_or_never_move_have_not_converged() -> None:
 
 
 @pytest.mark.parametrize(
-    ("draws", "remark"),
+    ("draws", "state"),
     [
         (np.abs, "piles up at its lower bound"),
         (lambda normal: np.where(normal < -2.0, 1.0, normal + 2.0), ""),
@@ -86,10 +86,10 @@ def test_walkers_that_disagree_or_never_move_have_not_converged() -> None:
         (np.zeros_like, "fixed"),
     ],
 )
-def test_draws_that_pile_up_at_a_bound_are_said_to(draws: Callable[[Any], Any], remark: str) -> None:
+def test_draws_that_pile_up_at_a_bound_are_said_to(draws: Callable[[Any], Any], state: str) -> None:
     normal = np.random.default_rng(4).standard_normal((8, 500))
     chain = draws(normal)
-    assert summary_of(chain, name="a", unit="1", bounds=(0.0, 10.0), tau=1.0).remark == remark
+    assert summary_of(chain, name="a", unit="1", bounds=(0.0, 10.0), tau=1.0).state == state
 
 
 @pytest.fixture(scope="module")

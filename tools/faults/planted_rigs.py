@@ -12,7 +12,7 @@ import numpy as np
 from mrwork.base.units import unit_of
 from mrwork.errors import MrworkError
 from mrwork.records import read_damper_test
-from mrwork.records.findings import findings_of_set
+from mrwork.records.remarks import remarks_of_set
 from tools.faults.planted import Rng, Said
 
 # Names of time, displacement, force and velocity, with the units behind them and the encoding of the file.
@@ -69,8 +69,8 @@ def _said(files: Files, encoding: str, folder: Path, word: str = "") -> str:
             tests.append(read_damper_test(path))
         except MrworkError as error:
             said.append(str(error))
-    findings = [*(each for test in tests for each in test.findings), *findings_of_set(tests)]
-    said += [each.message for each in findings if each.severity == "warning"]
+    remarks = [*(each for test in tests for each in test.remarks), *remarks_of_set(tests)]
+    said += [each.message for each in remarks if each.severity == "warning"]
     return next((each for each in said if word in each), "")
 
 

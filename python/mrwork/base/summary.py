@@ -12,6 +12,7 @@ from textwrap import wrap
 from typing import Any, ClassVar
 
 from mrwork.base.numbers import format_rounded
+from mrwork.base.remark import Remark
 from mrwork.base.table import Table, escape
 
 # Rows of a table and characters of a line that fit on one screen.
@@ -21,7 +22,7 @@ _MOST_CHARACTERS = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """What a result says of itself: a title, facts by name, cautions, tables, and notes.
+    """What a result says of itself: a title, facts by name, remarks, tables, and notes.
 
     Facts without a value and columns without an entry in any row are not shown.
     """
@@ -29,6 +30,7 @@ class Summary:
     title: str
     facts: Sequence[tuple[str, str]] = ()
     cautions: Sequence[str] = ()
+    remarks: Sequence[Remark] = ()
     tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
 
@@ -48,8 +50,9 @@ class Summary:
 
     @property
     def sentences(self) -> Sequence[str]:
-        """Cautions as warnings, and notes."""
-        return [*(f"warning: {caution}" for caution in self.cautions), *filter(None, self.notes)]
+        """Remarks, and notes."""
+        cautions = [f"warning: {caution}" for caution in self.cautions]
+        return [*cautions, *(remark.in_words for remark in self.remarks), *filter(None, self.notes)]
 
     def text(self, *, whole: bool = False, width: int | None = None) -> str:
         """For one screen of a terminal; `whole` for all rows, and lines of any length, or of tables at most `width`."""
@@ -70,12 +73,12 @@ class Summary:
             lines = [line if len(line) <= most else f"{line[: most - 3]}..." for line in lines]
         elif self.sentences and self.shown_tables:
             lines.append("")
-        # A caution must be read to its end.
+        # A remark must be read to its end.
         lines += [line for sentence in self.sentences for line in _lines_of(sentence)]
         return "\n".join(lines)
 
     def html(self) -> str:
-        """HTML for a notebook: title, facts, first rows of the tables, cautions and notes."""
+        """HTML for a notebook: title, facts, first rows of the tables, remarks and notes."""
         facts = "".join(
             f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(value)}</td></tr>"
             for name, value in self.shown_facts

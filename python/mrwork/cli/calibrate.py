@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_options_of
 from mrwork.cli.options import add_run, add_threads, end_parser, on_workers
-from mrwork.cli.output import end_addition, is_quiet, progress_line, told_findings
+from mrwork.cli.output import end_addition, is_quiet, progress_line, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, add_observation, observation_of, opened_run, read_tests
 from mrwork.store.run_folder import CALIBRATION, FOLDS
@@ -42,14 +42,14 @@ def run(options: argparse.Namespace) -> int:
         if options.files:
             with on_workers(options, needless="the fit is there, and only predicts the files"):
                 pass
-            predictions, findings = _predict_unseen(options)
+            predictions, remarks = _predict_unseen(options)
             bands = StoredBands.of(predictions, held_out=UNSEEN)
         else:
-            (predictions, beyond), findings = _predict_held_out(options)
+            (predictions, beyond), remarks = _predict_held_out(options)
             bands = StoredBands.of(predictions, held_out=IN_WORDS[options.leave_out], beyond=beyond)
         write_bands(options.run_folder, bands)
         below = [f"Written: {options.run_folder / CALIBRATION}"]
-        return end_addition(options, bands, {"findings": findings}, below)
+        return end_addition(options, bands, {"test_remarks": remarks}, below)
 
 
 def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], Sequence[object]]:
@@ -60,11 +60,11 @@ def _predict_unseen(options: argparse.Namespace) -> tuple[Sequence[Prediction], 
     fit = read_fit(options.run_folder)
     words = observation_of(options, fit.settings.observe)
     _, read = read_tests(options, "calibration", fit)
-    findings = told_findings("calibrate", read, options)
+    remarks = told_remarks("calibrate", read, options)
     tests = [observed(test, words) for test in read]
     for condition in filter(None, map(fit.other_condition, tests)):
         note(condition.condition_in_words)
-    return predict(fit, tests, observe=words).predictions, findings
+    return predict(fit, tests, observe=words).predictions, remarks
 
 
 def _predict_held_out(
@@ -72,7 +72,7 @@ def _predict_held_out(
 ) -> tuple[tuple[Sequence[Prediction], Sequence[Prediction]], Sequence[object]]:
     """Cross-validated predictions of the tests of the run, and those beyond the others; what checks found."""
     opened = opened_run(options)
-    findings = told_findings("calibrate", opened.tests, options)
+    remarks = told_remarks("calibrate", opened.tests, options)
     try:
         with on_workers(options), progress_line(quiet=is_quiet(options), patience=0.0) as line:
             predictions = cross_validated(
@@ -83,4 +83,4 @@ def _predict_held_out(
             f"the fits of folds so far are in {opened.run.path / FOLDS}; run the same command again to continue"
         )
         raise
-    return predictions, findings
+    return predictions, remarks

@@ -19,7 +19,7 @@ from mrwork.cli.derived import add_option_of
 from mrwork.cli.frame import command_line
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_threads, end_parser
-from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page, told_findings
+from mrwork.cli.output import is_quiet, print_json, reading_line, renew_page, told_remarks
 from mrwork.cli.terminal import note, show
 from mrwork.cli.tests import add_observation, command_unit, observation_of
 from mrwork.dampers.spec import damper
@@ -118,7 +118,7 @@ def _characterise(options: argparse.Namespace) -> int:
         )
     # A run that was begun in place of a complete one is resumed.
     fitted = fitting.continues and is_complete(path)
-    spare, findings, steps = "", list[dict[str, Any]](), list[_Step]()
+    spare, remarks, steps = "", list[dict[str, Any]](), list[_Step]()
     if fitted:
         names = {Path(name).name for name in read_fit(path).provenance.inputs}
         if names != {Path(row.file).name for row in _of_use(rows, "fit")}:
@@ -127,7 +127,7 @@ def _characterise(options: argparse.Namespace) -> int:
                 "instead of --resume"
             )
     else:
-        step, spare, findings = _fitting(options, rows, models)
+        step, spare, remarks = _fitting(options, rows, models)
         steps.append(step)
     if uses["calibration"] and not (fitted and (path / CALIBRATION).is_file()):
         steps.append(("calibrating the bands", partial(_calibrate, path, rows)))
@@ -144,7 +144,7 @@ def _characterise(options: argparse.Namespace) -> int:
         if status := work():
             return status
         done.append({"step": what, "seconds": time.perf_counter() - began})
-    return _end(options, path, uses, done, spare, findings)
+    return _end(options, path, uses, done, spare, remarks)
 
 
 # What a step does, and its work, which returns an exit status.
@@ -170,10 +170,10 @@ def _fitting(
 
     reading = _reading(_of_use(rows, "fit"))
     tests = _read(reading)
-    findings = told_findings("identify", tests, options)
+    remarks = told_remarks("identify", tests, options)
     for test in tests:
         refuse_velocity(test)
-    if all(ONE_WAY in {finding.kind for finding in test.findings} for test in tests):
+    if all(ONE_WAY.code in {remark.code for remark in test.remarks} for test in tests):
         raise RecordError(
             f"{options.folder}: no test to fit turns back ({list_names([test.name for test in tests], _NAMED)}), and "
             "one way shows no loop to choose a model by; add strokes out and back at equal speeds, or fit one model by "
@@ -199,7 +199,7 @@ def _fitting(
         )
     else:
         work = partial(verb.fit, damper(models[0]), settings)
-    return ("choosing model and laws", work), spare, findings
+    return ("choosing model and laws", work), spare, remarks
 
 
 def _calibrate(path: Path, rows: Sequence[ListedTest]) -> int:
@@ -238,7 +238,7 @@ def _end(
     uses: dict[str, int],
     done: list[Any],
     spare: str,
-    findings: list[dict[str, Any]],
+    remarks: list[dict[str, Any]],
 ) -> int:
     from mrwork.report.fit.front import verdict_of
     from mrwork.report.fit.page import open_run
@@ -260,7 +260,7 @@ def _end(
                 "held_out": None
                 if held_out is None
                 else named(held_out.spread, "median_percent", "worst_percent", "worst_test"),
-                "findings": findings,
+                "test_remarks": remarks,
                 "warnings": list(fit.warnings),
                 "steps": done,
             }

@@ -1,4 +1,4 @@
-"""`mrwork check`: the facts of a record and the findings of its checks, without fitting."""
+"""`mrwork check`: the facts of a record and what its checks remark, without fitting."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from mrwork.cli.terminal import note
 from mrwork.cli.tests import add_files, reading_of
 from mrwork.errors import MrworkError, SettingError, escape_text
 from mrwork.records import DamperTest, guess_tests, write_test_table
-from mrwork.records.findings import findings_of_set, gathered_findings
 from mrwork.records.reading import is_synthetic
+from mrwork.records.remarks import gathered_remarks, remarks_of_set
 from mrwork.records.rig_table import EVERY_USE, TABLE_NAME, files_not_read, records_in
 from mrwork.store.input_file import is_folder
 
@@ -30,7 +30,7 @@ from mrwork.store.input_file import is_folder
 def add_options(parser: CommandParser) -> None:
     """Declare the files, and the table of first guesses that `--table` writes."""
     parser.description = (
-        "Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "
+        "Read test records and report remarks: wrong signs, offsets, delays, smoothing, clipping, drift "
         "and others."
     )
     parser.epilog = examples("mrwork check rig", "mrwork check rig/10mm1Hz0A.csv --table guess.csv --json")
@@ -63,20 +63,16 @@ def run(options: argparse.Namespace) -> int:
         except MrworkError as error:
             rows.append({"file": path, "error": str(error)})
             note(str(error))
-    together, gathered = findings_of_set(tests), gathered_findings(tests)
+    together, gathered = remarks_of_set(tests), gathered_remarks(tests)
     document = {
         "files": rows,
-        "set": [finding.document() for finding in together],
-        "shared": [asdict(finding) for finding in gathered.shared],
+        "set": [asdict(remark) for remark in together],
+        "shared": [asdict(remark) for remark in gathered.shared],
     }
     pairs = zip(tests, gathered.own, strict=True)
-    notes = [
-        f"{test.label}: {finding.severity}: {finding.message}"
-        for test, findings in pairs
-        for finding in findings
-    ]
-    notes += [f"{finding.severity}: {finding.message}" for finding in together]
-    notes += [finding.in_words for finding in gathered.shared]
+    notes = [f"{test.label}: {remark.in_words}" for test, remarks in pairs for remark in remarks]
+    notes += [remark.in_words for remark in together]
+    notes += [remark.in_words for remark in gathered.shared]
     if tests or options.json:
         show_results(options, _facts(tests, notes), document=document)
     return 0 if len(tests) == len(rows) else 2

@@ -59,7 +59,7 @@ def _offered_names() -> dict[tuple[str, str], list[str]]:
     from mrwork.control.laws.control_law import control_laws
     from mrwork.dampers.laws import LOGARITHMIC_LAWS, named_laws
     from mrwork.dampers.spec import ALL, damper_models
-    from mrwork.records.finding import REPAIR_KINDS
+    from mrwork.records.repairs import REPAIR_KINDS
     from mrwork.uncertainty.noise import NOISES
 
     models = [spec.name for spec in damper_models()]

@@ -22,8 +22,8 @@ from mrwork.identification.fit_file import manifest_of, others_content, read_fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, observed
-from mrwork.records.findings import findings_for
 from mrwork.records.reading import Reading
+from mrwork.records.remarks import remarks_for
 from mrwork.store.long_call import LongCall
 from mrwork.store.run_folder import (
     FIT,
@@ -249,7 +249,7 @@ class Identification(Frame):
 
     def _show(self, results: Sequence[Summarised], document: Mapping[str, object]) -> None:
         """Print results, or the document with --json."""
-        findings = findings_for("identify", self.tests)
-        more = {"findings": as_plain(findings), "out": str(self.folder)}
-        below = ["", *(f"  {finding.in_words}" for finding in findings)] if findings else []
+        remarks = remarks_for("identify", self.tests)
+        more = {"test_remarks": as_plain(remarks), "out": str(self.folder)}
+        below = ["", *(f"  {remark.in_words}" for remark in remarks)] if remarks else []
         show_results(self.options, *results, document={**document, **more}, below=below)

@@ -19,11 +19,11 @@ from mrwork.store.output_file import write_file
 from mrwork.store.run_folder import check_output
 
 if TYPE_CHECKING:
+    from mrwork.base.remark import Verb
     from mrwork.identification.fit import Fit
     from mrwork.records import DamperTest
-    from mrwork.records.finding import Verb
-    from mrwork.records.findings import SharedFinding
     from mrwork.records.reading import OnRead
+    from mrwork.records.remarks import SharedRemark
 
 PATIENCE = 2.0
 """Seconds until the progress line appears, for computations that are often shorter."""
@@ -106,22 +106,22 @@ def end_addition(
     return renew_page(options.run_folder, quiet=is_quiet(options))
 
 
-def as_plain(findings: Iterable[SharedFinding]) -> list[dict[str, Any]]:
-    """Findings of the checks for --json."""
-    return [asdict(finding) for finding in findings]
+def as_plain(remarks: Iterable[SharedRemark]) -> list[dict[str, Any]]:
+    """Remarks of the checks for --json."""
+    return [asdict(remark) for remark in remarks]
 
 
-def told_findings(
+def told_remarks(
     verb: Verb, tests: Sequence[DamperTest], options: argparse.Namespace
 ) -> list[dict[str, Any]]:
     """Say what the checks found that matters to a verb, on stderr; with --json return it only, for the object."""
     # The records are slow to load, and most helps do without them.
-    from mrwork.records.findings import findings_for
+    from mrwork.records.remarks import remarks_for
 
-    findings = findings_for(verb, tests)
-    for finding in () if options.json else findings:
-        note(finding.in_words)
-    return as_plain(findings)
+    remarks = remarks_for(verb, tests)
+    for remark in () if options.json else remarks:
+        note(remark.in_words)
+    return as_plain(remarks)
 
 
 def notes_on_verdicts(fit: Fit, kind: Literal["profile", "posterior"]) -> list[str]:

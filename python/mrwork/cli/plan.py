@@ -10,7 +10,7 @@ from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.numbers import named_path
 from mrwork.cli.options import add_run, add_threads, end_parser
-from mrwork.cli.output import end_addition, told_findings
+from mrwork.cli.output import end_addition, told_remarks
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
 from mrwork.errors import SettingError
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
-    findings = told_findings("plan", opened.tests, options)
+    remarks = told_remarks("plan", opened.tests, options)
     spec = opened.fit.spec
     limits = Limits(**arguments_of(options, Limits))
     candidates = _candidates(options, opened, limits)
@@ -72,7 +72,7 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
         unit = spec.command_unit
         failed = "; ".join(left_out.in_words(unit) for left_out in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")
-    more = document | {"findings": findings, "out": str(path / PLAN)}
+    more = document | {"test_remarks": remarks, "out": str(path / PLAN)}
     return end_addition(options, ranked, more, [f"Report: {path / REPORT}"])
 
 

@@ -7,7 +7,7 @@ import argparse
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
-from mrwork.cli.output import is_quiet, renew_page, show_results, told_findings
+from mrwork.cli.output import is_quiet, renew_page, show_results, told_remarks
 from mrwork.cli.tests import add_files, add_observation, observation_of, read_tests
 from mrwork.store.run_folder import FIT_RUN, HELD_OUT, RunFolder
 from mrwork.uncertainty.bands.predictions import Predictions
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     # Tests of a calibration are not kept for test, whether its bands are printed or not.
     calibration = stored_calibration(folder) if options.level is None else read_calibration(folder)
     _, tests = read_tests(options, "test", fit)
-    findings = told_findings("predict", tests, options)
+    remarks = told_remarks("predict", tests, options)
     predictions = Predictions.of(
         fit,
         tests,
@@ -62,5 +62,5 @@ def run(options: argparse.Namespace) -> int:
     if stored:
         renew_page(options.run_folder, quiet=is_quiet(options))
     more = {"stored": str(options.run_folder / HELD_OUT)} if stored else {}
-    show_results(options, predictions, document=predictions.document() | {"findings": findings} | more)
+    show_results(options, predictions, document=predictions.document() | {"test_remarks": remarks} | more)
     return 0

@@ -15,7 +15,7 @@ from mrwork.cli.output import (
     notes_on_verdicts,
     progress_line,
     show_results,
-    told_findings,
+    told_remarks,
 )
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
@@ -51,7 +51,7 @@ def _profile(options: argparse.Namespace) -> int:
     from mrwork.runs.load import StoredRun, load
 
     opened = opened_run(options)
-    findings, path = told_findings("profile", opened.tests, options), opened.run.path
+    remarks, path = told_remarks("profile", opened.tests, options), opened.run.path
     try:
         with progress_line(quiet=is_quiet(options)) as line:
             profiles = profile(
@@ -70,7 +70,7 @@ def _profile(options: argparse.Namespace) -> int:
         facts = manifest_of(profiles.better, profiles.better.status)
     add_to_run(path, contents, facts=facts)
     fit = load(path, StoredRun).fit
-    more = {"directions": [asdict(direction) for direction in fit.informative], "findings": findings}
+    more = {"directions": [asdict(direction) for direction in fit.informative], "test_remarks": remarks}
     below = [
         *(f"  {direction.sentence}" for direction in fit.informative),
         *notes_on_verdicts(fit, "profile"),

@@ -13,7 +13,7 @@ from mrwork.base.progress import OnProgress
 from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of
 from mrwork.cli.options import add_run, end_parser
-from mrwork.cli.output import drawing, is_quiet, print_json, told_findings
+from mrwork.cli.output import drawing, is_quiet, print_json, told_remarks
 from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.store.run_folder import FIGURES, FIT_RUN, RunFolder
@@ -65,10 +65,10 @@ def run(options: argparse.Namespace) -> int:
 
     status = drawing(path, draw, quiet=is_quiet(options))
     if status == 0:
-        findings = told_findings("report", tests, options)
+        remarks = told_remarks("report", tests, options)
         if options.json:
             document = {"out": str(path), "report": str(written[0]), "figures": names}
-            print_json(document | {"findings": findings})
+            print_json(document | {"test_remarks": remarks})
         else:
             show(f"Report: {written[0]}")
             if names:

@@ -16,7 +16,7 @@ from mrwork.cli.output import (
     is_quiet,
     notes_on_verdicts,
     progress_line,
-    told_findings,
+    told_remarks,
 )
 from mrwork.cli.terminal import note
 from mrwork.cli.tests import opened_run
@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.runs.load import StoredRun, load
 
     opened = opened_run(options)
-    findings = told_findings("sample", opened.tests, options)
+    remarks = told_remarks("sample", opened.tests, options)
     path = opened.run.path
     with addition_journal(path, CHAIN, resume=options.resume, replace=options.replace, note=note) as journal:
         draws = _sample(opened, journal, options)
@@ -85,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
         add_to_run(path, {DRAWS: draws_content(draws)}, grown=[CHAIN])
         fit = load(path, StoredRun).fit
         below = [*notes_on_verdicts(fit, "posterior"), f"Draws: {path / DRAWS}"]
-        return end_addition(options, draws, {"findings": findings, "out": str(path)}, below)
+        return end_addition(options, draws, {"test_remarks": remarks, "out": str(path)}, below)
 
 
 def _sample(opened: OpenedRun, journal: Journal, options: argparse.Namespace) -> Draws | None:

@@ -17,9 +17,8 @@ from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records.columns import parse_column_option
-from mrwork.records.finding import REPAIR_KINDS, RepairKind
 from mrwork.records.observation import as_words
-from mrwork.records.repairs import AMOUNTS_IN_WORDS
+from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit

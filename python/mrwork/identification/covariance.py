@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box, bound_at
 from mrwork.identification.equivalent import Form
-from mrwork.identification.fit import Remark
+from mrwork.identification.fit import ParameterState
 from mrwork.identification.objective import NormalEquations, Objective, linearise_residuals
 from mrwork.records import DamperTest
 
@@ -52,7 +52,7 @@ class Slopes:
         return [
             index
             for index in self.form.box.free
-            if remark_of(self.form.box, index, float(self.theta[index])) == ""
+            if state_of(self.form.box, index, float(self.theta[index])) == ""
         ]
 
     @property
@@ -199,23 +199,23 @@ def residuals_by_test(residuals: Floats, tests: Sequence[DamperTest]) -> tuple[F
     return tuple(np.split(residuals, ends[:-1], axis=-1))
 
 
-def remarks_of(form: Form, theta: Floats) -> tuple[Remark, ...]:
-    """Remark on each parameter of the requested model that does not vary; empty for the others.
+def states_of(form: Form, theta: Floats) -> tuple[ParameterState, ...]:
+    """State of each parameter of the requested model that does not vary; empty for the others.
 
     Such a parameter depends only on parameters of the form, `theta`, (n_params,), that are fixed or on a bound.
     """
-    texts = [remark_of(form.box, index, float(value)) for index, value in enumerate(theta)]
-    remarks: list[Remark] = []
+    texts = [state_of(form.box, index, float(value)) for index, value in enumerate(theta)]
+    states: list[ParameterState] = []
     for row in form.to_model.jacobian(theta):
         used = {texts[index] for index in np.flatnonzero(row)}
         on_bound = sorted(used - {"", "fixed"})
-        remarks.append("" if "" in used else on_bound[0] if on_bound else "fixed")
-    return tuple(remarks)
+        states.append("" if "" in used else on_bound[0] if on_bound else "fixed")
+    return tuple(states)
 
 
-def remark_of(box: Box, index: int, value: float) -> Remark:
-    """Remark on a parameter that is fixed or on a bound of the box; empty for others."""
+def state_of(box: Box, index: int, value: float) -> ParameterState:
+    """State of a parameter that is fixed or on a bound of the box; empty for others."""
     if index not in box.free:
         return "fixed"
-    remarks: dict[str, Remark] = {"": "", "lower": "at lower bound", "upper": "at upper bound"}
-    return remarks[bound_at(box, index, value)]
+    states: dict[str, ParameterState] = {"": "", "lower": "at lower bound", "upper": "at upper bound"}
+    return states[bound_at(box, index, value)]

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import significant
+from mrwork.base.remark import Measured
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.identification.commands import excerpts_of
-from mrwork.identification.covariance import Covariance, Slopes, remark_of
+from mrwork.identification.covariance import Covariance, Slopes, state_of
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import STRUCTURE, FittedParameter
 from mrwork.identification.minimise.levenberg_marquardt import TOLERANCE, find_minima
@@ -38,7 +39,6 @@ from mrwork.identification.problem import (
 )
 from mrwork.identification.suspicious import force_noise
 from mrwork.records import DamperTest
-from mrwork.records.finding import Measured
 from mrwork.records.motion import spectrum
 from mrwork.records.observation import EFFECTS, WEIGH, Effect
 
@@ -105,7 +105,7 @@ def fit_effects(fit: FinalFit) -> FinalFit:
             standard_error=error if np.isfinite(error) else None,
             lower=box.lower[index],
             upper=box.upper[index],
-            remark=remark_of(box, index, value),
+            state=state_of(box, index, value),
         )
         for index, (effect, value), error in zip(
             range(n_own, len(box.names)), values.items(), errors.tolist(), strict=True

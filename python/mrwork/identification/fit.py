@@ -41,7 +41,7 @@ Verdict = Literal[
 ]
 """What the data say of a parameter, decided in `identification/verdicts.py` alone; empty where nothing was judged."""
 
-Remark = Literal["", "fixed", "at lower bound", "at upper bound"]
+ParameterState = Literal["", "fixed", "at lower bound", "at upper bound"]
 
 FINE: tuple[Verdict, ...] = ("", "identifiable", "fixed", "tied")
 """Verdicts that need no caution."""
@@ -86,7 +86,7 @@ class FittedParameter:
 
     `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
     residuals are correlated. It is `None` where the parameter is not identifiable by the derivatives, was fixed, or is
-    on a bound (`remark`). `verdict` and `reason` are by the `interval`, if there is one, else by the standard error.
+    on a bound (`state`). `verdict` and `reason` are by the `interval`, if there is one, else by the standard error.
     `tie` is the expression that the parameter is tied to, empty where it is not.
     """
 
@@ -98,7 +98,7 @@ class FittedParameter:
     standard_error: NotNegative | None
     lower: float
     upper: float
-    remark: Remark = ""
+    state: ParameterState = ""
     verdict: Verdict = ""
     reason: str = ""
     tie: str = ""
@@ -107,12 +107,12 @@ class FittedParameter:
     @property
     def is_free(self) -> bool:
         """Whether the search could vary the parameter, which was not held fixed."""
-        return self.remark != "fixed"
+        return self.state != "fixed"
 
     @property
     def at_bound(self) -> bool:
         """Whether the search ended with the parameter at its lower or upper bound."""
-        return self.remark in ("at lower bound", "at upper bound")
+        return self.state in ("at lower bound", "at upper bound")
 
     def with_interval(self, interval: Interval | None) -> FittedParameter:
         """The parameter with an interval, and the verdict by it if it has one."""
@@ -585,7 +585,7 @@ class Fit(Plotted, WithAxes, Summarised):
             TableColumn(heading="unit", cell=attrgetter("unit"), key="unit"),
             TableColumn(key="lower", long_name="lower bound"),
             TableColumn(key="upper", long_name="upper bound"),
-            TableColumn(key="remark"),
+            TableColumn(key="state"),
             TableColumn(
                 heading="verdict", cell=attrgetter("verdict"), key="verdict", long_name="identifiability"
             ),

@@ -95,7 +95,9 @@ def offset_warning(
         return ()
     if any(bounds.get(name) != (0.0, 0.0) for name in shifts):
         return _unequal_offsets(tests) if set(shifts) <= set(spec.without_laws.names) else ()
-    shifted = [test.label for test in tests if any(finding.kind == FORCE_OFFSET for finding in test.findings)]
+    shifted = [
+        test.label for test in tests if any(remark.code == FORCE_OFFSET.code for remark in test.remarks)
+    ]
     if not shifted:
         return ()
     fixed = f"{list_names(shifts)} {'is' if len(shifts) == 1 else 'are'} fixed at 0"

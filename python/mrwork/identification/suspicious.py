@@ -54,10 +54,10 @@ _WARMER = 10.0
 def temperature_warning(tests: Sequence[DamperTest]) -> tuple[str, ...]:
     """Warning of tests whose recorded temperatures differ, which a fit takes for an effect of motion and command."""
     degrees = [
-        finding.measured.value
+        remark.measured.value
         for test in tests
-        for finding in test.findings
-        if finding.kind == TEMPERATURE and finding.measured is not None
+        for remark in test.remarks
+        if remark.code == TEMPERATURE.code and remark.measured is not None
     ]
     if not degrees or max(degrees) - min(degrees) < _WARMER:
         return ()

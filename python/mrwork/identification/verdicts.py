@@ -19,7 +19,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.parameters import DRIVER_RATE
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.covariance import INSENSITIVE, Covariance, remarks_of
+from mrwork.identification.covariance import INSENSITIVE, Covariance, states_of
 from mrwork.identification.equivalent import search_box
 from mrwork.identification.fit import Direction, FittedParameter, ParameterChange, Verdict
 from mrwork.identification.problem import Problem
@@ -408,13 +408,13 @@ def fitted_parameters(
     """
     spec, form, ties = problem.spec, problem.form, problem.settings.ties
     box = Box.of(spec).with_bounds(problem.settings.bounds)
-    values, remarks = np.asarray(form.to_model(theta)), remarks_of(form, theta)
+    values, states = np.asarray(form.to_model(theta)), states_of(form, theta)
     errors = np.full(values.shape, np.nan) if covariance is None else covariance.standard_errors
     estimates: list[FittedParameter] = []
-    for index, (parameter, remark) in enumerate(zip(spec.parameters, remarks, strict=True)):
+    for index, (parameter, state) in enumerate(zip(spec.parameters, states, strict=True)):
         tie = ties.get(parameter.name, "")
-        verdict: Verdict = "tied" if tie else "fixed" if remark == "fixed" else ""
-        has_error = not remark and np.isfinite(errors[index])
+        verdict: Verdict = "tied" if tie else "fixed" if state == "fixed" else ""
+        has_error = not state and np.isfinite(errors[index])
         estimates.append(
             FittedParameter(
                 name=parameter.name,
@@ -423,9 +423,9 @@ def fitted_parameters(
                 standard_error=float(errors[index]) if has_error else None,
                 lower=box.lower[index],
                 upper=box.upper[index],
-                remark=remark,
+                state=state,
                 verdict=verdict,
-                reason=f"it is {tie}" if tie else "" if remark == "fixed" else remark,
+                reason=f"it is {tie}" if tie else "" if state == "fixed" else state,
                 tie=tie,
             )
         )
@@ -435,9 +435,9 @@ def fitted_parameters(
     free = [index for index in box.free if spec.names[index] not in ties]
     for index in free:
         if estimates[index].at_bound:
-            reason = f"{remarks[index]}: the data bound it from one side only"
+            reason = f"{states[index]}: the data bound it from one side only"
             estimates[index] = replace(estimates[index], verdict="weakly identifiable", reason=reason)
-    taken = [index for index in free if remarks[index] == "" or spec.names[index] in form.fixed]
+    taken = [index for index in free if states[index] == "" or spec.names[index] in form.fixed]
     every = scales_of(spec, box, problem.objective.tests, values)
     scales = [every[index] for index in taken]
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.

@@ -95,7 +95,7 @@ def laws(result: Fit | StoredRun, ax: GivenAxes = None, *, parameters: Sequence[
                     np.nan if estimate.standard_error is None else estimate.standard_error,
                 )
                 for command, estimate in alone
-                if estimate.name == parameter.name and not estimate.remark
+                if estimate.name == parameter.name and not estimate.state
             ]
         ).T
         if points.size:

@@ -1,7 +1,6 @@
 from .damper_test import DamperTest as DamperTest
 from .damper_test import OperatingRange as OperatingRange
 from .damper_test import Outside as Outside
-from .finding import Finding as Finding
 from .likeness import Likeness as Likeness
 from .observation import Observation as Observation
 from .read import guess_tests as guess_tests

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.base.numbers import in_newtons
+from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import Channel, DamperTest, Smoothing
-from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
 from mrwork.records.motion import Differentiator, SmoothMotion, reversals, spectrum
 
 _SMALLEST_RANGE: Final = 1e-9
@@ -61,7 +61,7 @@ def check_order(displacement: Floats, force: Floats, *, source: str) -> None:
         )
 
 
-_FEW_SAMPLES: Final = FindingKind(
+_FEW_SAMPLES: Final = RemarkKind(
     "few_samples_per_cycle",
     "only {value:.1f} samples per cycle of {frequency:.3g} Hz (at least {least:.0f} are advised): reversals of the "
     "motion, where the force changes most, are poorly resolved",
@@ -69,12 +69,12 @@ _FEW_SAMPLES: Final = FindingKind(
 )
 
 
-def samples_per_cycle(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def samples_per_cycle(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn if the dominant cycle has fewer than 20 samples."""
     per_cycle = Measured(1.0 / (motion.frequency * test.dt), "")
     if per_cycle.value < (least := _FEWEST_PER_CYCLE):
         rate = least * motion.frequency
-        yield _FEW_SAMPLES.found(measured=per_cycle, frequency=motion.frequency, least=least, rate=rate)
+        yield _FEW_SAMPLES.remark(measured=per_cycle, frequency=motion.frequency, least=least, rate=rate)
 
 
 def samples_at_rest(displacement: Floats) -> int:
@@ -83,16 +83,16 @@ def samples_at_rest(displacement: Floats) -> int:
     return int(np.argmax(left))
 
 
-_REST: Final = FindingKind(
+_REST: Final = RemarkKind(
     "rest_before_motion", "at rest for the first {value:.2f} s of {whole:.2f} s", verbs=ONCE, cured_by="rest"
 )
 
 
-def rest_before_motion(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def rest_before_motion(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Note rest at the start that lasts a quarter of the dominant period or longer."""
     rest = samples_at_rest(test.displacement) * test.dt
     if rest >= _REST_CYCLES / motion.frequency:
-        yield _REST.found(measured=Measured(rest, "s"), whole=test.n_time * test.dt)
+        yield _REST.remark(measured=Measured(rest, "s"), whole=test.n_time * test.dt)
 
 
 # The start ends at this fraction of the peak-to-peak stroke. The overshoot must exceed this fraction of the half range
@@ -100,7 +100,7 @@ def rest_before_motion(test: DamperTest, motion: SmoothMotion) -> Iterator[Findi
 _BREAKAWAY_STROKE: Final = 0.05
 _BREAKAWAY_SHARE: Final = 0.05
 _BREAKAWAY_ERRORS: Final = 4.0
-_BREAKAWAY: Final = FindingKind(
+_BREAKAWAY: Final = RemarkKind(
     "breakaway",
     "the damper broke away from rest with {value:.3g} N more than any later force: stiction, which the models do not "
     "include",
@@ -126,14 +126,14 @@ def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | No
     return Measured(overshoot, "N", standard_error=noise * float(np.sqrt(2.0)))
 
 
-def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def breakaway_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a breakaway force above all later forces by at least 5 % of the half range."""
     overshoot = breakaway_overshoot(test, motion)
     if overshoot is None or overshoot.standard_error is None:
         return
     least = max(_BREAKAWAY_SHARE * half_range(test.force), _BREAKAWAY_ERRORS * overshoot.standard_error)
     if overshoot.value >= least:
-        yield _BREAKAWAY.found(measured=overshoot)
+        yield _BREAKAWAY.remark(measured=overshoot)
 
 
 def turns_back(displacement: Floats, velocity: Floats) -> bool:
@@ -187,13 +187,13 @@ def half_range(force: Floats) -> float:
     return 0.5 * float(np.ptp(np.percentile(force, [0.5, 99.5])))
 
 
-_SIGN_UNCLEAR: Final = FindingKind(
+_SIGN_UNCLEAR: Final = RemarkKind(
     "force_sign_unclear",
     "the energy int F v dt is {share:.1f} % of int |F v| dt, {0}, so that the sign of the force is in doubt; it was "
     "not changed",
     "check the sign of the channel, and multiply it by -1 if the force does not resist the motion",
 )
-_SIGN_FLIPPED: Final = FindingKind(
+_SIGN_FLIPPED: Final = RemarkKind(
     "force_sign_flipped",
     "the recorded force has the sign that generates energy (int F v dt is {share:.0f} % of int |F v| dt); it was "
     "multiplied by -1 so that it resists the motion",
@@ -202,8 +202,8 @@ _SIGN_FLIPPED: Final = FindingKind(
 
 def force_sign(
     displacement: Floats, force: Floats, velocity: Floats, dt: float
-) -> tuple[Floats, tuple[Finding, ...]]:
-    """The force [N] with the sign that dissipates energy, and a finding if it was changed or is in doubt.
+) -> tuple[Floats, tuple[Remark, ...]]:
+    """The force [N] with the sign that dissipates energy, and a remark if it was changed or is in doubt.
 
     The sign is of int F v dt / int |F v| dt, with the derivative v of the displacement, and F about its static part.
     It is changed where that is beyond doubt only: the motion turns back, most of the travel
@@ -222,13 +222,13 @@ def force_sign(
     elif abs(share) < _SIGN_SHARE:
         reason = "too little to tell a damper from a spring"
     elif share < -_SIGN_SURE and agrees and float(np.abs(velocity) @ np.sign(power)) < 0.0:
-        return -force, (_SIGN_FLIPPED.found(share=100.0 * share),)
+        return -force, (_SIGN_FLIPPED.remark(share=100.0 * share),)
     else:
         reason = "which a force that is late or a motion that is noise may have, too"
-    return force, (_SIGN_UNCLEAR.found(reason, share=100.0 * share),)
+    return force, (_SIGN_UNCLEAR.remark(reason, share=100.0 * share),)
 
 
-ONE_WAY: Final = FindingKind(
+ONE_WAY: Final = RemarkKind(
     "one_way",
     "the motion never turns back in {value:.3g} mm: a static force, dry friction and a loop cannot be told apart",
     "test strokes out and back at equal speeds",
@@ -236,19 +236,19 @@ ONE_WAY: Final = FindingKind(
 )
 
 
-def one_way_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def one_way_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a motion of one way, which leaves open what two ways tell."""
     ways = travel(test.displacement, motion.velocity)
     if min(ways) < _NEVER_BACK * max(ways):
-        yield ONE_WAY.found(measured=Measured(1e3 * max(ways), "mm"))
+        yield ONE_WAY.remark(measured=Measured(1e3 * max(ways), "mm"))
 
 
-TEMPERATURE: Final = FindingKind(
+TEMPERATURE: Final = RemarkKind(
     "temperature",
     "the temperature, column '{0}', is {value:.3g} in the mean and from {least:.3g} to {most:.3g}; no model has it",
     verbs=ONCE,
 )
-FORCE_OFFSET: Final = FindingKind(
+FORCE_OFFSET: Final = RemarkKind(
     "force_offset",
     "the force has a static offset of {value:+.4g} N, {share:.0f} % of its half range of {scale:.4g} N: gas pressure "
     "or the zero of the load cell, which a model describes by f0 or k x0",
@@ -258,7 +258,7 @@ FORCE_OFFSET: Final = FindingKind(
 )
 
 
-def force_offset(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def force_offset(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Note a static offset above 5 % of the half range of the force, which every model has a parameter for.
 
     A varying command weighs the directions of motion differently, so that the mean force is no static one.
@@ -273,7 +273,7 @@ def force_offset(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
         and abs(offset) > _OFFSET_SHARE * scale
     ):
         share = 100.0 * abs(offset) / scale
-        yield FORCE_OFFSET.found(measured=Measured(offset, "N"), share=share, scale=scale)
+        yield FORCE_OFFSET.remark(measured=Measured(offset, "N"), share=share, scale=scale)
 
 
 _SHORTEST_RUN: Final = 3
@@ -290,17 +290,17 @@ _OFF_THE_STEPS: Final = 0.05
 _ROUNDED: Final = 1e-9
 
 
-_COARSELY_READ: Final = FindingKind(
+_COARSELY_READ: Final = RemarkKind(
     "coarse",
     "the {0} is read in steps of {value:.3g} {1}, {share:.2g} % of its half range of {half:.4g} {1}",
     "measure again with a smaller range or more digits",
 )
-_CLIPPED: Final = FindingKind(
+_CLIPPED: Final = RemarkKind(
     "clipped",
     "the {0} is clipped at its extreme in {value:.2g} % of its samples{1}: the channel exceeded its range",
     "measure again with a wider one",
 )
-_HELD: Final = FindingKind(
+_HELD: Final = RemarkKind(
     "held_samples",
     "the {0} has a new value in one of {value:.0f} samples only: it is sampled at {rate:.3g} Hz, and late by "
     "{late:.3g} ms in the mean",
@@ -308,7 +308,7 @@ _HELD: Final = FindingKind(
 )
 
 
-_STUCK: Final = FindingKind(
+_STUCK: Final = RemarkKind(
     "stuck",
     "the force has one value in {value:.0f} samples from {begin:.4g} s on, while the displacement moves, and elsewhere "
     "another in nearly each sample",
@@ -320,7 +320,7 @@ _EQUAL: Final = 0.01
 _MOVES: Final = 0.1
 
 
-def stuck_force(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+def stuck_force(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
     """Warn of a force that a sensor or logger holds for a while within one way of the motion."""
     equal = np.diff(test.force) == 0.0
     first, last = max(runs_of(equal), key=lambda run: run[1] - run[0], default=(0, 0))
@@ -328,10 +328,10 @@ def stuck_force(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
     rare = np.count_nonzero(equal) - (last - first) <= _EQUAL * equal.size
     if last - first >= _STUCK_SAMPLES and moved and rare:
         value = Measured(last - first + 1, "samples")
-        yield _STUCK.found(measured=value, begin=float(test.time[first]))
+        yield _STUCK.remark(measured=value, begin=float(test.time[first]))
 
 
-def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+def resolution_remarks(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
     """Warn of channels with few levels, of clipped ones, and of those whose samples are held."""
     channels = [("displacement", test.displacement, "m"), ("force", test.force, "N")]
     if test.velocity_source == "measured":
@@ -341,14 +341,14 @@ def resolution_findings(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
         if step is not None:
             half = 0.5 * float(np.ptp(samples))
             measured = Measured(step, unit)
-            yield _COARSELY_READ.found(name, unit, measured=measured, share=100.0 * step / half, half=half)
+            yield _COARSELY_READ.remark(name, unit, measured=measured, share=100.0 * step / half, half=half)
         elif (share := 100.0 * float(clipped_samples(samples).mean())) > 0.0:
             left_out = ", which are not compared with a model" if name == "force" else ""
-            yield _CLIPPED.found(name, left_out, measured=Measured(share, "%"))
+            yield _CLIPPED.remark(name, left_out, measured=Measured(share, "%"))
         if (held := held_samples(samples)) > 1:
             late = 500.0 * (held - 1) * test.dt
             measured = Measured(held, "samples")
-            yield _HELD.found(name, measured=measured, rate=1.0 / (held * test.dt), late=late)
+            yield _HELD.remark(name, measured=measured, rate=1.0 / (held * test.dt), late=late)
 
 
 def coarse_step(samples: Floats) -> float | None:
@@ -452,7 +452,7 @@ _HIGHEST_FREQUENCY: Final = 500.0
 _LARGEST_COMMANDS: Final[Mapping[CommandUnit, float]] = {"A": 20.0, "V": 240.0}
 
 
-_STROKE: Final = FindingKind(
+_STROKE: Final = RemarkKind(
     "displacement_unusual",
     "the displacement spans {span:.3g} {0}, {1} damper of {force}{2}",
     "check its channel and its unit: are {3}?",
@@ -461,40 +461,40 @@ _LONG: Final = ("m", "more than any", "", "mm taken for m")
 _SHORT: Final = ("um", "no more than rod and mounts of a", " stretch", "millimetres taken for micrometres")
 
 
-def stroke_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+def stroke_remark(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
     """Warn of a stroke that no damper has, or that its rod and mounts alone would give."""
     stroke, force = float(np.ptp(test.displacement)), float(np.abs(test.force).max())
     scale = (force / _OF_FORCE) ** _GROWS
     measured = Measured(stroke, "m")
     if stroke > min(_LONGEST_STROKE, _LONG_STROKE * scale):
-        yield _STROKE.found(*_LONG, measured=measured, span=stroke, force=in_newtons(force, 3))
+        yield _STROKE.remark(*_LONG, measured=measured, span=stroke, force=in_newtons(force, 3))
     elif stroke < _SHORTEST_STROKE * scale:
-        yield _STROKE.found(*_SHORT, measured=measured, span=1e6 * stroke, force=in_newtons(force, 3))
+        yield _STROKE.remark(*_SHORT, measured=measured, span=1e6 * stroke, force=in_newtons(force, 3))
 
 
-_FORCE: Final = FindingKind(
+_FORCE: Final = RemarkKind(
     "force_unusual", "the force reaches {force}, {0}", "check its channel and its unit: are {1}?"
 )
 _LARGE: Final = (f"more than the {1e-3 * _LARGEST_FORCE:.0f} kN of the largest dampers", "N taken for kN")
 _SMALL: Final = ("less than the seal of a damper takes", "kN taken for N")
 
 
-def force_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+def force_remark(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
     """Warn of a force that is larger than any damper's, or smaller than the friction of a seal."""
     force = float(np.abs(test.force).max())
     if not _SMALLEST_FORCE <= force <= _LARGEST_FORCE:
         words = _LARGE if force > _LARGEST_FORCE else _SMALL
-        yield _FORCE.found(*words, measured=Measured(force, "N"), force=in_newtons(force, 3))
+        yield _FORCE.remark(*words, measured=Measured(force, "N"), force=in_newtons(force, 3))
 
 
-_PACE: Final = FindingKind(
+_PACE: Final = RemarkKind(
     "time_unusual",
     "the motion has {value:.2g} Hz and {speed:.2g} mm/s in steps of {dt:.3g} s, {0} than a damper is tested",
     "check the units of the time (are {1}?) and of the displacement",
 )
 
 
-def pace_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def pace_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a motion that is far slower, and sampled so, or far faster than a damper is tested."""
     speed = float(np.percentile(np.abs(motion.velocity), 99.0))
     acceleration = 2.0 * np.pi * motion.frequency * speed
@@ -503,22 +503,22 @@ def pace_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     if not slow and not fast:
         return
     words = ("slower", "ms taken for s") if slow else ("faster", "s taken for ms")
-    yield _PACE.found(*words, measured=Measured(motion.frequency, "Hz"), speed=1e3 * speed, dt=test.dt)
+    yield _PACE.remark(*words, measured=Measured(motion.frequency, "Hz"), speed=1e3 * speed, dt=test.dt)
 
 
-_LARGE_COMMAND: Final = FindingKind(
+_LARGE_COMMAND: Final = RemarkKind(
     "command_unusual",
     "the command reaches {value:.4g} {0}, more than a damper takes",
     "check its column and its unit: are m{0} taken for {0}?",
 )
 
 
-def command_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+def command_remark(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
     """Warn of a command that is larger than any coil or driver takes."""
     for values, unit in test.commands:
         highest = float(np.max(values))
         if highest > _LARGEST_COMMANDS.get(unit, np.inf):
-            yield _LARGE_COMMAND.found(unit, measured=Measured(highest, unit))
+            yield _LARGE_COMMAND.remark(unit, measured=Measured(highest, unit))
 
 
 _DIFFERENCES: Final = 2
@@ -574,24 +574,24 @@ _AVERAGED_TEXT: Final = (
     "rounds the corners of the loop"
 )
 # A fit describes the average of its own tests; other tests may have another.
-_AVERAGED: Final = FindingKind(
+_AVERAGED: Final = RemarkKind(
     "moving_average",
     f"{_AVERAGED_TEXT}; identify applies the same average to the model's force",
     verbs=OF_FILES,
 )
-_MOTION_AVERAGED: Final = FindingKind(
+_MOTION_AVERAGED: Final = RemarkKind(
     "moving_average", _AVERAGED_TEXT, "use the original record, for the force shows none", verbs=OF_FILES
 )
 
 
-def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def smoothing_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a moving average, with the fraction of a cycle that it covers."""
     smoothing = test.smoothing
     if smoothing is None:
         return
     window = smoothing.window_seconds
     kind = _AVERAGED if "force" in smoothing.channels else _MOTION_AVERAGED
-    yield kind.found(
+    yield kind.remark(
         " and ".join(smoothing.channels),
         measured=Measured(window, "s", standard_error=test.dt),
         ms=1e3 * window,

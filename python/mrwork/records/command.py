@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats
 from mrwork.dampers.command import (
@@ -23,7 +24,6 @@ from mrwork.dampers.command import (
 from mrwork.errors import RecordError
 from mrwork.files.named_columns import column_option
 from mrwork.records.damper_test import DamperTest, fields_of_commands
-from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion
 
 # Fewest samples of a pulse that noise does not explain.
@@ -33,28 +33,28 @@ _AMPLITUDE: Final = 0.25
 _FREQUENCY: Final = 0.20
 
 
-_VARIES: Final = FindingKind(
+_VARIES: Final = RemarkKind(
     "command_varies",
     "the {0} {1} {lowest} and {highest} {2}, by {value:.4g} {2}; a model follows it by current laws (--law), a coil "
     "behind its set point by --driver-lag",
     verbs=ONCE,
     cured_by="pulses",
 )
-_RINGS: Final = FindingKind(
+_RINGS: Final = RemarkKind(
     "command_rings",
     "the {0} rings below zero, to {value:.3g} {1} ({share:.2g} % of the samples); it is taken as zero there, and the "
     "force is not compared until as long after",
     verbs=ONCE,
 )
-_NEGATIVE: Final = FindingKind(
+_NEGATIVE: Final = RemarkKind(
     "command_negative",
     "the {0} goes down to {value:g}: the force does not depend on its direction",
     "give its magnitude",
 )
 
 
-def command_of(samples: Floats, unit: CommandUnit, *, source: str) -> tuple[Command, tuple[Finding, ...]]:
-    """A command: its median, if it varies no more than a measured constant does; else as it varies, with findings."""
+def command_of(samples: Floats, unit: CommandUnit, *, source: str) -> tuple[Command, tuple[Remark, ...]]:
+    """A command: its median, if it varies no more than a measured constant does; else as it varies, with remarks."""
     quantity = quantity_of_command(unit)
     present = samples[~np.isnan(samples)]
     if present.size == 0 or np.isinf(present).any():
@@ -67,20 +67,20 @@ def command_of(samples: Floats, unit: CommandUnit, *, source: str) -> tuple[Comm
     command = Command(value if is_constant else present, unit)
     if beyond := command.beyond_any_driver:
         raise RecordError(f"{source}: the {quantity} {beyond}; check its unit, or leave the column out")
-    findings = []
+    remarks = []
     if not is_constant:
         lowest, highest = range_in_words(np.asarray(command.without_ringing().values))
         words = quantity, variation_in_words(present), unit
         span = Measured(float(highest) - float(lowest), unit)
-        findings.append(_VARIES.found(*words, measured=span, lowest=lowest, highest=highest))
+        remarks.append(_VARIES.remark(*words, measured=span, lowest=lowest, highest=highest))
     if command.rings_below_zero:
         lowest_sample = float(present.min())
         share = 100.0 * float(np.mean(present < -command_noise(lowest_sample, unit)))
-        findings.append(_RINGS.found(quantity, unit, measured=Measured(lowest_sample, unit), share=share))
+        remarks.append(_RINGS.remark(quantity, unit, measured=Measured(lowest_sample, unit), share=share))
     if command.impossibility:
         lowest_sample = command_range(command.values)[0]
-        findings.append(_NEGATIVE.found(quantity, measured=Measured(lowest_sample, unit)))
-    return Command(value if is_constant else samples, unit), tuple(findings)
+        remarks.append(_NEGATIVE.remark(quantity, measured=Measured(lowest_sample, unit)))
+    return Command(value if is_constant else samples, unit), tuple(remarks)
 
 
 def _has_pulse(outside: NDArray[np.bool_]) -> bool:
@@ -89,7 +89,7 @@ def _has_pulse(outside: NDArray[np.bool_]) -> bool:
     return bool(np.any(runs > _PULSE - 0.5))
 
 
-DISAGREES: Final = FindingKind(
+DISAGREES: Final = RemarkKind(
     "name_disagrees",
     "the file name says {article} {0} of {named:.3g} {1}, the record {recorded:.3g} {1}{how}",
     "rename the file, or check the column and its unit",
@@ -97,31 +97,31 @@ DISAGREES: Final = FindingKind(
 )
 
 
-def motion_matches_name(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def motion_matches_name(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn if amplitude or frequency are far from their nominal values."""
     amplitude, frequency, dominant = test.amplitude, test.frequency, motion.frequency
     # The dominant frequency is resolved to half a line of the spectrum.
     resolved = 0.5 / (test.dt * test.n_time)
     if frequency is not None and abs(dominant - frequency) > _FREQUENCY * frequency + resolved:
-        yield DISAGREES.found("frequency", "Hz", article="a", named=frequency, recorded=dominant, how="")
+        yield DISAGREES.remark("frequency", "Hz", article="a", named=frequency, recorded=dominant, how="")
     recorded = 0.5 * float(np.ptp(test.displacement))
     if amplitude is not None and abs(recorded - amplitude) > _AMPLITUDE * amplitude:
         how = " (half the peak to peak)"
         named, recorded = 1e3 * amplitude, 1e3 * recorded
-        yield DISAGREES.found("amplitude", "mm", article="an", named=named, recorded=recorded, how=how)
+        yield DISAGREES.remark("amplitude", "mm", article="an", named=named, recorded=recorded, how=how)
 
 
-_SEVERAL: Final = FindingKind(
+_SEVERAL: Final = RemarkKind(
     "command_unclear",
     "the file name says {names}, so its command is not known",
     "give it, as in --column command=0.5A, or in a table of tests, as mrwork check FILES --table begins it",
 )
-_UNCLEAR: Final = FindingKind(
+_UNCLEAR: Final = RemarkKind(
     "command_unclear",
     "column '{0}' may be the command and does not say its unit, so the {named} of the file name are not used",
     "give one, as in {option} or --column 'command={named}'",
 )
-_NOT_OF_NAME: Final = FindingKind(
+_NOT_OF_NAME: Final = RemarkKind(
     "name_not_used",
     "the command is {recorded}; the {named} of the file name are not used",
     verbs=OF_FILES,
@@ -129,15 +129,15 @@ _NOT_OF_NAME: Final = FindingKind(
 
 
 def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[str] = ()) -> DamperTest:
-    """Return the test with the command of its file name if it has none, and with a finding if the name is not used.
+    """Return the test with the command of its file name if it has none, and with a remark if the name is not used.
 
     `unclear` are columns that may be the command and do not say their unit: the name is no evidence beside them.
     """
     if nominal.command is None:
         if not nominal.several or test.commands or unclear:
             return test
-        finding = _SEVERAL.found(names=" and ".join(nominal.several))
-        return replace(test, findings=(*test.findings, finding))
+        remark = _SEVERAL.remark(names=" and ".join(nominal.several))
+        return replace(test, remarks=(*test.remarks, remark))
     value, unit = float(nominal.command.values), nominal.command.unit
     recorded = {command_unit: command for command, command_unit in test.commands}
     named = f"{value:g} {unit}"
@@ -147,15 +147,15 @@ def with_nominal_command(test: DamperTest, nominal: Nominal, unclear: Sequence[s
         if abs(nearest - value) <= command_noise(value, unit):
             return test
         words = nominal.command.quantity, unit
-        finding = DISAGREES.found(*words, article="a", named=value, recorded=nearest, how="")
+        remark = DISAGREES.remark(*words, article="a", named=value, recorded=nearest, how="")
     elif recorded:
-        finding = _NOT_OF_NAME.found(recorded=test.command_in_words, named=named)
+        remark = _NOT_OF_NAME.remark(recorded=test.command_in_words, named=named)
     elif unclear:
         option = column_option("command", unclear[0], unit)
-        finding = _UNCLEAR.found(unclear[0], named=named, option=option)
+        remark = _UNCLEAR.remark(unclear[0], named=named, option=option)
     else:
         return replace(test, **fields_of_commands([nominal.command]))
-    return replace(test, findings=(*test.findings, finding))
+    return replace(test, remarks=(*test.remarks, remark))
 
 
 _NUMBER: Final = r"\d+(?:[x.]\d+)?"

@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.units import FACTORS
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import runs_of
 from mrwork.errors import RecordError
 from mrwork.records.checks import held_samples
 from mrwork.records.damper_test import DamperTest, VelocitySource
-from mrwork.records.finding import Finding, FindingKind, Measured
 from mrwork.records.motion import Differentiator, SmoothMotion, regular_cycles, robust_deviation
 
 # Beyond this share of the range to either side of its middle a channel is on that side.
@@ -36,16 +36,16 @@ _ROUNDING: Final = 1e-6
 _STANDS: Final = "the {0} stands still for {value:.3g} s, first from {begin:.3g} s on, while the"
 _STILL_CURE: Final = "check the sensor of the {0} and its cable, or omit that part (--from, --until)"
 _STILL_KINDS: Final = {
-    "displacement": FindingKind(
+    "displacement": RemarkKind(
         "displacement_still", f"{_STANDS} force goes from one side to the other", _STILL_CURE
     ),
-    "force": FindingKind(
+    "force": RemarkKind(
         "force_still", f"{_STANDS} displacement goes from one side to the other and back", _STILL_CURE
     ),
 }
 
 
-def still_findings(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def still_remarks(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a displacement or a force that stands still while the other goes to either side of its range and back.
 
     A damper held at rest keeps the sign of its force, whatever its command does; one that moves to and fro has a force
@@ -62,7 +62,7 @@ def still_findings(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
         if spans := _still_spans(smoothed[name], smoothed[other], shortest, least_swings):
             seconds = Measured(test.dt * sum(last - first for first, last in spans), "s")
             begin = test.start_time + test.dt * spans[0][0]
-            yield _STILL_KINDS[name].found(name, measured=seconds, begin=begin)
+            yield _STILL_KINDS[name].remark(name, measured=seconds, begin=begin)
 
 
 def _still_spans(
@@ -112,7 +112,7 @@ _JUMP_STEPS: Final = 2.0
 _JUMP: Final = 0.02
 _OF_THE_PATH: Final = 0.5
 _PLACES_OF_PATH: Final = 200
-_JUMPS: Final = FindingKind(
+_JUMPS: Final = RemarkKind(
     "displacement_jumps",
     "the displacement jumps by {size:.3g} mm within a sample of {step:.3g} ms, at {at:.4g} s{others}: that is "
     "{speed:.3g} m/s, and {usual:.3g} m/s is the most elsewhere",
@@ -120,7 +120,7 @@ _JUMPS: Final = FindingKind(
 )
 
 
-def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
+def jump_remark(test: DamperTest, _: SmoothMotion) -> Iterator[Remark]:
     """Warn of a displacement that jumps within a sample between parts that move smoothly, as of a sensor that slips."""
     displacement = test.displacement
     steps = np.diff(displacement)
@@ -141,7 +141,7 @@ def jump_finding(test: DamperTest, _: SmoothMotion) -> Iterator[Finding]:
         return
     largest = int(jumps[np.argmax(np.abs(steps[jumps]))])
     size = float(abs(steps[largest]))
-    yield _JUMPS.found(
+    yield _JUMPS.remark(
         measured=Measured(size, "m"),
         size=1e3 * size,
         step=1e3 * test.dt,
@@ -162,7 +162,7 @@ _BETTER: Final = 0.8
 _HYSTERESIS: Final = (0.0, 0.1, 0.2, 0.4)
 _WIDTHS: Final = (0.03, 0.1, 0.3)
 _MOST_SAMPLES: Final = 2000
-_DRIFTS: Final = FindingKind(
+_DRIFTS: Final = RemarkKind(
     "displacement_drifts",
     "the displacement drifts by {drift:+.3g} mm/s, {whole:+.3g} mm over the record, and the force reverses as if the "
     "damper did not",
@@ -170,7 +170,7 @@ _DRIFTS: Final = FindingKind(
 )
 
 
-def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def drift_of_displacement_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a displacement channel that drifts [m/s], as the force does not.
 
     The displacement, or the centre of its cycles where it has regular ones, moves on steadily. A damper that is driven
@@ -194,7 +194,7 @@ def drift_of_displacement_finding(test: DamperTest, motion: SmoothMotion) -> Ite
     as_recorded = _least_residual(test.force[samples], recorded, moved, centred)
     without = _least_residual(test.force[samples], centred, moved - drift, centred)
     if without < _BETTER * as_recorded:
-        yield _DRIFTS.found(measured=Measured(drift, "m/s"), drift=1e3 * drift, whole=1e3 * drift * seconds)
+        yield _DRIFTS.remark(measured=Measured(drift, "m/s"), drift=1e3 * drift, whole=1e3 * drift * seconds)
 
 
 def _least_residual(force: Floats, displacement: Floats, velocity: Floats, centred: Floats) -> float:
@@ -216,14 +216,14 @@ _LOOKED_FOR: Final = 50
 _COPIED: Final = 0.05
 # A simulated record without noise repeats itself in every period.
 _LONGER_THAN_PERIODIC: Final = 1.5
-_REPEATED: Final = FindingKind(
+_REPEATED: Final = RemarkKind(
     "part_repeated",
     "the last {value:.3g} s are a copy of what was recorded {before:.4g} s before, to the last digit, and count twice",
     "use the record up to there (--until)",
 )
 
 
-def repeated_part(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def repeated_part(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a record whose end is a copy of an earlier part, to the last digit."""
     if test.n_time < 2 * _LOOKED_FOR:
         return
@@ -236,7 +236,7 @@ def repeated_part(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     same = (test.force[lag:] == test.force[:-lag]) & (test.displacement[lag:] == test.displacement[:-lag])
     copied = int(np.argmin(np.append(same[::-1], False)))
     if copied >= _COPIED * test.n_time and lag * test.dt * motion.frequency >= _LONGER_THAN_PERIODIC:
-        yield _REPEATED.found(measured=Measured(copied * test.dt, "s"), before=lag * test.dt)
+        yield _REPEATED.remark(measured=Measured(copied * test.dt, "s"), before=lag * test.dt)
 
 
 _MISFIT: Final = 0.10
@@ -264,14 +264,14 @@ _FAST_CLOCK: Final = 2e-5
 _CLOCKS: Final = {1e3: ("ms", "s"), 1e6: ("us", "s"), 1e-3: ("s", "ms"), 1e-6: ("s", "us")}
 _TIMES: Final = "the velocity is {value:.4g} times the displacement's derivative"
 # All other verbs refuse these two.
-_OFF_BY_CLOCK: Final = FindingKind(
+_OFF_BY_CLOCK: Final = RemarkKind(
     "time_factor",
     f"{_TIMES}, and its steps are {{dt:.4g}} s, as where a time in {{0}} is taken for one in {{1}}",
     "give the unit of the time, as in --column time=COLUMN:{0}; if the time is right, the unit of the velocity or the "
     "displacement is not",
     verbs=("check",),
 )
-_OFF_BY_UNIT: Final = FindingKind(
+_OFF_BY_UNIT: Final = RemarkKind(
     "velocity_factor",
     f"{_TIMES}, as where {{0}} are taken for {{1}}",
     "correct the column, or derive the velocity from the displacement by --repair velocity",
@@ -279,28 +279,28 @@ _OFF_BY_UNIT: Final = FindingKind(
     cured_by="velocity",
 )
 _CHECK: Final = "check both, or derive the velocity from the displacement by --repair velocity"
-_OFF_BY_FACTOR: Final = FindingKind(
+_OFF_BY_FACTOR: Final = RemarkKind(
     "velocity_inconsistent",
     f"{_TIMES}, so one of the two is not in its stated unit",
     _CHECK,
     cured_by="velocity",
 )
 _SHIFTED: Final = "the velocity {0} the displacement's derivative by {late:.3g} ms ({samples:.2f} samples)"
-_LATE: Final = FindingKind("velocity_late", f"{_SHIFTED}{{1}}", cured_by="velocity")
-_FAR_LATE: Final = FindingKind(
+_LATE: Final = RemarkKind("velocity_late", f"{_SHIFTED}{{1}}", cured_by="velocity")
+_FAR_LATE: Final = RemarkKind(
     "velocity_inconsistent",
     f"{_SHIFTED}, a difference of {{difference:.0f}} % (rms)",
     _CHECK,
     cured_by="velocity",
 )
-_DIFFERS: Final = FindingKind(
+_DIFFERS: Final = RemarkKind(
     "velocity_inconsistent",
     "the velocity differs from the displacement by {difference:.0f} % (rms): over spans of {span:.3g} ms it is "
     "{own:.3g} mm/s in the mean (rms), and the displacement moves by {travelled:.3g} mm/s",
     "check that both columns belong to this test",
     cured_by="velocity",
 )
-_TURNED: Final = FindingKind(
+_TURNED: Final = RemarkKind(
     "velocity_sign_flipped",
     "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1",
 )
@@ -308,18 +308,18 @@ _DERIVED_INSTEAD: Final = (
     "it is not used, and the velocity is derived from the displacement as if none were given; --keep-velocity keeps "
     "the column"
 )
-_NOISY_VELOCITY: Final = FindingKind(
+_NOISY_VELOCITY: Final = RemarkKind(
     "velocity_noisy",
     "the velocity has a noise of {own:.3g} mm/s, {share:.2g} % of its standard deviation, and the derivative of the "
     "displacement {derived:.2g} mm/s; {0}",
 )
 _LATE_BY_MAKING: Final = f"{{late:.3g}} ms ({{samples:g}} samples); {_DERIVED_INSTEAD}"
-_HELD_VELOCITY: Final = FindingKind(
+_HELD_VELOCITY: Final = RemarkKind(
     "velocity_held",
     "the velocity has a new value in one of {held} samples, the displacement in each, and lags in the mean by "
     f"{_LATE_BY_MAKING}",
 )
-_DIFFERENCE: Final = FindingKind(
+_DIFFERENCE: Final = RemarkKind(
     "velocity_difference",
     f"the velocity follows the {{0}} difference of the displacement, and {{1}} by {_LATE_BY_MAKING}",
 )
@@ -327,9 +327,9 @@ _DIFFERENCE: Final = FindingKind(
 
 def refuse_velocity(test: DamperTest) -> None:
     """Refuse a test whose velocity is a known factor times the derivative of the displacement."""
-    for finding in test.findings:
-        if finding.kind in (_OFF_BY_UNIT, _OFF_BY_CLOCK):
-            refusal = RecordError(f"{test.label}: {finding.message}")
+    for remark in test.remarks:
+        if remark.code in (_OFF_BY_UNIT.code, _OFF_BY_CLOCK.code):
+            refusal = RecordError(f"{test.label}: {remark.message}")
             refusal.of_columns = True
             raise refusal
 
@@ -340,19 +340,19 @@ _NEARER: Final = 0.25
 _GAIN: Final = 0.01
 
 
-def late_by_making(time: Floats, displacement: Floats, velocity: Floats) -> tuple[Finding, ...]:
+def late_by_making(time: Floats, displacement: Floats, velocity: Floats) -> tuple[Remark, ...]:
     """Note a velocity column that is held while the displacement is not, or a difference of the displacement column."""
     step = float(np.mean(np.diff(time)))
     held = held_samples(velocity)
     if held > 1 and held_samples(displacement) == 1:
         lag = 0.5 * (held - 1)
         late = Measured(lag * step, "s")
-        return (_HELD_VELOCITY.found(measured=late, held=held, late=1e3 * late.value, samples=lag),)
+        return (_HELD_VELOCITY.remark(measured=late, held=held, late=1e3 * late.value, samples=lag),)
     if lag := _lag_of_difference(time, displacement, velocity):
         words = ("backward", "lags") if lag > 0.0 else ("forward", "leads")
         late = Measured(lag * step, "s")
         numbers = {"late": 1e3 * abs(late.value), "samples": abs(lag)}
-        return (_DIFFERENCE.found(*words, measured=late, **numbers),)
+        return (_DIFFERENCE.remark(*words, measured=late, **numbers),)
     return ()
 
 
@@ -382,9 +382,9 @@ def velocity_agrees(
     motion: SmoothMotion,
     uncompared: Sequence[tuple[int, int]] = (),
     *,
-    late: tuple[Finding, ...] = (),
+    late: tuple[Remark, ...] = (),
     keep: bool = False,
-) -> tuple[Floats, VelocitySource, tuple[Finding, ...]]:
+) -> tuple[Floats, VelocitySource, tuple[Remark, ...]]:
     """Compare a measured velocity with the displacement; return the one to use.
 
     Its integrals over spans of half the window of the differentiator are compared with the steps of the displacement:
@@ -406,7 +406,7 @@ def velocity_agrees(
         turned, source, opposite = velocity_agrees(
             -velocity, displacement, motion, uncompared, late=late, keep=keep
         )
-        return turned, source, (_TURNED.found(), *opposite)
+        return turned, source, (_TURNED.remark(), *opposite)
     factor = comparison.factor()
     if abs(factor) > _SMALLEST_FACTOR and abs(factor - 1.0) > _MISFIT:
         rescaled = _compare_velocities(velocity / factor, displacement, motion, uncompared)
@@ -422,11 +422,11 @@ def velocity_agrees(
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     noise, derived, spread = comparison.own, comparison.derived, float(np.std(motion.velocity))
     # Differences of quantised readings are noisier than the derivative, and bias the parameters.
-    noisy: tuple[Finding, ...] = ()
+    noisy: tuple[Remark, ...] = ()
     if difference <= _MISFIT and noise > max(_NOISY * spread, _NOISIER * derived):
         numbers = {"own": 1e3 * noise, "share": 100.0 * noise / spread, "derived": 1e3 * derived}
         done = "it is kept, as asked" if keep else _DERIVED_INSTEAD
-        noisy = (_NOISY_VELOCITY.found(done, measured=Measured(noise, "m/s"), **numbers),)
+        noisy = (_NOISY_VELOCITY.remark(done, measured=Measured(noise, "m/s"), **numbers),)
     if not keep and (replaced := noisy or (late if abs(factor - 1.0) < _SAME_MOTION else ())):
         return motion.velocity, "derived", replaced
     if difference <= _MISFIT:
@@ -434,31 +434,31 @@ def velocity_agrees(
         if not delay_explains or not (half_sample or 2.0 * np.pi * motion.frequency * abs(delay) >= _PHASE):
             return velocity, "measured", noisy
         by_making = ", as backward differences do" if half_sample else ""
-        return velocity, "measured", (*noisy, _LATE.found(lags, by_making, measured=delayed, **shift))
+        return velocity, "measured", (*noisy, _LATE.remark(lags, by_making, measured=delayed, **shift))
     if delay_explains:
-        finding = _FAR_LATE.found(lags, measured=delayed, difference=100.0 * difference, **shift)
+        remark = _FAR_LATE.remark(lags, measured=delayed, difference=100.0 * difference, **shift)
     else:
-        finding = _DIFFERS.found(
+        remark = _DIFFERS.remark(
             difference=100.0 * difference,
             span=1e3 * differentiator.dt * (differentiator.window // 2),
             own=1e3 * float(np.sqrt(np.mean(measured**2))),
             travelled=1e3 * float(np.sqrt(comparison.power)),
         )
-    return velocity, "measured", (finding,)
+    return velocity, "measured", (remark,)
 
 
-def _off_by(factor: float, dt: float) -> Finding:
-    """Finding of a velocity that is a factor times the derivative at steps `dt` [s], with its explanation if known."""
+def _off_by(factor: float, dt: float) -> Remark:
+    """Remark of a velocity that is a factor times the derivative at steps `dt` [s], with its explanation if known."""
     measured = Measured(factor, "")
     size = abs(factor)
     for ratio, units in _CLOCKS.items():
         clock_is_off = dt >= _SLOW_CLOCK if ratio > 1.0 else dt <= _FAST_CLOCK
         if clock_is_off and abs(size / ratio - 1.0) <= _OF_UNITS:
-            return _OFF_BY_CLOCK.found(*units, measured=measured, dt=dt)
+            return _OFF_BY_CLOCK.remark(*units, measured=measured, dt=dt)
     nearest = min(_CONFUSED, key=lambda ratio: abs(np.log(size / ratio)))
     if abs(size / nearest - 1.0) > _OF_UNITS:
-        return _OFF_BY_FACTOR.found(measured=measured)
-    return _OFF_BY_UNIT.found(*_CONFUSED[nearest], measured=measured)
+        return _OFF_BY_FACTOR.remark(measured=measured)
+    return _OFF_BY_UNIT.remark(*_CONFUSED[nearest], measured=measured)
 
 
 @array_dataclass()

@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.records.checks import clipped_samples, half_range, static_force
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.finding import Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion, turning_points, whole_cycles
 
 _FEWEST_FOR_MASS: Final = 2
@@ -49,7 +49,7 @@ def moving_mass(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(mass, "kg", standard_error=error)
 
 
-_MOVING_MASS: Final = FindingKind(
+_MOVING_MASS: Final = RemarkKind(
     "moving_mass",
     "the force has a component in phase with the acceleration: a mass of {mass} kg or more between load cell and "
     "damper, or a force that leads the displacement",
@@ -57,10 +57,10 @@ _MOVING_MASS: Final = FindingKind(
 )
 
 
-def mass_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def mass_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a significant moving mass."""
     if (mass := moving_mass(test, motion)) is not None:
-        yield _MOVING_MASS.found(measured=mass, mass=mass.in_words())
+        yield _MOVING_MASS.remark(measured=mass, mass=mass.in_words())
 
 
 def _in_phase(force: Floats, acceleration: Floats) -> float:
@@ -115,14 +115,14 @@ def loop_drift(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(change, "", standard_error=error * (1.0 + change))
 
 
-_LOOP_DRIFT: Final = FindingKind(
+_LOOP_DRIFT: Final = RemarkKind(
     "loop_drift",
     "at equal stroke the dissipative force changes by {change} % from the first cycle to the last, {0}",
     "fit a part of the record (--from, --until)",
 )
 
 
-def drift_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def drift_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a drift above 3 % and four standard errors."""
     drift = loop_drift(test, motion)
     if drift is None or drift.standard_error is None:
@@ -130,7 +130,7 @@ def drift_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
     if abs(drift.value) < max(_LEAST_DRIFT, _SIGNIFICANT * drift.standard_error):
         return
     likely = "as in a damper that heats up" if drift.value < 0.0 else "as in one that settles in"
-    yield _LOOP_DRIFT.found(likely, measured=drift, change=drift.in_words(100.0))
+    yield _LOOP_DRIFT.remark(likely, measured=drift, change=drift.in_words(100.0))
 
 
 # All in periods of the dominant frequency.
@@ -201,21 +201,21 @@ def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     return Measured(delay * period, "s", standard_error=error * period)
 
 
-_LATE_FORCE: Final = FindingKind(
+_LATE_FORCE: Final = RemarkKind(
     "force_delay",
     "the force {0} the displacement by {late} ms ({samples:.1f} samples), measured at motion reversals",
     "fit it with tests at several frequencies by --observe delay=free, or give it by --observe delay=SECONDS",
 )
 
 
-def delay_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def delay_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a delay of more than three standard errors and half a sample."""
     delay = force_delay(test, motion)
     if delay is None or delay.standard_error is None:
         return
     if abs(delay.value) < max(_SIGNIFICANT_DELAY * delay.standard_error, 0.5 * test.dt):
         return
-    yield _LATE_FORCE.found(
+    yield _LATE_FORCE.remark(
         "lags" if delay.value > 0.0 else "leads",
         measured=delay,
         late=delay.in_words(math.copysign(1e3, delay.value)),

@@ -1,9 +1,9 @@
-"""Damper test: a record in SI on a uniform time step, with its findings, observation model and operating ranges."""
+"""Damper test: a record in SI on a uniform time step, with its remarks, observation model and operating ranges."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -14,6 +14,7 @@ from mrwork.base.arguments import Count, NotNegative, Samples, Whole, checked
 from mrwork.base.hints import Within
 from mrwork.base.labelled import NamedArray, NamedArrays, WithAxes
 from mrwork.base.plotted import Plotted
+from mrwork.base.remark import Remark as Remark
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
@@ -25,7 +26,6 @@ from mrwork.dampers.tested_range import OperatingRange as OperatingRange
 from mrwork.dampers.tested_range import Outside as Outside
 from mrwork.dampers.tested_range import covering, least_stroke
 from mrwork.errors import RecordError, SettingError
-from mrwork.records.finding import Finding as Finding
 from mrwork.records.motion import crossing_instants, smooth_motion
 from mrwork.records.observation import AS_IT_IS, Observation
 
@@ -85,7 +85,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
     synthetic: bool = False
     observation: Observation = AS_IT_IS
     smoothing: Smoothing | None = None
-    findings: tuple[Finding, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     original: DamperTest | None = None
 
     def __post_init__(self) -> None:
@@ -242,7 +242,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
             "voltage_v": commands["voltage"],
             "command": commands["command"],
             **named(self, "command_unit", "velocity_source", "synthetic"),
-            "findings": [finding.document() for finding in self.findings],
+            "remarks": [asdict(remark) for remark in self.remarks],
         }
 
     def _summary(self) -> Summary:
@@ -263,7 +263,7 @@ class DamperTest(Plotted, WithAxes, Summarised):
                 ("force", f"{self.force.min():.4g} to {self.force.max():.4g} N"),
                 ("observation", self.observation.in_words),
             ),
-            notes=[f"{finding.severity}: {finding.message}" for finding in self.findings],
+            notes=[remark.in_words for remark in self.remarks],
         )
 
 

@@ -8,10 +8,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.remark import OF_FILES, Measured, Remark, RemarkKind
 from mrwork.base.values import Floats
 from mrwork.dampers.command import Command
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.finding import OF_FILES, Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion
 
 # Pulses go down to this share of their level, and at most this share of the samples is between, on edges.
@@ -102,7 +102,7 @@ _LAGS: Final = (0.02, 0.06)
 # it follows, behind a coil of 4 1/s at least, and 0.11 at most of the others.
 _FOLLOWS: Final = 0.13
 _MOST_SAMPLES: Final = 20_000
-_PULSED: Final = FindingKind(
+_PULSED: Final = RemarkKind(
     "command_pulsed",
     "the {0} switches between zero and {value:.3g} {1}, has a state for {state:.3g} samples in the median, is on for "
     "{share:.0f} % of the time, and the force does not follow it, as with pulses of a driver (PWM), of which the coil "
@@ -113,7 +113,7 @@ _PULSED: Final = FindingKind(
 )
 
 
-def pulses_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
+def pulses_remark(test: DamperTest, motion: SmoothMotion) -> Iterator[Remark]:
     """Warn of a command that switches faster than the damper, or the record, can follow."""
     for command in test.commands:
         pulses = pulses_of(command, test.dt)
@@ -121,7 +121,7 @@ def pulses_finding(test: DamperTest, motion: SmoothMotion) -> Iterator[Finding]:
             level, share, state, window, unknown, _ = pulses
             numbers = {"share": 100.0 * share, "state": state, "window": 1e3 * window}
             words = command.quantity, command.unit, unknown
-            yield _PULSED.found(*words, measured=Measured(level, command.unit), **numbers)
+            yield _PULSED.remark(*words, measured=Measured(level, command.unit), **numbers)
 
 
 def _follows(test: DamperTest, motion: SmoothMotion, beside: Floats) -> bool:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.base.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.base.numbers import counted
+from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
 from mrwork.base.summary import list_names
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, freeze_samples
@@ -53,18 +54,17 @@ from mrwork.records.command import (
     with_nominal_command,
 )
 from mrwork.records.contradictions import (
-    drift_of_displacement_finding,
-    jump_finding,
+    drift_of_displacement_remark,
+    jump_remark,
     late_by_making,
     repeated_part,
-    still_findings,
+    still_remarks,
     velocity_agrees,
 )
-from mrwork.records.cycles import delay_finding, drift_finding, mass_finding
+from mrwork.records.cycles import delay_remark, drift_remark, mass_remark
 from mrwork.records.damper_test import DamperTest, VelocitySource, fields_of_commands
-from mrwork.records.finding import OF_FILES, ONCE, Finding, FindingKind, Measured
 from mrwork.records.motion import SmoothMotion, smooth_motion
-from mrwork.records.pulses import pulses_finding
+from mrwork.records.pulses import pulses_remark
 from mrwork.records.rig_table import (
     EVERY_USE,
     UNKNOWN,
@@ -84,16 +84,16 @@ from mrwork.records.window import (
     without_spikes,
 )
 
-_DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Finding]], ...]] = (
-    checks.force_offset, checks.one_way_finding, checks.rest_before_motion, checks.samples_per_cycle,
-    motion_matches_name, checks.smoothing_finding, delay_finding, mass_finding, checks.breakaway_finding,
-    checks.stroke_finding, checks.force_finding, checks.pace_finding, checks.command_finding,
-    checks.resolution_findings, checks.stuck_force, still_findings, jump_finding, drift_of_displacement_finding,
-    repeated_part, drift_finding, pulses_finding,
+_DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], Iterator[Remark]], ...]] = (
+    checks.force_offset, checks.one_way_remark, checks.rest_before_motion, checks.samples_per_cycle,
+    motion_matches_name, checks.smoothing_remark, delay_remark, mass_remark, checks.breakaway_remark,
+    checks.stroke_remark, checks.force_remark, checks.pace_remark, checks.command_remark,
+    checks.resolution_remarks, checks.stuck_force, still_remarks, jump_remark, drift_of_displacement_remark,
+    repeated_part, drift_remark, pulses_remark,
 )  # fmt: skip
 
 
-_DERIVED: Final = FindingKind(
+_DERIVED: Final = RemarkKind(
     "velocity_derived", "no velocity given; derived from the displacement by {by}", verbs=ONCE
 )
 
@@ -125,7 +125,7 @@ def test_from_arrays(
     keep_velocity: bool = False,
     origin: Origin | None = None,
 ) -> DamperTest:
-    """Build a damper test from arrays, with the checks, the uniform step and the findings of a test from a file.
+    """Build a damper test from arrays, with the checks, the uniform step and the remarks of a test from a file.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def test_from_arrays(
     keep_velocity
         Whether a velocity is used whatever was found: also one that is far noisier than the derivative of the
         displacement, a backward or forward difference of it, half a sample off, or held over several samples. By
-        default it is then derived from the displacement, with a note among the findings.
+        default it is then derived from the displacement, with a note among the remarks.
     origin
         File of the arrays, if they are of one.
 
@@ -163,7 +163,7 @@ def test_from_arrays(
     >>> import numpy as np, mrwork as mr
     >>> time = np.linspace(0.0, 2.0, 401)
     >>> test = mr.test_from_arrays(time, 0.01 * np.sin(6.28 * time), -500.0 * np.cos(6.28 * time), name="sine")
-    >>> [finding.code for finding in test.findings]
+    >>> [remark.code for remark in test.remarks]
     ['velocity_derived', 'force_sign_flipped']
     """
     sent = _sent_commands(current, voltage, command, command_unit)
@@ -184,22 +184,22 @@ def test_from_arrays(
                 f"{source}: the {channel_name} has {channel.size} samples where the time has "
                 f"{raw.time.size}; give one value per sample"
             )
-    findings = list[Finding]()
-    complete = complete_rows(record, findings, source=source, locate=origin.locate)
+    remarks = list[Remark]()
+    complete = complete_rows(record, remarks, source=source, locate=origin.locate)
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
     checks.check_order(complete.displacement, complete.force, source=source)
-    signals = uniform_step(without_spikes(complete, findings), findings, source=source)
+    signals = uniform_step(without_spikes(complete, remarks), remarks, source=source)
     displaced, dt = signals.displacement, signals.dt
     motion = smooth_motion(displaced, dt)
     uncompared = uncompared_spans(signals, motion.velocity)
     moving = motion.velocity
     velocity_source: VelocitySource = "derived"
-    about_velocity: tuple[Finding, ...] = ()
+    about_velocity: tuple[Remark, ...] = ()
     if signals.velocity is None:
-        about_velocity = (_DERIVED.found(by=motion.differentiator.in_words),)
+        about_velocity = (_DERIVED.remark(by=motion.differentiator.in_words),)
     else:
-        late: tuple[Finding, ...] = ()
+        late: tuple[Remark, ...] = ()
         if complete.velocity is not None and not keep_velocity:
             late = late_by_making(complete.time, complete.displacement, complete.velocity)
         moving, velocity_source, about_velocity = velocity_agrees(
@@ -213,7 +213,7 @@ def test_from_arrays(
         [on_grid.get(given_command.unit, given_command) for given_command in commands]
     )
     resisting, about_sign = checks.force_sign(displaced, signals.force, motion.velocity, dt)
-    findings += [*about_velocity, *about_sign, *(finding for _, about in read for finding in about)]
+    remarks += [*about_velocity, *about_sign, *(remark for _, about in read for remark in about)]
     test = DamperTest(
         name=name,
         path=origin.path,
@@ -232,12 +232,12 @@ def test_from_arrays(
         **{"command_unit": command_unit if command is None else None, **fields},
     )
     test = replace(test, smoothing=checks.detect_smoothing(test, motion.frequency))
-    return replace(test, findings=(*findings, *examine(test, motion)))
+    return replace(test, remarks=(*remarks, *examine(test, motion)))
 
 
-def examine(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+def examine(test: DamperTest, motion: SmoothMotion) -> tuple[Remark, ...]:
     """Run all detectors on a test, whose smoothed motion is given."""
-    return tuple(finding for detector in _DETECTORS for finding in detector(test, motion))
+    return tuple(remark for detector in _DETECTORS for remark in detector(test, motion))
 
 
 def _channel(samples: ArrayLike, name: str, source: str) -> Floats:
@@ -272,7 +272,7 @@ def _sent_commands(
 
 def _command(
     samples: ArrayLike, unit: CommandUnit, source: str, n_time: int
-) -> tuple[Command, tuple[Finding, ...]]:
+) -> tuple[Command, tuple[Remark, ...]]:
     quantity = quantity_of_command(unit)
     channel = _channel(np.atleast_1d(samples), quantity, source)
     # A constant one is not compared with the other channels later; a number of a MATLAB file is an array of one.
@@ -335,7 +335,7 @@ def read_damper_test(
     Returns
     -------
     DamperTest
-        Test with the results of all checks in its `findings`.
+        Test with the results of all checks in its `remarks`.
 
     Raises
     ------
@@ -398,7 +398,7 @@ def read_damper_test(
     )
     used = {*(choice.column for choice in chosen.values()), *of_scalar}
     test = with_nominal_command(test, nominal, unclear_commands(table.names, table.units, used))
-    return replace(test, findings=(*test.findings, *unused_finding(table, used)))
+    return replace(test, remarks=(*test.remarks, *unused_remark(table, used)))
 
 
 def _refuse_sorted(table: ColumnTable, columns: Mapping[str, str], source: str) -> None:
@@ -482,42 +482,42 @@ def _assign_columns(
     return chosen, scalar
 
 
-_NOT_USED: Final = FindingKind("not_used", "not used: {parts}", verbs=OF_FILES)
+_NOT_USED: Final = RemarkKind("not_used", "not used: {parts}", verbs=OF_FILES)
 _TEMPERATURES: Final = re.compile(
     r"(?<![a-z])t[eé]mp(?![o])|°\s*[cf]\b|(?<![a-z])deg[ _]?[cf]\b|温度", re.IGNORECASE
 )
-_ENCODING: Final = FindingKind("encoding", "the text is no UTF-8 and was read as {encoding}", verbs=ONCE)
-_FURTHER: Final = FindingKind(
+_ENCODING: Final = RemarkKind("encoding", "the text is no UTF-8 and was read as {encoding}", verbs=ONCE)
+_FURTHER: Final = RemarkKind(
     "further_records",
     "{number} more sheets have a record: {names}",
     "save each as a file of its own to read it",
     verbs=OF_FILES,
 )
-_NOT_READ: Final = FindingKind("files_not_read", "{sentence}", verbs=OF_FILES)
+_NOT_READ: Final = RemarkKind("files_not_read", "{sentence}", verbs=OF_FILES)
 
 
-def unused_finding(table: ColumnTable, used: Collection[str]) -> tuple[Finding, ...]:
+def unused_remark(table: ColumnTable, used: Collection[str]) -> tuple[Remark, ...]:
     """Note the columns and other parts of a file that no quantity of the test is read from, and a temperature."""
     columns = [f"'{name}'" for name in table.names if name and name not in used]
     named = f"column{'s' if len(columns) > 1 else ''} {list_names(columns, _MOST_NAMED)}"
     parts = [*([named] if columns else []), *table.unused]
-    findings = [_NOT_USED.found(parts="; ".join(parts))] if parts else []
+    remarks = [_NOT_USED.remark(parts="; ".join(parts))] if parts else []
     for name in table.names:
         if name not in used and _TEMPERATURES.search(f"{name} {table.units.get(name, '')}"):
-            findings += _temperature(table, name)
+            remarks += _temperature(table, name)
     if table.encoding:
-        findings.append(_ENCODING.found(encoding=table.encoding))
+        remarks.append(_ENCODING.remark(encoding=table.encoding))
     if table.further:
         further = list_names([f"'{name}'" for name in table.further], _MOST_NAMED)
-        findings.append(_FURTHER.found(number=len(table.further), names=further))
-    return tuple(findings)
+        remarks.append(_FURTHER.remark(number=len(table.further), names=further))
+    return tuple(remarks)
 
 
-def _temperature(table: ColumnTable, name: str) -> Iterator[Finding]:
+def _temperature(table: ColumnTable, name: str) -> Iterator[Remark]:
     degrees = table.numbers(name)
     if degrees is not None and np.isfinite(degrees).all():
         mean = Measured(float(degrees.mean()), "")
-        yield checks.TEMPERATURE.found(
+        yield checks.TEMPERATURE.remark(
             name, measured=mean, least=float(degrees.min()), most=float(degrees.max())
         )
 
@@ -561,8 +561,8 @@ def read_damper_tests(
         specs = {**(columns or {}), **row.columns}
         test = read_damper_test(row.file, columns=specs, keep_velocity=keep_velocity)
         sentence = unread.get(Path(test.path).parent)
-        beside = () if sentence is None else (_NOT_READ.found(sentence=sentence),)
-        tests.append(replace(test, findings=(*test.findings, *beside)))
+        beside = () if sentence is None else (_NOT_READ.remark(sentence=sentence),)
+        tests.append(replace(test, remarks=(*test.remarks, *beside)))
     return tuple(tests)
 
 
@@ -628,10 +628,10 @@ def _stated_command(
 def _read(file: Path, columns: dict[str, str]) -> str:
     """Why the test cannot be read, or what contradicts the name of its file; empty where nothing does."""
     try:
-        findings = read_damper_test(file, columns=columns).findings
+        remarks = read_damper_test(file, columns=columns).remarks
     except MrworkError as error:
         return _plain(error, file)
-    return "; ".join(finding.message for finding in findings if finding.kind == DISAGREES)
+    return "; ".join(remark.message for remark in remarks if remark.code == DISAGREES.code)
 
 
 def _plain(error: MrworkError, file: Path) -> str:

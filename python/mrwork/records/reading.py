@@ -21,9 +21,8 @@ from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, RecordError
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.finding import RepairKind
 from mrwork.records.read import Origin, read_damper_test, test_from_arrays
-from mrwork.records.repairs import repair
+from mrwork.records.repairs import RepairKind, repair
 from mrwork.records.window import count_samples_from, cut
 from mrwork.store.input_file import exists
 

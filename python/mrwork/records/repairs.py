@@ -1,4 +1,4 @@
-"""Repairs of a test, which are recorded as findings, and its observation model.
+"""Repairs of a test, which are recorded as remarks, and its observation model.
 
 An observation model is given in words of a setting: a moving average that was detected in the record, or given values.
 """
@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, Literal, get_args
 
 import numpy as np
 
 from mrwork.base.arguments import checked
+from mrwork.base.remark import OF_FILES, ONCE, Measured, Remark, RemarkKind
 from mrwork.base.values import freeze_samples
 from mrwork.dampers.command import Command
 from mrwork.errors import SettingError
 from mrwork.records.checks import rest_before_motion, samples_at_rest, static_force
 from mrwork.records.command import command_of
 from mrwork.records.damper_test import DamperTest, fields_of_commands
-from mrwork.records.finding import OF_FILES, ONCE, REPAIR_KINDS, Finding, FindingKind, Measured, RepairKind
 from mrwork.records.motion import smooth_motion, spectrum
 from mrwork.records.observation import (
     AS_IT_IS,
@@ -35,11 +35,14 @@ from mrwork.records.observation import (
 from mrwork.records.pulses import pulses_of
 from mrwork.records.window import cut
 
+RepairKind = Literal["rest", "pulses", "offset", "velocity"]
+REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
+
 _REPAIRED: Final = {
-    kind: FindingKind(f"repaired_{kind}", "{message}", verbs=ONCE, repaired=True) for kind in REPAIR_KINDS
+    kind: RemarkKind(f"repaired_{kind}", "{message}", verbs=ONCE, repaired=True) for kind in REPAIR_KINDS
 }
 _NO_CAUSE: Final = {
-    kind: FindingKind(f"no_{kind}", f"no {kind} to repair: {{reason}}", verbs=OF_FILES)
+    kind: RemarkKind(f"no_{kind}", f"no {kind} to repair: {{reason}}", verbs=OF_FILES)
     for kind in REPAIR_KINDS
 }
 
@@ -47,7 +50,7 @@ _NO_CAUSE: Final = {
 @checked
 def repair(
     test: DamperTest, kinds: Iterable[RepairKind], *, amounts: Mapping[RepairKind, float] | None = None
-) -> tuple[DamperTest, tuple[Finding, ...]]:
+) -> tuple[DamperTest, tuple[Remark, ...]]:
     """Apply repairs to a test in the order of `REPAIR_KINDS`; return the repaired test and a log.
 
     Parameters
@@ -64,7 +67,7 @@ def repair(
     Returns
     -------
     test, log
-        The log is also part of the findings of the test; a repair that was not needed is recorded as a note.
+        The log is also part of the remarks of the test; a repair that was not needed is recorded as a note.
 
     Examples
     --------
@@ -80,19 +83,19 @@ def repair(
                 f"repair {kind} was given {amount:g}; a number goes with {AMOUNTS_IN_WORDS} alone"
             )
     wanted = set(kinds) | set(amount_of)
-    repaired, log = test, list[Finding]()
+    repaired, log = test, list[Remark]()
     for kind in REPAIR_KINDS:
         if kind not in wanted:
             continue
         done = _REPAIRS[kind](repaired, amount_of.get(kind))
         if isinstance(done, str):
-            entry = _NO_CAUSE[kind].found(reason=done)
+            entry = _NO_CAUSE[kind].remark(reason=done)
         else:
             changed, measured, message = done
-            entry = _REPAIRED[kind].found(measured=measured, message=message)
-            findings = tuple(finding for finding in changed.findings if finding.kind.cured_by != kind)
-            repaired = replace(changed, findings=findings, original=test.original or test)
-        repaired = replace(repaired, findings=(*repaired.findings, entry))
+            entry = _REPAIRED[kind].remark(measured=measured, message=message)
+            remarks = tuple(remark for remark in changed.remarks if remark.kind.cured_by != kind)
+            repaired = replace(changed, remarks=remarks, original=test.original or test)
+        repaired = replace(repaired, remarks=(*repaired.remarks, entry))
         log.append(entry)
     return repaired, tuple(log)
 
@@ -106,7 +109,7 @@ def seconds_of_pulses(test: DamperTest) -> float:
     return max(
         (
             entry.measured.value
-            for entry in test.findings
+            for entry in test.remarks
             if entry.measured and entry.kind is _REPAIRED["pulses"]
         ),
         default=0.0,

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from mrwork.base.arguments import Count, checked
 from mrwork.base.numbers import counted
+from mrwork.base.remark import ONCE, Measured, Remark, RemarkKind
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.command import Command, runs_of
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.rounded_times import rounded_grid
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.finding import ONCE, Finding, FindingKind, Measured
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
@@ -68,15 +68,15 @@ class Signals:
         return Signals(time=self.time[chosen], **measured, commands=commands)
 
 
-_DROPPED: Final = FindingKind(
+_DROPPED: Final = RemarkKind(
     "nan_rows_dropped", "dropped incomplete rows: {start} at the start, {end} at the end", verbs=ONCE
 )
 
 
 def complete_rows(
-    signals: Signals, findings: list[Finding], *, source: str, locate: Callable[[int], str]
+    signals: Signals, remarks: list[Remark], *, source: str, locate: Callable[[int], str]
 ) -> Signals:
-    """Drop incomplete rows (NaN) at either end, with a finding; what is left must have a time that increases."""
+    """Drop incomplete rows (NaN) at either end, with a remark; what is left must have a time that increases."""
     for name, channel in signals.channels.items():
         absurd = np.abs(channel) > _LARGEST
         if absurd.any():
@@ -104,7 +104,7 @@ def complete_rows(
             "part without them (--from, --until)"
         )
     if last - first < complete.size:
-        findings.append(_DROPPED.found(start=first, end=complete.size - last))
+        remarks.append(_DROPPED.remark(start=first, end=complete.size - last))
     wrong = first + np.flatnonzero(np.diff(signals.time[first:last]) <= _SAME)
     if wrong.size == 0:
         return signals.rows(slice(first, last))
@@ -153,7 +153,7 @@ def spikes_of(samples: Floats) -> NDArray[np.bool_]:
 
 
 _SEARCHED: Final = {"displacement": "m", "velocity": "m/s", "force": "N"}
-_SPIKES: Final = FindingKind(
+_SPIKES: Final = RemarkKind(
     "spikes",
     "the {0} has spikes to {value:.4g} {1} in {samples} at {at:.6g} s; they were bridged by straight lines, and are "
     "neither compared nor part of the tested ranges",
@@ -161,8 +161,8 @@ _SPIKES: Final = FindingKind(
 )
 
 
-def without_spikes(signals: Signals, findings: list[Finding]) -> Signals:
-    """Signals with straight lines across the spikes, except in commands, each channel with a finding."""
+def without_spikes(signals: Signals, remarks: list[Remark]) -> Signals:
+    """Signals with straight lines across the spikes, except in commands, each channel with a remark."""
     bridged = np.zeros(signals.time.size, dtype=np.bool_)
     bridges: dict[str, Any] = {}
     for name, samples in signals.measured.items():
@@ -171,8 +171,8 @@ def without_spikes(signals: Signals, findings: list[Finding]) -> Signals:
             continue
         largest = float(samples[spiky][np.argmax(np.abs(samples[spiky]))])
         count = np.count_nonzero(spiky)
-        findings.append(
-            _SPIKES.found(
+        remarks.append(
+            _SPIKES.remark(
                 name,
                 unit := _SEARCHED[name],
                 measured=Measured(largest, unit),
@@ -185,18 +185,18 @@ def without_spikes(signals: Signals, findings: list[Finding]) -> Signals:
     return replace(signals, **bridges, spiky=bridged, missing=np.zeros_like(bridged))
 
 
-_ROUNDED_TIMES: Final = FindingKind(
+_ROUNDED_TIMES: Final = RemarkKind(
     "time_rounded",
     "times are rounded, with steps of {least:.4g} to {most:.4g} ms; taken as uniform every {dt:.6g} ms ({rate:.6g} "
     "Hz), by regression on the number of the sample",
     verbs=ONCE,
 )
-_GAPS: Final = FindingKind(
+_GAPS: Final = RemarkKind(
     "gaps",
     "{gaps} of {value:.4g} s after {at:.6g} s ({steps:.0f} steps) was bridged by interpolation, and is not compared",
     "fit a part without it (--from, --until)",
 )
-_RESAMPLED: Final = FindingKind(
+_RESAMPLED: Final = RemarkKind(
     "resampled",
     "time steps differ from their median of {median:.4g} ms by up to {share:.3g} %; resampled every {dt:.6g} ms by {0} "
     "interpolation",
@@ -204,8 +204,8 @@ _RESAMPLED: Final = FindingKind(
 )
 
 
-def uniform_step(signals: Signals, findings: list[Finding], *, source: str) -> Signals:
-    """Put signals on a uniform grid, with findings.
+def uniform_step(signals: Signals, remarks: list[Remark], *, source: str) -> Signals:
+    """Put signals on a uniform grid, with remarks.
 
     Steps that differ from the median by more than 1e-3 of it are resampled to about that step: by a cubic spline, or by
     PCHIP, which does not overshoot, if there are gaps; stepped commands are held, others linear. Times that are uniform
@@ -226,7 +226,7 @@ def uniform_step(signals: Signals, findings: list[Finding], *, source: str) -> S
     if uniform is not None:
         signals = replace(signals, time=uniform)
         least, most, dt = 1e3 * steps.min(), 1e3 * steps.max(), signals.dt
-        findings.append(_ROUNDED_TIMES.found(least=least, most=most, dt=1e3 * dt, rate=1.0 / dt))
+        remarks.append(_ROUNDED_TIMES.remark(least=least, most=most, dt=1e3 * dt, rate=1.0 / dt))
         return signals
 
     n_uniform = round(duration / median) + 1
@@ -241,12 +241,12 @@ def uniform_step(signals: Signals, findings: list[Finding], *, source: str) -> S
         longest = int(gaps[np.argmax(steps[gaps])])
         gap = Measured(float(steps[longest]), "s")
         count = "a gap" if gaps.size == 1 else f"{gaps.size} gaps, the longest"
-        findings.append(_GAPS.found(measured=gap, gaps=count, at=time[longest], steps=gap.value / median))
+        remarks.append(_GAPS.remark(measured=gap, gaps=count, at=time[longest], steps=gap.value / median))
     grid = np.linspace(time[0], time[-1], n_uniform)
     dt = duration / (n_uniform - 1)
     rule = "PCHIP" if gaps.size else "cubic spline"
     share = 100.0 * deviation / median
-    findings.append(_RESAMPLED.found(rule, median=1e3 * median, share=share, dt=1e3 * dt))
+    remarks.append(_RESAMPLED.remark(rule, median=1e3 * median, share=share, dt=1e3 * dt))
     from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
 
     interpolator = PchipInterpolator if gaps.size else CubicSpline

@@ -102,7 +102,7 @@ def refuse_bounds(fit: Fit) -> None:
 
 
 def _side(estimate: FittedParameter) -> Literal["lower", "upper"]:
-    return "lower" if estimate.remark == "at lower bound" else "upper"
+    return "lower" if estimate.state == "at lower bound" else "upper"
 
 
 def parameters_at(fit: Fit, stated: StatedCommand | None) -> tuple[Floats, float | None]:

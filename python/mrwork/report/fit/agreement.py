@@ -1,4 +1,4 @@
-"""The tests of a fit on its page: all at a glance, each with its figures and findings, and errors by amplitude."""
+"""The tests of a fit on its page: all at a glance, each with its figures and remarks, and errors by amplitude."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from mrwork.identification.fit import Fit, FitQuality
 from mrwork.plots.of_tests import Motion, data_label
 from mrwork.plots.samples import zoom_window
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.findings import gathered_findings
+from mrwork.records.remarks import gathered_remarks
 from mrwork.report.fit import figures
 from mrwork.report.fit.residuals import residual_panels
 from mrwork.report.section import Group, Panel, Section, panel
@@ -65,15 +65,13 @@ def tests_section(
         panels=tuple(small),
         layout="small",
     )
-    shared = gathered_findings([prediction.test for prediction in predictions]).shared
-    recurring = Group(title="Findings in several tests", points=tuple(finding.in_words for finding in shared))
+    shared = gathered_remarks([prediction.test for prediction in predictions]).shared
+    recurring = Group(title="Remarks in several tests", points=tuple(remark.in_words for remark in shared))
     one = f"fit {numbers.format_fixed(fit.fit_percent, 2)} %, RMSE {numbers.significant(fit.rmse_n, 3)} N"
     text, records = (
         (one, "the record") if len(predictions) == 1 else (spread.in_words, f"{len(predictions)} records")
     )
-    counts = Counter[str](
-        finding.severity for prediction in predictions for finding in prediction.test.findings
-    )
+    counts = Counter[str](remark.severity for prediction in predictions for remark in prediction.test.remarks)
     kinds = {"warning": "warning", "note": "note", "repaired": "repair"}
     parts = [numbers.counted(counts[kind], noun) for kind, noun in kinds.items() if counts[kind]]
     return Section(
@@ -91,15 +89,15 @@ def tests_section(
 def _test_group(
     number: int, role: str, prediction: Prediction, quality: FitQuality, unit: str, more: Sequence[Panel]
 ) -> Group:
-    """A test with its conditions, its figures and `more`, and its findings."""
+    """A test with its conditions, its figures and `more`, and its remarks."""
     test = prediction.test
-    findings = sorted(test.findings, key=lambda finding: finding.severity != "warning")
+    remarks = sorted(test.remarks, key=lambda remark: remark.severity != "warning")
     return Group(
         title=f"{role}: {test.name}" if role else test.name,
         synthetic=test.synthetic,
         prose=(_conditions(test, quality),),
         panels=(*_test_panels(f"t{number + 1}", prediction, unit), *more),
-        points=tuple(f"{finding.severity}: {finding.message}" for finding in findings),
+        points=tuple(remark.in_words for remark in remarks),
     )
 
 
@@ -185,7 +183,7 @@ def _test_panels(identifier: str, prediction: Prediction, unit: str) -> tuple[Pa
         wide = "The loops belong to the whole record, so they are wide where the command changes."
         drawn.append(("command", "Command", figures.shaded(figures.command_figure(prediction), test), wide))
     if test.original is not None:
-        changed = "The findings below list the repairs; the model is compared with the repaired record."
+        changed = "The remarks below list the repairs; the model is compared with the repaired record."
         repair = figures.repair_figure(test, test.original, unit)
         drawn.append(("repair", "Before and after repair", repair, changed))
     what = f"of test {test.name}: {data} and model, fit {numbers.format_fixed(prediction.fit_percent, 2)} %"

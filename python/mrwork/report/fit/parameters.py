@@ -98,9 +98,9 @@ def _parameter_table(fit: Fit) -> Table:
 
 def _reason(estimate: FittedParameter) -> str:
     """The reason of the verdict, behind the bound that the estimate is at."""
-    if not estimate.at_bound or estimate.reason.startswith(estimate.remark):
+    if not estimate.at_bound or estimate.reason.startswith(estimate.state):
         return estimate.reason
-    return "; ".join(filter(None, (estimate.remark, estimate.reason)))
+    return "; ".join(filter(None, (estimate.state, estimate.reason)))
 
 
 def _value_and_interval(estimate: FittedParameter) -> tuple[str, str]:

@@ -194,7 +194,7 @@ def read_calibration(run: RunFolder) -> Calibration:
 
 
 # What checks found, and the record before repairs, is not kept.
-_DROPPED = {"findings": (), "original": None}
+_DROPPED = {"remarks": (), "original": None}
 
 
 def predictions_content(predictions: Sequence[Prediction]) -> bytes:

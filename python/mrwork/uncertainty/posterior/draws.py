@@ -143,7 +143,7 @@ def next_check(n_steps: int) -> int:
 
 
 DrawsStatus = Literal["converged", "not_converged", "interrupted"]
-Remark = Literal[
+DrawState = Literal[
     "", "fixed", "piles up at its lower bound", "piles up at its upper bound", "piles up at both bounds"
 ]
 
@@ -172,28 +172,28 @@ class DrawSummary:
     tau: float
     lower: float
     upper: float
-    remark: Remark = ""
+    state: DrawState = ""
     verdict: Verdict | None = None
     reason: str = ""
 
     @property
     def fixed(self) -> bool:
         """Whether the parameter was held fixed."""
-        return self.remark == "fixed"
+        return self.state == "fixed"
 
     @property
     def at_bound(self) -> bool:
         """Whether the draws pile up at a bound."""
-        return self.remark not in ("", "fixed")
+        return self.state not in ("", "fixed")
 
     @property
     def interval(self) -> Interval:
         """The interval; an end at which the draws pile up is open."""
-        at_both = self.remark == "piles up at both bounds"
+        at_both = self.state == "piles up at both bounds"
         return Interval(
             name=self.name,
-            lower=None if at_both or self.remark == "piles up at its lower bound" else self.lower,
-            upper=None if at_both or self.remark == "piles up at its upper bound" else self.upper,
+            lower=None if at_both or self.state == "piles up at its lower bound" else self.lower,
+            upper=None if at_both or self.state == "piles up at its upper bound" else self.upper,
             verdict=self.verdict or "",
             reason=self.reason,
         )
@@ -203,7 +203,7 @@ class DrawSummary:
         if self.fixed:
             return self
         ends = self.interval.lower, self.interval.upper
-        verdict, reason = judge_interval(ends, DEVIATIONS, scale, sensitivity, opened=f"it {self.remark}")
+        verdict, reason = judge_interval(ends, DEVIATIONS, scale, sensitivity, opened=f"it {self.state}")
         return replace(self, verdict=verdict, reason=reason)
 
 
@@ -358,7 +358,7 @@ class Draws(Plotted, WithAxes, Summarised):
                 summary.unit,
                 with_decimals(summary.rhat, 3),
                 with_decimals(summary.ess_bulk, 0),
-                summary.verdict or summary.remark,
+                summary.verdict or summary.state,
                 summary.reason,
             )
             for summary in self.summaries
@@ -391,13 +391,13 @@ def summary_of(
         tau=tau,
         lower=first,
         upper=last,
-        remark="fixed" if fixed else _pile_remark(chain, bounds, upper - lower),
+        state="fixed" if fixed else _pile_state(chain, bounds, upper - lower),
         **diagnostics._asdict(),
     )
 
 
-def _pile_remark(chain: Floats, bounds: tuple[float, float], width: float) -> Remark:
-    """Remark on draws that pile up at a bound: their outermost 1 % is within 2 % of their width of it.
+def _pile_state(chain: Floats, bounds: tuple[float, float], width: float) -> DrawState:
+    """State of draws that pile up at a bound: their outermost 1 % is within 2 % of their width of it.
 
     A half-normal density, truncated at its mode, comes within 0.7 %, a normal one cut at two deviations within 5 %.
     """

@@ -223,7 +223,9 @@ class SamplingProblem:
             text += f" The {n_time} residuals were counted as {self.target.temper * n_time:.0f} effective samples."
         for summary in summaries:
             if summary.at_bound:
-                text += f" {summary.name} {summary.remark}: its interval is limited by the bound, not by the data."
+                text += (
+                    f" {summary.name} {summary.state}: its interval is limited by the bound, not by the data."
+                )
         return text
 
 

@@ -1,4 +1,4 @@
-"""Findings of several tests: those that recur, and those that only a set shows."""
+"""Remarks of several tests: those that recur, and those that only a set shows."""
 
 from __future__ import annotations
 
@@ -11,35 +11,35 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.base.remark import ONCE, Measured, Remark, RemarkKind, Verb
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
 from mrwork.records.checks import static_force
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.finding import ONCE, Finding, FindingKind, Measured, Verb
 from mrwork.records.likeness import RecordedMotion, likest
 from mrwork.records.motion import robust_deviation, smooth_motion
 
-_RECORD_REPEATED: Final = FindingKind(
+_RECORD_REPEATED: Final = RemarkKind(
     "record_repeated",
     "{names} are the same record, byte for byte, which counts {copies} times",
     "give it once",
 )
 
 
-def repeated_records(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
+def repeated_records(tests: Sequence[DamperTest]) -> tuple[Remark, ...]:
     """Warn of records that are the same byte for byte, such as copies under two names."""
     copies: dict[str, list[str]] = defaultdict(list)
     for test in tests:
         if test.sha256:
             copies[test.sha256].append(test.label)
     return tuple(
-        _RECORD_REPEATED.found(names=list_names(labels), copies=len(labels))
+        _RECORD_REPEATED.remark(names=list_names(labels), copies=len(labels))
         for labels in copies.values()
         if len(labels) > 1
     )
 
 
-_REPEAT_DIFFERS: Final = FindingKind(
+_REPEAT_DIFFERS: Final = RemarkKind(
     "repeat_differs",
     "{0}",
     "check the command of both, and the temperature, pressure and pre-load",
@@ -47,13 +47,13 @@ _REPEAT_DIFFERS: Final = FindingKind(
 )
 
 
-def repeats_that_differ(tests: Sequence[DamperTest]) -> Iterator[Finding]:
+def repeats_that_differ(tests: Sequence[DamperTest]) -> Iterator[Remark]:
     """Warn of tests of one motion at one command whose forces differ: no model can describe both."""
     motions = [RecordedMotion.of(test) for test in tests]
     for index, motion in enumerate(motions):
         pair = likest(motion, motions[:index], force="other")
         if pair is not None and pair.known_command:
-            yield _REPEAT_DIFFERS.found(pair.force_in_words)
+            yield _REPEAT_DIFFERS.remark(pair.force_in_words)
 
 
 _FEWEST_ALIKE: Final = 3
@@ -64,7 +64,7 @@ _STANDS_OUT: Final = 0.18
 _SIGNIFICANT: Final = 3.5
 
 
-_MISLABELLED: Final = FindingKind(
+_MISLABELLED: Final = RemarkKind(
     "command_mislabelled",
     "{label}: dissipates {share:.0f} % {more} than the other tests at {command:.3g} {unit} in similar motion (their "
     "spread is {spread:.0f} %){belongs}",
@@ -75,14 +75,14 @@ _FACTORS: Final = {"lbf": 4.448, "kgf": 9.807, "kN": 1e3}
 _OF_FACTOR: Final = 0.2
 
 
-def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
+def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Remark, ...]:
     """Warn of tests whose dissipative force does not match the other tests at their command.
 
     The dissipative force of a test is int F v dt / int |v| dt. Its logarithm is modelled by a level for each command
     and one slope over the logarithm of the peak velocity. Both are medians, so that a few wrong labels do not affect
     them. Commands with fewer than three tests have no level, nor have tests whose command varies.
     """
-    findings: list[Finding] = []
+    remarks: list[Remark] = []
     for quantity, unit in (("current", "A"), ("voltage", "V")):
         constant = {
             index: command
@@ -92,11 +92,11 @@ def find_mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
         }
         if len(constant) >= _FEWEST_ALIKE:
             labelled, commands = [tests[index] for index in constant], np.array(list(constant.values()))
-            findings += _standing_out(labelled, commands, quantity, unit)
-    return tuple(findings)
+            remarks += _standing_out(labelled, commands, quantity, unit)
+    return tuple(remarks)
 
 
-def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, unit: str) -> list[Finding]:
+def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, unit: str) -> list[Remark]:
     # Commands that differ by less than a percent of the largest count as equal.
     step = max(0.01 * float(np.abs(commands).max()), 1e-9)
     groups: dict[int, list[int]] = defaultdict(list)
@@ -112,15 +112,15 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
     spread = robust_deviation(beside)
     limit = max(_STANDS_OUT, _SIGNIFICANT * spread)
     at = np.array([np.median(commands[group]) for group in alike])
-    findings = []
+    remarks = []
     for index, difference in zip(np.concatenate(alike), beside, strict=True):
         others = _of_others(index, alike, force_there, velocity)
         if min(abs(difference), abs(force_there[index] - others)) <= limit:
             continue
         test = tests[index]
         ratio = float(np.expm1(difference))
-        findings.append(
-            _MISLABELLED.found(
+        remarks.append(
+            _MISLABELLED.remark(
                 measured=Measured(ratio, "", standard_error=spread),
                 label=test.label,
                 share=100.0 * abs(ratio),
@@ -133,7 +133,7 @@ def _standing_out(tests: Sequence[DamperTest], commands: Floats, quantity: str, 
                 other=_other_unit(float(difference)),
             )
         )
-    return findings
+    return remarks
 
 
 def _other_unit(difference: float) -> str:
@@ -191,8 +191,8 @@ _NAMED = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SharedFinding:
-    """A finding in one or several of `n_tests` tests, whose messages differ in their numbers at most.
+class SharedRemark:
+    """A remark in one or several of `n_tests` tests, whose messages differ in their numbers at most.
 
     `message` is of the first of `tests`, and of all where `equal`; `lowest` and `highest` are measured sizes.
     """
@@ -232,74 +232,71 @@ class SharedFinding:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class GatheredFindings:
-    """Findings of several tests: `shared` ones recur, warnings first; `own` are of a single test, for each test."""
+class GatheredRemarks:
+    """Remarks of several tests: `shared` ones recur, warnings first; `own` are of a single test, for each test."""
 
-    shared: tuple[SharedFinding, ...]
-    own: tuple[tuple[Finding, ...], ...]
+    shared: tuple[SharedRemark, ...]
+    own: tuple[tuple[Remark, ...], ...]
 
 
-def gathered_findings(tests: Sequence[DamperTest]) -> GatheredFindings:
-    """Separate the findings that recur in several of `tests` from the findings of one test."""
-    places = defaultdict[tuple[FindingKind, tuple[str, ...]], list[tuple[DamperTest, Finding]]](list)
+def gathered_remarks(tests: Sequence[DamperTest]) -> GatheredRemarks:
+    """Separate the remarks that recur in several of `tests` from the remarks of one test."""
+    places = defaultdict[tuple[str, tuple[str, ...]], list[tuple[DamperTest, Remark]]](list)
     for test in tests:
-        for finding in test.findings:
-            places[finding.kind, finding.words].append((test, finding))
+        for remark in test.remarks:
+            places[remark.code, remark.words].append((test, remark))
     # A check may find the same in two channels of a test.
     named = {key: {id(test): test.name for test, _ in pairs} for key, pairs in places.items()}
-    recurring = {
-        key: [finding for _, finding in places[key]] for key, names in named.items() if len(names) > 1
-    }
+    recurring = {key: [remark for _, remark in places[key]] for key, names in named.items() if len(names) > 1}
     shared = [
-        _join_findings(findings, tuple(named[key].values()), len(tests))
-        for key, findings in recurring.items()
+        _join_remarks(remarks, tuple(named[key].values()), len(tests)) for key, remarks in recurring.items()
     ]
-    return GatheredFindings(
-        shared=tuple(sorted(shared, key=lambda finding: finding.severity != "warning")),
+    return GatheredRemarks(
+        shared=tuple(sorted(shared, key=lambda remark: remark.severity != "warning")),
         own=tuple(
-            tuple(finding for finding in test.findings if (finding.kind, finding.words) not in recurring)
+            tuple(remark for remark in test.remarks if (remark.code, remark.words) not in recurring)
             for test in tests
         ),
     )
 
 
-def _join_findings(findings: Sequence[Finding], tests: tuple[str, ...], n_tests: int) -> SharedFinding:
-    first = findings[0]
-    measured = [finding.measured for finding in findings if finding.measured is not None]
+def _join_remarks(remarks: Sequence[Remark], tests: tuple[str, ...], n_tests: int) -> SharedRemark:
+    first = remarks[0]
+    measured = [remark.measured for remark in remarks if remark.measured is not None]
     values = [measurement.value for measurement in measured]
-    return SharedFinding(
+    return SharedRemark(
         code=first.code,
         severity=first.severity,
         message=first.message,
         tests=tests,
         n_tests=n_tests,
-        equal=all(finding.message == first.message for finding in findings),
+        equal=all(remark.message == first.message for remark in remarks),
         lowest=min(values, default=None),
         highest=max(values, default=None),
         unit=measured[0].unit if measured else "",
     )
 
 
-def findings_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedFinding, ...]:
-    """Findings of several tests that matter to a verb, each once, warnings first."""
+def remarks_for(verb: Verb, tests: Sequence[DamperTest]) -> tuple[SharedRemark, ...]:
+    """Remarks of several tests that matter to a verb, each once, warnings first."""
     verb_tests = [
-        replace(test, findings=tuple(finding for finding in test.findings if verb in finding.kind.verbs))
+        replace(test, remarks=tuple(remark for remark in test.remarks if verb in remark.kind.verbs))
         for test in tests
     ]
-    gathered = gathered_findings(verb_tests)
+    gathered = gathered_remarks(verb_tests)
     alone = [
-        _join_findings([finding], (test.name,), len(tests))
-        for test, findings in zip(verb_tests, gathered.own, strict=True)
-        for finding in findings
+        _join_remarks([remark], (test.name,), len(tests))
+        for test, remarks in zip(verb_tests, gathered.own, strict=True)
+        for remark in remarks
     ]
     # The message names the tests that it concerns.
-    of_set = (finding for finding in findings_of_set(tests) if verb in finding.kind.verbs)
-    together = [_join_findings([finding], (), len(tests)) for finding in of_set]
+    of_set = (remark for remark in remarks_of_set(tests) if verb in remark.kind.verbs)
+    together = [_join_remarks([remark], (), len(tests)) for remark in of_set]
     return tuple(
-        sorted((*together, *gathered.shared, *alone), key=lambda finding: finding.severity != "warning")
+        sorted((*together, *gathered.shared, *alone), key=lambda remark: remark.severity != "warning")
     )
 
 
-def findings_of_set(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
-    """Findings that need several tests: wrong commands, repeats of another force, and copies."""
+def remarks_of_set(tests: Sequence[DamperTest]) -> tuple[Remark, ...]:
+    """Remarks that need several tests: wrong commands, repeats of another force, and copies."""
     return (*find_mislabelled(tests), *repeats_that_differ(tests), *repeated_records(tests))

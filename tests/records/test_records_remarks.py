@@ -17,18 +17,18 @@ from refusals import refusal
 from report_samples import prediction
 
 import mrwork as mr
+from mrwork.base.remark import Measured, Remark, RemarkKind
 from mrwork.dampers import damper
 from mrwork.identification.result import free_run
-from mrwork.records import DamperTest, Finding, repair
-from mrwork.records.finding import FindingKind, Measured
-from mrwork.records.findings import gathered_findings
+from mrwork.records import DamperTest, repair
+from mrwork.records.remarks import gathered_remarks
 
 OMEGA = 2.0 * np.pi * FREQUENCY
 TIME = clean_columns()["t_s"]
 
 
 def severity(test: DamperTest, code: str) -> str:
-    (found,) = [finding.severity for finding in test.findings if finding.code == code]
+    (found,) = [remark.severity for remark in test.remarks if remark.code == code]
     return found
 
 
@@ -118,7 +118,7 @@ def honest() -> dict[str, tuple[Columns, list[str]]]:
 
 
 @pytest.mark.parametrize("name", honest())
-def test_an_honest_record_has_no_finding_of_a_defect(name: str) -> None:
+def test_an_honest_record_has_no_remark_of_a_defect(name: str) -> None:
     columns, expected = honest()[name]
     test = built(columns)
     assert [code for code in codes(test) if code != "velocity_derived"] == expected
@@ -174,7 +174,7 @@ def test_a_static_offset_is_measured(offset: float) -> None:
     columns = clean_columns()
     columns["force_n"] = columns["force_n"] + offset
     test = built(columns)
-    (found,) = (finding.measured for finding in test.findings if finding.code == "force_offset")
+    (found,) = (remark.measured for remark in test.remarks if remark.code == "force_offset")
     assert found is not None
     assert found.value == pytest.approx(offset, rel=2e-3)
     # Every model has a parameter for it.
@@ -425,28 +425,28 @@ def test_too_few_samples_per_cycle_are_told() -> None:
     assert "10.0 samples per cycle of 2 Hz" in message(test, "few_samples_per_cycle")
 
 
-LAG = FindingKind("lag", "the {0} lags by {late:g} ms, as filters do")
+LAG = RemarkKind("lag", "the {0} lags by {late:g} ms, as filters do")
 
 
-def lag(milliseconds: float, channel: str = "force") -> Finding:
-    return LAG.found(channel, measured=Measured(value=1e-3 * milliseconds, unit="s"), late=milliseconds)
+def lag(milliseconds: float, channel: str = "force") -> Remark:
+    return LAG.remark(channel, measured=Measured(value=1e-3 * milliseconds, unit="s"), late=milliseconds)
 
 
-OFFSET = FindingKind("offset", "the force has an offset", "subtract it").found()
-ALONE = FindingKind("rest", "at rest for 2 s").found()
+OFFSET = RemarkKind("offset", "the force has an offset", "subtract it").remark()
+ALONE = RemarkKind("rest", "at rest for 2 s").remark()
 
 
-def with_findings(name: str, *findings: Finding) -> DamperTest:
-    return replace(prediction(name).test, findings=findings)
+def with_remarks(name: str, *remarks: Remark) -> DamperTest:
+    return replace(prediction(name).test, remarks=remarks)
 
 
-def test_findings_that_differ_in_numbers_are_one_with_their_range() -> None:
+def test_remarks_that_differ_in_numbers_are_one_with_their_range() -> None:
     tests = [
-        with_findings("a", lag(0.5), ALONE),
-        with_findings("b", lag(2.5), OFFSET),
-        with_findings("c", OFFSET),
+        with_remarks("a", lag(0.5), ALONE),
+        with_remarks("b", lag(2.5), OFFSET),
+        with_remarks("c", OFFSET),
     ]
-    found = gathered_findings(tests)
+    found = gathered_remarks(tests)
     warning, note = found.shared
     assert warning.in_words == "warning in 2 of 3 tests (b, c): the force has an offset; subtract it"
     assert note.in_words == (
@@ -456,21 +456,21 @@ def test_findings_that_differ_in_numbers_are_one_with_their_range() -> None:
     assert found.own == ((ALONE,), (), ())
 
 
-def test_a_finding_in_every_test_names_none_and_many_names_are_counted() -> None:
-    tests = [with_findings(f"t{number}", OFFSET, *([ALONE] if number < 8 else [])) for number in range(9)]
-    everywhere, often = gathered_findings(tests).shared
+def test_a_remark_in_every_test_names_none_and_many_names_are_counted() -> None:
+    tests = [with_remarks(f"t{number}", OFFSET, *([ALONE] if number < 8 else [])) for number in range(9)]
+    everywhere, often = gathered_remarks(tests).shared
     assert everywhere.in_words.startswith("warning in all 9 tests: ")
     assert everywhere.tests == tuple(f"t{number}" for number in range(9))
     assert "8 of 9 tests (t0, t1, t2, t3, t4, t5 and 2 more)" in often.in_words
 
 
-def test_findings_that_differ_in_a_word_are_two() -> None:
-    tests = [with_findings("a", lag(0.5)), with_findings("b", lag(0.5, "velocity"))]
-    assert gathered_findings(tests).shared == ()
+def test_remarks_that_differ_in_a_word_are_two() -> None:
+    tests = [with_remarks("a", lag(0.5)), with_remarks("b", lag(0.5, "velocity"))]
+    assert gathered_remarks(tests).shared == ()
 
 
 def test_what_one_test_says_twice_is_not_shared() -> None:
-    found = gathered_findings([with_findings("a", lag(1.0), lag(2.0)), with_findings("b")])
+    found = gathered_remarks([with_remarks("a", lag(1.0), lag(2.0)), with_remarks("b")])
     assert found.shared == ()
     assert found.own == ((lag(1.0), lag(2.0)), ())
 
@@ -515,7 +515,7 @@ def test_a_dashpot_under_a_saw_tooth_of_unlike_speeds_has_no_offset_and_the_sign
     # At equal speeds the offset is told.
     time, displacement, velocity = stroked(*[0.05, -0.05] * 4)
     even = recorded(time, displacement, 30.0 + 2000.0 * velocity)
-    (found,) = (finding.measured for finding in even.findings if finding.code == "force_offset")
+    (found,) = (remark.measured for remark in even.remarks if remark.code == "force_offset")
     assert found is not None
     assert found.value == pytest.approx(30.0, abs=1.0)
 
@@ -534,7 +534,7 @@ def test_a_damper_that_is_stronger_one_way_has_the_offset_of_its_gas_alone(
     displacement, velocity = 0.01 * np.sin(2.0 * np.pi * time), 0.0628 * np.cos(2.0 * np.pi * time)
     damped = friction * np.tanh(velocity / 0.01) + damping * velocity
     test = recorded(time, displacement, offset + damped * (1.0 + stronger * np.sign(velocity)))
-    found = [finding.measured for finding in test.findings if finding.code == "force_offset"]
+    found = [remark.measured for remark in test.remarks if remark.code == "force_offset"]
     assert len(found) == (offset != 0.0)
     for measured in found:
         assert measured is not None
