@@ -13,7 +13,7 @@ from mrwork.base.arguments import checked
 from mrwork.base.hints import InUnit, Within
 from mrwork.base.units import CommandUnit
 from mrwork.dampers.command import LARGEST_COMMAND, CommandValues, command_level, levels_of_command
-from mrwork.dampers.simulation import Loading, sinusoid
+from mrwork.dampers.simulation import Amplitude, Frequency, Loading, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import open_delimited
@@ -34,10 +34,6 @@ _CYCLES = 3
 _MOST_BYTES = 512 << 20
 _COLUMNS = ("amplitude", "frequency", "current")
 
-# The longest stroke, in isolated buildings, is about 1 m.
-Amplitude = Annotated[float, Within(least=1e-6, most=1.0), InUnit("m")]
-# A slower test lasts for hours, and no rig runs a faster one.
-Frequency = Annotated[float, Within(least=1e-4, most=1e3), InUnit("Hz")]
 Command = Annotated[float, Within(least=0.0, most=LARGEST_COMMAND)]
 
 
