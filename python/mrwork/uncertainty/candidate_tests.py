@@ -12,7 +12,7 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.hints import InUnit, Within
 from mrwork.base.units import CommandUnit
-from mrwork.dampers.command import LARGEST_COMMAND, CommandValues, command_level, levels_of_command
+from mrwork.dampers.command import LARGEST_COMMAND, Command, command_level
 from mrwork.dampers.simulation import Amplitude, Frequency, Loading, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
@@ -34,7 +34,7 @@ _CYCLES = 3
 _MOST_BYTES = 512 << 20
 _COLUMNS = ("amplitude", "frequency", "current")
 
-Command = Annotated[float, Within(least=0.0, most=LARGEST_COMMAND)]
+PlannedCommand = Annotated[float, Within(least=0.0, most=LARGEST_COMMAND)]
 
 
 @checked
@@ -43,7 +43,7 @@ class Candidate:
 
     amplitude: Amplitude
     frequency: Frequency
-    command: Command | None = None
+    command: PlannedCommand | None = None
 
     @property
     def peak_velocity(self) -> float:
@@ -88,7 +88,7 @@ def candidate_grid(
     *,
     amplitudes: Sequence[Amplitude] = (),
     frequencies: Sequence[Frequency] = (),
-    commands: Sequence[Command] = (),
+    commands: Sequence[PlannedCommand] = (),
     limits: Limits | None = None,
 ) -> tuple[Candidate, ...]:
     """All combinations of amplitude, frequency and command within the limits of the rig.
@@ -123,12 +123,10 @@ def candidate_grid(
     levels: Sequence[float | None] = [None]
     if spec.command_unit is not None:
         unit = spec.command_unit
-        recorded = [command for test in tests for command, symbol in test.commands if symbol == unit]
+        recorded = [command for test in tests for command in test.commands if command.unit == unit]
         gap = range_of_tests(tests, unit).gap
         middle = () if gap is None else (command_level(0.5 * sum(gap), unit),)
-        levels = commands or sorted(
-            {*middle, *(level for command in recorded for level in _ends(command, unit))}
-        )
+        levels = commands or sorted({*middle, *(level for command in recorded for level in _ends(command))})
     _check_count(len(levels) * len(amplitudes) * len(frequencies), spec)
     grid = tuple(
         candidate
@@ -218,12 +216,11 @@ def excitation_of(test: DamperTest) -> Candidate:
     )
 
 
-def _ends(command: CommandValues, unit: CommandUnit) -> tuple[float, ...]:
+def _ends(command: Command) -> tuple[float, ...]:
     """A constant command, or the lowest and the highest level of one that varies."""
-    if not isinstance(command, np.ndarray):
-        return (command,)
-    levels = levels_of_command(command)
-    return command_level(levels[0], unit), command_level(levels[-1], unit)
+    if not isinstance(command.values, np.ndarray):
+        return (command.values,)
+    return command.levels[0], command.levels[-1]
 
 
 def _about(values: Sequence[float]) -> list[float]:
