@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import json
-import re
 import sys
 from collections.abc import Container
 from functools import cache
@@ -185,17 +184,14 @@ def imported(tree: ast.Module, known: Container[str]) -> set[str]:
 
 
 @pytest.mark.long
-def test_modules_import_each_other_in_no_circle_but_through_plotted() -> None:
-    trees = dict(modules())
-    hook = ast.unparse(trees["mrwork.base.plotted"])
-    assert {name[:12] for name in re.findall(r"mrwork[\w.]*", hook)} == {"mrwork.plots"}
-    trees["mrwork.base.plotted"] = ast.Module(body=[], type_ignores=[])
+def test_modules_import_each_other_in_no_circle() -> None:
+    trees = modules()
     order = TopologicalSorter({name: imported(tree, trees) for name, tree in trees.items()})
     assert len(list(order.static_order())) == len(trees)
 
 
-def test_only_the_figures_of_results_are_loaded_by_name() -> None:
-    """What `plotted` names stands above it; the door names the verbs, which stand beside it."""
+def test_only_verbs_are_loaded_by_name() -> None:
+    """The door names the verbs, which stand beside it."""
     by_name = {
         (name.removeprefix("mrwork."), constant.value)
         for name, tree in modules().items()
@@ -204,8 +200,4 @@ def test_only_the_figures_of_results_are_loaded_by_name() -> None:
         for constant in ast.walk(call)
         if isinstance(constant, ast.Constant) and str(constant.value).startswith("mrwork")
     }
-    assert by_name == {
-        ("base.plotted", "mrwork.plots"),
-        ("base.plotted", "mrwork.plots.of_buildings"),
-        ("cli.door", "mrwork.cli."),
-    }
+    assert by_name == {("cli.door", "mrwork.cli.")}

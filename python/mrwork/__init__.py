@@ -6,6 +6,18 @@ used, so that `import mrwork` costs little more than the interpreter.
 
 from __future__ import annotations
 
+from mrwork.base.plotted import Plotted as _Plotted
+
+
+def _figures_of(result: _Plotted) -> object:
+    """Figures of the result, the functions of `mr.plots` that take it."""
+    from mrwork.plots.accessor import Plots
+
+    return Plots(result)
+
+
+_Plotted.plot = property(_figures_of)
+
 
 def __getattr__(name: str) -> object:
     # The reader of stubs takes longer to load than all else of a command that has only started.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -13,7 +13,12 @@ from refusals import command_refusal
 from sentences import Refused
 from verb_folders import COMMANDS, written_record
 
-from mrwork.cli.derived import _declared
+from mrwork.base.hints import nodes_of
+from mrwork.cli.numbers import Range
+from mrwork.plots.of_tests import nominal_loops
+from mrwork.runs.export import export
+from mrwork.runs.study import read_study
+from mrwork.study.fragilities import fragility
 
 FAST = ["--generations", "3", "--quiet"]
 
@@ -140,18 +145,20 @@ def test_other_bad_inputs_are_one_sentence(record: Path, tmp_path: Path, refused
     refused.command("frobnicate")
 
 
-def test_what_is_read_from_the_source_of_a_slow_module_is_what_its_function_declares() -> None:
-    named = {
-        (declaring, name)
-        for command in COMMANDS.values()
-        for declaring, names in (command.get_default("derived") or {}).items()
-        for name in names
-        if isinstance(declaring, str)
-    }
-    assert len(named) > 10
-    for declaring, name in named:
-        module, _, called = declaring.partition(":")
-        assert _declared(declaring, name) == _declared(getattr(import_module(module), called), name)
+def test_options_of_slow_functions_have_their_defaults_and_ranges() -> None:
+    slow = {"models": nominal_loops, "fragility": fragility, "export": export, "respond": read_study}
+    compared = 0
+    for verb, function in slow.items():
+        nodes, parameters = nodes_of(function), inspect.signature(function).parameters
+        for action in COMMANDS[verb]._actions:
+            if isinstance(action.type, Range) and action.dest in parameters:
+                node = next(
+                    (part for part in nodes[action.dest].parts if part.form == "scalar"), nodes[action.dest]
+                )
+                assert action.default == parameters[action.dest].default
+                assert action.type == Range.of(node)
+                compared += 1
+    assert compared == 7
 
 
 def test_importing_and_asking_for_help_load_nothing_heavy() -> None:

@@ -28,7 +28,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.dampers.laws import law_of
 from mrwork.errors import MrworkWarning
 from mrwork.identification import Fit, FitSettings, Objective
-from mrwork.identification import commands as commands_of_tests
+from mrwork.identification.commands import CommandedTests
 from mrwork.identification.excerpts import stretches_of
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.identify import identify_with
@@ -337,9 +337,10 @@ def test_records_of_a_noisy_command_have_their_levels_in_common() -> None:
         replace(test, current=test.current + shift + 5e-3 * rng.standard_normal(test.n_time))
         for test, shift in ((record(switching), 0.0), (record(switching, rng=1), 0.012))
     ]
-    assert commands_of_tests.tested_commands(SPEC, (*tests, record(0.5))) == pytest.approx(
-        [0.0, 0.5, 1.0], abs=0.02
-    )
+    tested = CommandedTests.of(SPEC, (*tests, record(0.5)))
+    assert tested.commands == pytest.approx([0.0, 0.5, 1.0], abs=0.02)
+    assert tested.vary
+    assert [*tested.at] == [0.5]
 
 
 def test_the_force_rises_with_the_command() -> None:

@@ -189,15 +189,16 @@ def test_what_cannot_be_chosen_is_refused(
 
 def test_laws_are_compared_on_cycles_from_the_middle_of_a_record() -> None:
     test = sinusoidal_test("viscous_dahl", (800.0, 300.0, 2000.0, 20.0), (0.010, 1.0), noise=0.0, cycles=20)
-    short = middle_excerpt(test, per_cycle=30)
-    assert short.dt == pytest.approx(2.0 * test.dt)
+    short = middle_excerpt(test)
     ends = short.start_time, short.start_time + short.n_time * short.dt
     assert np.mean(ends) == pytest.approx(10.0, abs=0.1)
     assert ends[1] - ends[0] == pytest.approx(3.0 + test.n_settle * test.dt, abs=0.1)
     few = replace(
         test, displacement=test.displacement[:90], velocity=test.velocity[:90], force=test.force[:90]
     )
-    assert middle_excerpt(few, per_cycle=60).n_time == 90
+    assert middle_excerpt(few).n_time == 90
+    fine = mr.synthetic_test("spencer1997")
+    assert middle_excerpt(fine).dt == pytest.approx(4.0 * fine.dt)
 
 
 @pytest.fixture(scope="module")

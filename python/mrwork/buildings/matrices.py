@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.base.arguments import NotNegative, Positive, checked
 from mrwork.base.hints import Says, Within
 from mrwork.base.numbers import counted, format_rounded, significant
-from mrwork.base.plotted import Plotted, building_html
+from mrwork.base.plotted import Plotted
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.table import Table
 from mrwork.base.units import STANDARD_GRAVITY, question_on
@@ -198,7 +198,7 @@ class Building(Plotted, Summarised):
     def _repr_html_(self) -> str:
         """The summary, and of a chain of floors the drawing."""
         is_drawn = len(self.storey_stiffnesses) == self.n_coordinates <= _MOST_DRAWN
-        return f"{self._summary().html()}{building_html(self) if is_drawn else ''}"
+        return f"{self._summary().html()}{self.plot._repr_html_() if is_drawn else ''}"
 
     @property
     def n_coordinates(self) -> int:

@@ -2,38 +2,31 @@
 
 The help is the first sentence that the docstring has of the parameter. What a text becomes is what the annotation says:
 a number of its range, one of several words, a flag, a list by repetition, or by commas where it is of numbers, and a
-mapping by repeated NAME=VALUE.
-
-Who declares is a function or a class, or its name as MODULE:NAME where its module is slow to load: the source tells.
+mapping by repeated NAME=VALUE. Functions whose modules are slow to load have options of `CommandParser.option`.
 """
 
 from __future__ import annotations
 
 import argparse
-import ast
 import inspect
 import re
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, dataclass, fields, replace
-from functools import cache, partial
-from importlib import import_module
-from importlib.abc import SourceLoader
-from importlib.util import find_spec
+from functools import partial
 from typing import Any
 
-from mrwork.base.docstrings import parameter_texts, texts_in
-from mrwork.base.hints import Node, node_of, nodes_of
+from mrwork.base.docstrings import parameter_texts
+from mrwork.base.hints import Node, nodes_of
 from mrwork.cli.command_parser import CommandParser
 from mrwork.cli.numbers import Listed, Range, finite_number
 from mrwork.errors import MrworkError
 
-Declaring = Callable[..., object] | str
+Declaring = Callable[..., object]
 
 _FIRST_SENTENCE = re.compile(r".*?(?=(?<!\.)\.(?:\s|$)|$)", re.DOTALL)
 # Options that are not called as the parameter.
 _CALLED = {"rng": "seed"}
 _DERIVED = "derived"
-_DECLARING = (ast.FunctionDef, ast.ClassDef)
 UNCHANGED: Any = object()
 """The default of a parameter."""
 
@@ -90,59 +83,12 @@ def arguments_of(options: argparse.Namespace, declaring: Declaring) -> dict[str,
 
 def _declared(declaring: Any, name: str) -> tuple[Node, Any, str]:
     """Annotation, default and text of a parameter."""
-    if isinstance(declaring, str):
-        return _declared_in_source(declaring, name)
     text = parameter_texts(declaring)[name]
     if isinstance(declaring, type):
         (field,) = (entry for entry in fields(declaring) if entry.name == name)
         made = field.default_factory
         return nodes_of(declaring)[name], field.default if made is MISSING else made(), text
     return nodes_of(declaring)[name], inspect.signature(declaring).parameters[name].default, text
-
-
-def _declared_in_source(declaring: str, name: str) -> tuple[Node, Any, str]:
-    """Annotation, default and text of a parameter of MODULE:NAME, which has a default."""
-    module, _, called = declaring.partition(":")
-    body = _source(module)
-    (found,) = (entry for entry in body if isinstance(entry, _DECLARING) and entry.name == called)
-    if isinstance(found, ast.ClassDef):
-        pairs: list[tuple[ast.expr | None, ast.expr | None]] = [
-            (entry.annotation, entry.value)
-            for entry in found.body
-            if isinstance(entry, ast.AnnAssign) and ast.unparse(entry.target) == name
-        ]
-    else:
-        given = found.args
-        taken, defaults = [*given.args, *given.kwonlyargs], [*given.defaults, *given.kw_defaults]
-        # The first may have no default.
-        with_default = zip(taken[::-1], defaults[::-1], strict=False)
-        pairs = [(argument.annotation, value) for argument, value in with_default if argument.arg == name]
-    hint, default = (_evaluated(part, body) for part in pairs[0] if part is not None)
-    return node_of(hint), default, texts_in(ast.get_docstring(found))[name]
-
-
-def _evaluated(expression: ast.expr, body: list[ast.stmt]) -> Any:
-    """The value of an expression in a module, of which only what the expression names is imported or assigned."""
-    used = {node.id for node in ast.walk(expression) if isinstance(node, ast.Name)}
-    known: dict[str, Any] = {}
-    for entry in body:
-        match entry:
-            case ast.ImportFrom(str(module), names):
-                known |= {
-                    one.name: getattr(import_module(module), one.name) for one in names if one.name in used
-                }
-            case ast.Assign([ast.Name(assigned)], value) if assigned in used:
-                known[assigned] = _evaluated(value, body)
-    return eval(ast.unparse(expression), known)
-
-
-@cache
-def _source(module: str) -> list[ast.stmt]:
-    """The statements of a module, which is not imported."""
-    found = find_spec(module)
-    assert found is not None
-    assert isinstance(found.loader, SourceLoader)
-    return ast.parse(found.loader.get_source(module) or "").body
 
 
 def _as_help(text: str) -> str:

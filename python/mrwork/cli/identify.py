@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from dataclasses import fields, replace
 from functools import partial
+from typing import get_args
 
+from mrwork.base.units import CommandUnit
 from mrwork.cli.command_parser import COMPUTATION, SEARCH, CommandParser, examples
 from mrwork.cli.derived import add_option_of, add_options_of, arguments_of, read_entry
 from mrwork.cli.numbers import finite_number, named_path
@@ -17,6 +19,7 @@ from mrwork.dampers.spec import ALL, DEFAULT_MODELS, DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.settings import (
     FitSettings,
+    Fold,
     Race,
     Search,
     resize_search,
@@ -25,7 +28,6 @@ from mrwork.identification.settings import (
 )
 
 _AUTO, _LAWS = "auto", "current laws"
-_CHOICE = "mrwork.uncertainty.choice.choose:choose_model"
 
 
 def add_options(parser: CommandParser) -> None:
@@ -68,10 +70,24 @@ def add_options(parser: CommandParser) -> None:
         default={},
         repeated=True,
     )
-    usual = "default A where the tests have a current"
-    add_option_of(parser, _CHOICE, _LAWS, "unit", "command-unit", default=None, metavar="UNIT", more=usual)
-    add_option_of(parser, _CHOICE, _LAWS, "lagged", "driver-lag")
-    add_options_of(parser, _CHOICE, "comparison of models and laws", "leave_out")
+    parser.option(
+        _LAWS,
+        "--command-unit",
+        "unit of the command in the laws, where tests have several: A or V, or another scalar's, as mm, %, bar, psi, "
+        "lb or degC; default A where the tests have a current",
+        metavar="UNIT",
+        choices=get_args(CommandUnit),
+    )
+    lagged = (
+        "let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; for "
+        "records of a set point that varies, rather than of the current itself; left out where the tests show none"
+    )
+    parser.option(_LAWS, "--driver-lag", lagged, bool)
+    leave_out = (
+        "with several models or laws to choose: tests that are left out together and predicted: all of one motion "
+        "(default from three motions on), each test alone, or all at one command"
+    )
+    parser.option("comparison of models and laws", "--leave-out", leave_out, choices=get_args(Fold))
     add_observation(parser)
     parser.option(
         SEARCH,
@@ -169,7 +185,7 @@ def _refuse_together(
             f"--engine {options.engine} finishes one model; leave it out where models are compared",
         ),
         (
-            options.lagged and not options.law,
+            options.driver_lag and not options.law,
             "--driver-lag is of the command, which no parameter follows; give --law NAME=LAW",
         ),
     ):
@@ -189,9 +205,11 @@ def _choose(
     ending = options.model.rpartition(":")[2] if options.model and not several else "models"
     verb = Identification.of_files(options, settings, ending, kept="the best of what was fitted")
     laws = {name: law for name, law in options.law.items() if name != _AUTO}
-    kwargs = arguments_of(options, _CHOICE) | {
+    kwargs = {
         "laws": laws,
-        "unit": command_unit(verb.tests, options.unit),
+        "unit": command_unit(verb.tests, options.command_unit),
+        "lagged": options.driver_lag,
+        "leave_out": options.leave_out,
         "settings": settings,
     }
     if _AUTO in options.law:
@@ -210,8 +228,8 @@ def _identify_model(options: argparse.Namespace, model: str | DamperSpec, settin
     spec = damper(model) if isinstance(model, str) else model
     verb = Identification.of_files(options, settings, spec.name, kept="the best fit")
     if options.law:
-        unit = command_unit(verb.tests, options.unit)
-        spec = spec.with_current_laws({}, unit=unit, lagged=options.lagged)
+        unit = command_unit(verb.tests, options.command_unit)
+        spec = spec.with_current_laws({}, unit=unit, lagged=options.driver_lag)
         spec = with_laws_at(spec, options.law, verb.tests)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     screens = options.model is None and len(verb.tests) == 1 and not (options.law or settings.bounds)

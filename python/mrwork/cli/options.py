@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from mrwork.cli.command_parser import COMPUTATION, OUTPUT, CommandParser
-from mrwork.cli.numbers import THREADS, named_path
+from mrwork.cli.numbers import SEED, THREADS, named_path
 from mrwork.cli.own_models import add_trust
 from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
@@ -43,6 +43,12 @@ def add_threads(parser: CommandParser, workers: str = "") -> None:
         "the extra cluster",
         metavar="ADDRESS",
     )
+
+
+def add_seed(parser: CommandParser, also: str = "") -> None:
+    """--seed of a study, and of what else it is."""
+    says = f"seed of noise and synthetic motions{also}"
+    parser.option(COMPUTATION, "--seed", says, SEED, default=0, metavar="N")
 
 
 def end_parser(

@@ -7,10 +7,9 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.command_parser import COMPUTATION, CommandParser, examples
-from mrwork.cli.derived import add_options_of
+from mrwork.cli.command_parser import CommandParser, examples
 from mrwork.cli.numbers import named_path
-from mrwork.cli.options import add_threads, end_parser
+from mrwork.cli.options import add_seed, add_threads, end_parser
 from mrwork.cli.output import (
     check_figure,
     is_quiet,
@@ -73,7 +72,8 @@ def add_options(parser: CommandParser) -> None:
         choices=("test", "training", "all"),
         default="test",
     )
-    add_options_of(parser, "mrwork.study.run:run_study", "simulation", "check_step")
+    check = "repeat every run with half the integration step at the end, and compare"
+    parser.option("simulation", "--check-step", check, bool)
     parser.option(
         "simulation",
         "--ensemble",
@@ -81,7 +81,7 @@ def add_options(parser: CommandParser) -> None:
         "from a run of identify --law auto, with its control laws designed anew; say which verdict changes",
         bool,
     )
-    add_options_of(parser, "mrwork.runs.study:read_study", COMPUTATION, "seed")
+    add_seed(parser)
     add_threads(parser, "the runs without histories")
     add_trust(parser)
     end_parser(

@@ -18,16 +18,14 @@ from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records.columns import parse_column_option
 from mrwork.records.observation import as_words
+from mrwork.records.reading import Reading, is_synthetic
 from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
 
 if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
     from mrwork.identification.fit_file import OpenedRun
     from mrwork.records import DamperTest
-    from mrwork.records.reading import Reading
     from mrwork.records.rig_table import EveryUse, Use
-
-_READING = "mrwork.records.reading:Reading"
 
 
 def add_files(parser: CommandParser, *, required: bool = True) -> None:
@@ -50,9 +48,9 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
         default=(),
         repeated=True,
     )
-    add_option_of(parser, _READING, RECORDS, "start", "from")
-    add_option_of(parser, _READING, RECORDS, "end", "until")
-    add_options_of(parser, _READING, RECORDS, "every")
+    add_option_of(parser, Reading, RECORDS, "start", "from")
+    add_option_of(parser, Reading, RECORDS, "end", "until")
+    add_options_of(parser, Reading, RECORDS, "every")
     parser.option(
         RECORDS,
         "--repair",
@@ -63,7 +61,7 @@ def add_files(parser: CommandParser, *, required: bool = True) -> None:
         default={},
         repeated=True,
     )
-    add_options_of(parser, _READING, RECORDS, "keep_velocity", "settle")
+    add_options_of(parser, Reading, RECORDS, "keep_velocity", "settle")
 
 
 def add_observation(parser: CommandParser, *, usual: str = "") -> None:
@@ -86,7 +84,6 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
     """
     # Readers of records are slow to load, and the help does not need them.
     from mrwork.records import ListedTest
-    from mrwork.records.reading import Reading, is_synthetic
     from mrwork.records.rig_table import check_given_once, facts_of, files_not_read, listed_tests
 
     rows: list[ListedTest] = []
@@ -107,7 +104,7 @@ def reading_of(options: argparse.Namespace, use: Use | EveryUse, fit: Fit | None
         columns=dict(parse_column_option(option) for option in options.column),
         repairs=options.repair,
         facts=facts,
-        **arguments_of(options, _READING) | keeping,
+        **arguments_of(options, Reading) | keeping,
     )
 
 

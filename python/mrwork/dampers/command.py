@@ -67,6 +67,11 @@ class Command(NamedTuple):
         return isinstance(self.values, np.ndarray)
 
     @property
+    def levels(self) -> tuple[float, ...]:
+        """Set points at which the command stays, lowest first; see `levels_of_command`."""
+        return tuple(sorted({command_level(level, self.unit) for level in levels_of_command(self.values)}))
+
+    @property
     def in_words(self) -> str:
         """Value of a constant command, range and kind of a varying one, as in ``0 to 1 A, stepped``."""
         if not isinstance(self.values, np.ndarray):

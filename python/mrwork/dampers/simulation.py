@@ -26,6 +26,7 @@ from mrwork.base.arguments import (
     Threads,
     checked,
 )
+from mrwork.base.hints import InUnit, Within
 from mrwork.base.summary import Summarised, Summary
 from mrwork.base.units import CommandUnit
 from mrwork.base.values import Floats, array_dataclass, keep_arrays
@@ -95,6 +96,12 @@ class Loading(Summarised):
             command = np.ascontiguousarray(sent.without_ringing().values)
         with core_refusals():
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
+
+
+# The longest stroke, in isolated buildings, is about 1 m.
+Amplitude = Annotated[float, Within(least=1e-6, most=1.0), InUnit("m")]
+# A slower test lasts for hours, and no rig runs a faster one.
+Frequency = Annotated[float, Within(least=1e-4, most=1e3), InUnit("Hz")]
 
 
 @checked

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 
-from mrwork.base.values import Floats
-from mrwork.dampers.command import command_level, levels_of_command
+from mrwork.base.values import Floats, array_dataclass
+from mrwork.dampers.command import Command, command_level
 from mrwork.dampers.laws import CommandLaw, LawName, law_of, laws_in_order
 from mrwork.dampers.spec import DamperSpec, with_changed_laws
 from mrwork.errors import SettingError
@@ -19,8 +20,57 @@ from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import loading_of
 
-# Samples of a cycle in the excerpts on which laws are searched: fits differ by 0.02 points from those with 400.
-PER_CYCLE = 100
+
+@array_dataclass()
+class CommandedTests:
+    """Tests with their commands in the unit of a model, which its laws follow.
+
+    `set_points`, shape (n_tests,), are constant commands, NaN of a test whose command varies. `commands`, shape
+    (n_commands,), are those of all tests, lowest first; varying ones have common levels.
+    """
+
+    spec: DamperSpec
+    tests: tuple[DamperTest, ...]
+    set_points: Floats
+    commands: Floats
+
+    @classmethod
+    def of(cls, spec: DamperSpec, tests: Sequence[DamperTest]) -> CommandedTests:
+        """The tests of a model that follows a command."""
+        unit, given = spec.command_unit or "A", [loading_of(test, spec).command for test in tests]
+        varying = [command for command in given if isinstance(command, np.ndarray)]
+        points = [command_level(each, unit) if isinstance(each, int | float) else math.nan for each in given]
+        common = Command(np.concatenate(varying), unit).levels if varying else ()
+        return cls(
+            spec=spec,
+            tests=tuple(tests),
+            set_points=np.array(points),
+            commands=np.unique([*filter(math.isfinite, points), *common]),
+        )
+
+    @property
+    def vary(self) -> bool:
+        """Whether the command of a test varies."""
+        return bool(np.isnan(self.set_points).any())
+
+    @property
+    def at(self) -> dict[float, tuple[DamperTest, ...]]:
+        """The tests at each constant command, lowest first."""
+        levels = np.unique(self.set_points[~np.isnan(self.set_points)]).tolist()
+        return {level: tuple(compress(self.tests, self.set_points == level)) for level in levels}
+
+    @property
+    def has_levels(self) -> bool:
+        """Whether the tests at constant commands determine the laws, or there are no others."""
+        return not self.vary or len(self.at) >= levels_needed(self.spec)
+
+    def refuse_few(self) -> None:
+        """Refuse laws with more coefficients than there are commands."""
+        if len(self.commands) < (needed := levels_needed(self.spec)):
+            raise SettingError(
+                f"the tests run at {len(self.commands)} command(s), the current laws need {needed}; "
+                "add tests at other commands, or choose laws of a lower degree"
+            )
 
 
 def excerpts_of(problem: Problem) -> tuple[DamperTest, ...]:
@@ -28,9 +78,9 @@ def excerpts_of(problem: Problem) -> tuple[DamperTest, ...]:
     tests = problem.objective.tests
     if problem.form.spec.command_unit is None:
         return tuple(map(excerpt, tests))
-    if has_levels(problem.form.spec, tests):
-        return tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in tests)
-    return tuple(varied_excerpt(test) for test in tests)
+    if CommandedTests.of(problem.form.spec, tests).has_levels:
+        return tuple(map(middle_excerpt, tests))
+    return tuple(map(varied_excerpt, tests))
 
 
 def laws_at(laws: Mapping[str, LawName | CommandLaw], commands: Floats) -> dict[str, CommandLaw]:
@@ -43,25 +93,7 @@ def with_laws_at(
 ) -> DamperSpec:
     """A model of a command with these laws, polynomials by values at the commands of the tests."""
     laws_in_order(model.plain, laws, model.name)  # refuses a wrong word before a wrong test
-    return with_changed_laws(model, laws_at(laws, tested_commands(model, tests)))
-
-
-def tested_commands(spec: DamperSpec, tests: Sequence[DamperTest]) -> Floats:
-    """Commands of all tests in the unit of the laws, (n_commands,), lowest first; of varying ones common levels."""
-    unit = spec.command_unit or "A"
-    commands = [loading_of(test, spec).command for test in tests]
-    varying = [command for command in commands if isinstance(command, np.ndarray)]
-    levels = [command for command in commands if not isinstance(command, np.ndarray | None)]
-    if varying:
-        levels += levels_of_command(np.concatenate(varying))
-    return np.array(sorted({command_level(level, unit) for level in levels}))
-
-
-def command_of(test: DamperTest, varying: str = "") -> object:
-    """Key of a test: its constant command, else the text `varying`, or the label of the test."""
-    if test.has_varying_command:
-        return varying or test.label
-    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
+    return with_changed_laws(model, laws_at(laws, CommandedTests.of(model, tests).commands))
 
 
 def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Floats) -> Form:
@@ -71,42 +103,6 @@ def form_through_values(form: Form, tests: tuple[DamperTest, ...], commands: Flo
         return form
     through = identifiable_form(spec, bounds_of(form.box, spec.names))
     return replace(through, box=joint_box(through, tests, commands))
-
-
-def has_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> bool:
-    """Whether the tests at constant commands determine the laws, or there are no others."""
-    levels = levels_of(spec, tests)
-    return sum(map(len, levels.values())) == len(tests) or len(levels) >= levels_needed(spec)
-
-
-def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
-    """Whether the command of a test in the unit of the model is constant."""
-    return not isinstance(loading_of(test, spec).command, np.ndarray)
-
-
-def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
-    """The tests at each constant command, lowest first."""
-    unit, levels = spec.command_unit or "A", defaultdict[float, list[DamperTest]](list)
-    for test in tests:
-        if command_is_constant(test, spec):
-            levels[command_level(float(np.asarray(loading_of(test, spec).command)), unit)].append(test)
-    return {level: tuple(levels[level]) for level in sorted(levels)}
-
-
-def count_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> int:
-    """Number of distinct commands from which a search of these tests determines the laws."""
-    if has_levels(spec, tests):
-        return len(levels_of(spec, tests))
-    return len(tested_commands(spec, tests))
-
-
-def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
-    """Refuse laws with more coefficients than there are commands."""
-    if n_levels < levels_needed(spec):
-        raise SettingError(
-            f"the tests run at {n_levels} command(s), the current laws need {levels_needed(spec)}; "
-            "add tests at other commands, or choose laws of a lower degree"
-        )
 
 
 def laws_to_type(plain: DamperSpec, given: Mapping[str, LawName | CommandLaw], commands: Floats) -> str:

@@ -19,6 +19,8 @@ from mrwork.records.window import cut, settling_samples
 # Cycles for a settled loop, and samples per cycle that resolve its knees.
 _EXCERPT_CYCLES = 3
 _EXCERPT_PER_CYCLE = 400
+# Samples per cycle of an excerpt from the middle, for searches of laws: fits differ by 0.02 points from those with 400.
+_MIDDLE_PER_CYCLE = 100
 # Least range of a cycle, as a share of the largest, of a motion of which a few cycles are enough.
 _SAME_RANGE = 0.9
 # Shares of the samples between which the range of a cycle is taken.
@@ -156,8 +158,8 @@ def _excerpt_seconds(test: DamperTest, frequency: float, cycles: int = _EXCERPT_
     return (test.n_time - test.n_counted) * test.dt + cycles / frequency
 
 
-def middle_excerpt(test: DamperTest, *, per_cycle: int, cycles: int | None = None) -> DamperTest:
-    """As many cycles from the middle of a cyclic test, with `per_cycle` samples, slow ones in steps of 0.04 s.
+def middle_excerpt(test: DamperTest, cycles: int | None = None) -> DamperTest:
+    """As many cycles from the middle of a cyclic test, with 100 samples in each, slow ones in steps of 0.04 s.
 
     They represent a drifting force better than the first ones. Another motion, and a test whose command varies, is
     treated as by `excerpt`, and so is one whose cycles differ, unless a number of `cycles` is given.
@@ -168,5 +170,5 @@ def middle_excerpt(test: DamperTest, *, per_cycle: int, cycles: int | None = Non
         return excerpt(test)
     length = _excerpt_seconds(test, motion.dominant, cycles or _EXCERPT_CYCLES)
     start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)
-    thin = max(1, int(min(1.0 / (motion.dominant * per_cycle), _LONGEST_STEP) / test.dt))
+    thin = max(1, int(min(1.0 / (motion.dominant * _MIDDLE_PER_CYCLE), _LONGEST_STEP) / test.dt))
     return cut(test, start=start, end=start + length, every=thin)

@@ -14,7 +14,7 @@ from mrwork.dampers.simulation import Loading, simulate_force
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.dampers.tested_range import OperatingRange
 from mrwork.errors import SettingError
-from mrwork.identification.commands import tested_commands
+from mrwork.identification.commands import CommandedTests
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
@@ -150,7 +150,7 @@ def _with_laws(model: DamperSpec, like: DamperSpec, tests: tuple[DamperTest, ...
     if like.command_unit is None or not like.follows_command or model.command_unit is not None:
         return model
     # As many values as there are commands, since the force to be fitted has no noise.
-    commands = tested_commands(like, tests)
+    commands = CommandedTests.of(like, tests).commands
     degree = min(len(commands) - 1, MOST_DEGREE)
     law = CommandLaw(degree, form="log_polynomial" if degree else "polynomial").at_commands(commands.tolist())
     following = {

@@ -17,7 +17,7 @@ from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper, plain_parameters
 from mrwork.errors import Interrupted, MrworkError, MrworkWarning, SimulationError
-from mrwork.identification.commands import PER_CYCLE, has_levels, levels_of
+from mrwork.identification.commands import CommandedTests
 from mrwork.identification.covariance import Covariance, Slopes
 from mrwork.identification.doubts import doubts_on_fit
 from mrwork.identification.effects import fit_effects
@@ -294,10 +294,13 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
     They end on excerpts; their standard errors are for the whole tests.
     """
     spec, objective = fit.spec, problem.objective
-    if spec.command_unit is None or spec.own is not None or not has_levels(spec, objective.tests):
+    if spec.command_unit is None or spec.own is not None:
+        return ()
+    tested = CommandedTests.of(spec, objective.tests)
+    if not tested.has_levels:
         return ()
     plain, fits = spec.without_laws, []
-    for command, tests in levels_of(spec, objective.tests).items():
+    for command, tests in tested.at.items():
         values = plain_parameters(spec, np.array(fit.theta), command)
         pairs = zip(plain.names, values.tolist(), strict=True)
         held = {name: (value, value) for name, value in pairs if name not in spec.following}
@@ -305,7 +308,7 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
         # A command at which the plain model cannot be fitted is left out.
         with suppress(MrworkError):
             alone = Problem.of(plain, tests, settings, threads=objective.threads)
-            excerpts = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in alone.objective.tests)
+            excerpts = tuple(map(middle_excerpt, alone.objective.tests))
             theta = find_minima(
                 alone.objective.on(alone.form.spec, excerpts),
                 alone.form.box,
@@ -327,7 +330,7 @@ def starting_points(problem: Problem, call: Identifying) -> StartingPoints:
             return points_from_race(problem, search, call=call)
         return points_from_optimiser(problem, search, call=call)
     # What the search of laws imports is slow to load.
-    if has_levels(spec, problem.objective.tests):
+    if CommandedTests.of(spec, problem.objective.tests).has_levels:
         from mrwork.identification.minimise.level_search import points_from_levels
 
         return points_from_levels(problem, search, call=call)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from mrwork.base.numbers import significant
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.identification.commands import command_of
 from mrwork.identification.fit import STRUCTURE
 from mrwork.records import DamperTest
 from mrwork.records.checks import TEMPERATURE
+from mrwork.records.damper_test import set_points
 
 # A fit whose misfit is not below this share of the misfit of a linear spring and dashpot is linear itself.
 LINEAR_SHARE = 0.98
@@ -27,7 +27,7 @@ def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False)
     """
     groups: dict[object, list[DamperTest]] = {}
     for test in tests:
-        groups.setdefault(command_of(test) if follows_command else None, []).append(test)
+        groups.setdefault((set_points(test) or test.label) if follows_command else None, []).append(test)
     squares = [square for group in groups.values() for square in _linear_squares(group)]
     return float(np.sqrt(np.mean(squares)))
 

@@ -1,4 +1,4 @@
-"""The attribute `plot` of results as editors and checkers of types see it; `base/plotted` does the work."""
+"""The attribute `plot` of results as editors and checkers of types see it; `accessor.py` does the work."""
 
 from typing import Generic, TypeVar
 
@@ -10,6 +10,7 @@ class Plots(Generic[ResultT_co]):
     """Figures of a result: the functions of `mr.plots` that take it, by their names."""
 
     def __init__(self, result: ResultT_co) -> None: ...
+    def _repr_html_(self) -> str | None: ...
 
     bands = of_fits.bands
     laws = of_fits.laws

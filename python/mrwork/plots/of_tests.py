@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,11 +11,10 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from mrwork.base.arguments import Whole
-from mrwork.base.hints import InUnit, Within
 from mrwork.base.keys import check_known
 from mrwork.base.values import Floats
 from mrwork.closed_loop.responses import COMMAND_UNIT, History, quantity_named
-from mrwork.dampers.simulation import simulate_force, sinusoid
+from mrwork.dampers.simulation import Amplitude, Frequency, simulate_force, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
@@ -370,8 +369,8 @@ def nominal_test(
 def nominal_loops(
     spec: DamperSpec,
     *,
-    amplitude: Annotated[float, Within(least=1e-6, most=1.0), InUnit("m")] = 0.015,
-    frequency: Annotated[float, Within(least=1e-4, most=1e3), InUnit("Hz")] = 2.5,
+    amplitude: Amplitude = 0.015,
+    frequency: Frequency = 2.5,
 ) -> Figure:
     """Force over displacement and over velocity in the last cycle of a sinusoid, at zero command.
 

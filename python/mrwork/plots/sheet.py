@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Concatenate, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from mrwork.base.arguments import checked
 from mrwork.base.keys import check_known
 from mrwork.base.numbers import counted
-from mrwork.base.plotted import Plots
 from mrwork.errors import SettingError
 from mrwork.plots import canvas, style
 from mrwork.plots.style import DisplayUnit
+
+if TYPE_CHECKING:
+    from mrwork.base.plotted import Plots
 
 P = ParamSpec("P")
 ResultT = TypeVar("ResultT")

@@ -18,7 +18,7 @@ from mrwork.base.remark import Remark as Remark
 from mrwork.base.summary import Summarised, Summary, named
 from mrwork.base.units import COMMAND_SCALES, CommandUnit
 from mrwork.base.values import Floats, array_dataclass, freeze_samples, keep_arrays
-from mrwork.dampers.command import Command, CommandValues, command_level, levels_of_command
+from mrwork.dampers.command import Command, CommandValues, command_level
 from mrwork.dampers.simulation import Loading
 from mrwork.dampers.spec import DamperSpec
 from mrwork.dampers.tested_range import Exceedance as Exceedance
@@ -309,9 +309,15 @@ def fields_of_commands(commands: Iterable[Command]) -> dict[str, Any]:
 
 def same_commands(one: DamperTest, other: DamperTest) -> bool:
     """Whether the commands of two tests are equal, sample by sample where they vary."""
-    return len(one.commands) == len(other.commands) and all(
-        mine.equals(theirs) for mine, theirs in zip(one.commands, other.commands, strict=True)
-    )
+    pairs = zip(one.commands, other.commands, strict=False)
+    return len(one.commands) == len(other.commands) and all(mine.equals(theirs) for mine, theirs in pairs)
+
+
+def set_points(test: DamperTest) -> tuple[tuple[CommandUnit, float], ...] | None:
+    """The constant commands of a test, as a driver is set, each after its unit; `None` where a command varies."""
+    if test.has_varying_command:
+        return None
+    return tuple((unit, command_level(float(np.mean(command)), unit)) for command, unit in test.commands)
 
 
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
@@ -341,14 +347,13 @@ def range_of_test(test: DamperTest, unit: CommandUnit | None, force: Samples | N
             f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
         )
     command = test.command_in(unit)
-    levels = () if command is None else levels_of_command(command)
     return OperatingRange(
         stroke=0.5 * float(np.ptp(test.displacement)),
         velocity=float(np.abs(test.velocity).max()),
         frequency=_frequencies(test),
         command=None if command is None else (float(np.min(command)), float(np.max(command))),
         command_unit=None if command is None else unit,
-        levels=tuple(sorted({command_level(level, unit) for level in levels})) if unit else (),
+        levels=() if command is None or unit is None else Command(command, unit).levels,
         force=float(np.abs(load).max()),
         power=max(0.0, float(np.mean(load * test.velocity))),
         least_stroke=least_stroke(test.displacement),

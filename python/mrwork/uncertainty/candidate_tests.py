@@ -12,8 +12,8 @@ import numpy as np
 from mrwork.base.arguments import checked
 from mrwork.base.hints import InUnit, Within
 from mrwork.base.units import CommandUnit
-from mrwork.dampers.command import LARGEST_COMMAND, CommandValues, command_level, levels_of_command
-from mrwork.dampers.simulation import Loading, sinusoid
+from mrwork.dampers.command import LARGEST_COMMAND, Command, command_level
+from mrwork.dampers.simulation import Amplitude, Frequency, Loading, sinusoid
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.files.delimited import open_delimited
@@ -34,11 +34,7 @@ _CYCLES = 3
 _MOST_BYTES = 512 << 20
 _COLUMNS = ("amplitude", "frequency", "current")
 
-# The longest stroke, in isolated buildings, is about 1 m.
-Amplitude = Annotated[float, Within(least=1e-6, most=1.0), InUnit("m")]
-# A slower test lasts for hours, and no rig runs a faster one.
-Frequency = Annotated[float, Within(least=1e-4, most=1e3), InUnit("Hz")]
-Command = Annotated[float, Within(least=0.0, most=LARGEST_COMMAND)]
+PlannedCommand = Annotated[float, Within(least=0.0, most=LARGEST_COMMAND)]
 
 
 @checked
@@ -47,7 +43,7 @@ class Candidate:
 
     amplitude: Amplitude
     frequency: Frequency
-    command: Command | None = None
+    command: PlannedCommand | None = None
 
     @property
     def peak_velocity(self) -> float:
@@ -92,7 +88,7 @@ def candidate_grid(
     *,
     amplitudes: Sequence[Amplitude] = (),
     frequencies: Sequence[Frequency] = (),
-    commands: Sequence[Command] = (),
+    commands: Sequence[PlannedCommand] = (),
     limits: Limits | None = None,
 ) -> tuple[Candidate, ...]:
     """All combinations of amplitude, frequency and command within the limits of the rig.
@@ -127,12 +123,10 @@ def candidate_grid(
     levels: Sequence[float | None] = [None]
     if spec.command_unit is not None:
         unit = spec.command_unit
-        recorded = [command for test in tests for command, symbol in test.commands if symbol == unit]
+        recorded = [command for test in tests for command in test.commands if command.unit == unit]
         gap = range_of_tests(tests, unit).gap
         middle = () if gap is None else (command_level(0.5 * sum(gap), unit),)
-        levels = commands or sorted(
-            {*middle, *(level for command in recorded for level in _ends(command, unit))}
-        )
+        levels = commands or sorted({*middle, *(level for command in recorded for level in _ends(command))})
     _check_count(len(levels) * len(amplitudes) * len(frequencies), spec)
     grid = tuple(
         candidate
@@ -222,12 +216,11 @@ def excitation_of(test: DamperTest) -> Candidate:
     )
 
 
-def _ends(command: CommandValues, unit: CommandUnit) -> tuple[float, ...]:
+def _ends(command: Command) -> tuple[float, ...]:
     """A constant command, or the lowest and the highest level of one that varies."""
-    if not isinstance(command, np.ndarray):
-        return (command,)
-    levels = levels_of_command(command)
-    return command_level(levels[0], unit), command_level(levels[-1], unit)
+    if not isinstance(command.values, np.ndarray):
+        return (command.values,)
+    return command.levels[0], command.levels[-1]
 
 
 def _about(values: Sequence[float]) -> list[float]:

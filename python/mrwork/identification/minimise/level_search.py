@@ -17,13 +17,7 @@ from mrwork.base.arguments import Seed
 from mrwork.base.numbers import of_unit
 from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.spec import DamperSpec, plain_parameters
-from mrwork.identification.commands import (
-    command_is_constant,
-    excerpts_of,
-    form_through_values,
-    levels_of,
-    refuse_few_levels,
-)
+from mrwork.identification.commands import CommandedTests, excerpts_of, form_through_values
 from mrwork.identification.equivalent import (
     Form,
     fitted_laws,
@@ -46,7 +40,6 @@ from mrwork.identification.progress import EXCERPTS, Identifying, OnSearch, part
 from mrwork.identification.settings import Race
 from mrwork.identification.suspicious import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
-from mrwork.records.damper_test import loading_of
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser
@@ -116,13 +109,13 @@ class _LevelSearch:
     ) -> _LevelSearch:
         """One of `per_command` tests at a command at most, or of all."""
         form, excerpts = problem.form, excerpts_of(problem)
-        constant = levels_of(form.spec, excerpts)
-        refuse_few_levels(form.spec, len(constant))
-        commands = np.array([*constant])
+        tested = CommandedTests.of(form.spec, excerpts)
+        tested.refuse_few()
+        commands = np.array([*tested.at])
         levels = {
-            command: unlike_tests(tests, per_command or len(tests)) for command, tests in constant.items()
+            command: unlike_tests(tests, per_command or len(tests)) for command, tests in tested.at.items()
         }
-        left_out = {id(test) for tests in constant.values() for test in tests} - {
+        left_out = {id(test) for tests in tested.at.values() for test in tests} - {
             id(test) for tests in levels.values() for test in tests
         }
         form = replace(form, box=joint_box(form, excerpts, commands))
@@ -337,17 +330,17 @@ def _better_alone(
 
     The plain model is fitted from the minima at their commands, all in one batch, to tests of constant commands.
     """
-    (plain, box), spec = plain_of(problem.form), problem.form.spec
+    plain, box = plain_of(problem.form)
     joint = np.sqrt(objective.squared_nrmse(theta[None])[0])
-    constant = np.array([command_is_constant(test, spec) for test in objective.tests])
-    doubtful = far_worse(np.where(constant, joint, 0.0), np.zeros(joint.size)).tolist()
+    points = CommandedTests.of(problem.form.spec, objective.tests).set_points
+    doubtful = far_worse(np.where(np.isnan(points), 0.0, joint), np.zeros(joint.size)).tolist()
     if not doubtful:
         return joint, {}
     tests = tuple(objective.tests[index] for index in doubtful)
     near = widened(search_box(plain, box, tests), box)
-    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
-    nearest = [min(fits, key=lambda fit: abs(fit.command - command)) for command in commands]
-    starts = [fit.minima[np.arange(_OWN_STARTS) % len(fit.minima)] for fit in nearest]
+    by_command = {fit.command: fit for fit in fits}
+    own = [by_command[point] for point in points[doubtful].tolist()]
+    starts = [fit.minima[np.arange(_OWN_STARTS) % len(fit.minima)] for fit in own]
     minima = find_minima(
         problem.objective.on(plain, tests),
         near,
@@ -359,7 +352,7 @@ def _better_alone(
     misfit = minima.misfit.reshape(-1, _OWN_STARTS)
     return joint, {
         doubtful[number]: _OwnFit(
-            command=nearest[number].command,
+            command=own[number].command,
             theta=minima.theta[number * _OWN_STARTS + int(np.argmin(misfit[number]))],
             nrmse=float(misfit[number].min()),
         )
@@ -377,7 +370,7 @@ def worse_together(
     spec, tests = problem.form.spec, objective.tests
     fits = [
         LevelFit(command=level, minima=plain_parameters(spec, theta, level)[None])
-        for level in levels_of(spec, tests)
+        for level in CommandedTests.of(spec, tests).at
     ]
     joint, own = _better_alone(problem, objective, theta, fits)
     alone, worse = np.full(len(tests), np.inf), np.array([*own], dtype=np.intp)

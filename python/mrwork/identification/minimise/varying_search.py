@@ -14,7 +14,7 @@ import numpy as np
 from mrwork.base.values import Floats
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.commands import excerpts_of, refuse_few_levels, tested_commands
+from mrwork.identification.commands import CommandedTests, excerpts_of
 from mrwork.identification.equivalent import Form, joint_box, plain_of, search_box, widened
 from mrwork.identification.minimise.plain_search import POPULATION, SAMPLES, alone_doubt, evolved, optimise
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
@@ -88,13 +88,13 @@ def points_from_scaled_forces(
     """
     spec, tests, rng = problem.form.spec, problem.objective.tests, problem.settings.rng
     objective = problem.objective.on(spec, excerpts_of(problem))
-    commands = tested_commands(spec, tests)
-    refuse_few_levels(spec, len(commands))
+    tested = CommandedTests.of(spec, tests)
+    tested.refuse_few()
     plain, box = plain_of(problem.form)
     searched = search_box(plain, box, tests)
     wide = widened(searched, box)
-    form = replace(problem.form, box=joint_box(problem.form, tests, commands))
-    laws_of = scaled_laws(form, tests, commands)
+    form = replace(problem.form, box=joint_box(problem.form, tests, tested.commands))
+    laws_of = scaled_laws(form, tests, tested.commands)
     on_search = part_of(call.on_search, 0.0, 1.0, fitted=EXCERPTS)
     settings = search if isinstance(search, Race) else Race(most_rounds=1)
 

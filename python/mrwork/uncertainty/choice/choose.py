@@ -32,7 +32,7 @@ from mrwork.errors import (
     WorkerError,
 )
 from mrwork.identification.batch import FitBatch, FitTask, JournalOf
-from mrwork.identification.commands import count_levels, refuse_few_levels, with_laws_at
+from mrwork.identification.commands import CommandedTests, with_laws_at
 from mrwork.identification.equivalent import identifiable_form, levels_needed
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import command_warning
@@ -114,14 +114,14 @@ def _refuse_few_commands(
     """Refuse laws for which all tests, or those that remain without a fold, are at too few commands."""
     rests = splits.rests if len(tests) > 1 else []
     for spec in filter(lambda spec: spec.command_unit is not None, compared):
-        n_levels, needed = count_levels(spec, tests), levels_needed(spec)
-        refuse_few_levels(spec, n_levels)
-        remaining = min((count_levels(spec, rest) for rest in rests), default=n_levels)
+        tested, needed = CommandedTests.of(spec, tests), levels_needed(spec)
+        tested.refuse_few()
+        remaining = min((len(CommandedTests.of(spec, rest).commands) for rest in rests), default=needed)
         if remaining < needed:
             raise SettingError(
                 f"the current laws of {spec.name} need tests at {needed} commands, and where some are left out only "
-                f"{remaining} of {n_levels} remain; give laws of a lower degree, leave out another unit of tests, or "
-                "add tests at other commands"
+                f"{remaining} of {len(tested.commands)} remain; give laws of a lower degree, leave out another unit of "
+                "tests, or add tests at other commands"
             )
 
 

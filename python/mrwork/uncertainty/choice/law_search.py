@@ -21,14 +21,7 @@ from mrwork.dampers.laws import CONSTANT, MOST_DEGREE, POLYNOMIAL_FORMS, Command
 from mrwork.dampers.parameters import ParamSpec, Scale
 from mrwork.dampers.spec import DamperSpec, hidden_extrema, with_changed_laws
 from mrwork.errors import SettingError
-from mrwork.identification.commands import (
-    PER_CYCLE,
-    command_is_constant,
-    laws_at,
-    laws_to_type,
-    refuse_few_levels,
-    tested_commands,
-)
+from mrwork.identification.commands import CommandedTests, laws_at, laws_to_type
 from mrwork.identification.equivalent import identifiable_form, joint_box, search_box, with_other_laws
 from mrwork.identification.excerpts import middle_excerpt, stretches_of
 from mrwork.identification.fit import NEGLIGIBLE, Fit
@@ -411,9 +404,10 @@ def prepare_search(
             "the choice of laws takes no starts and the engine `lanes`; leave these settings out"
         )
     spec = plain.with_current_laws({}, unit=unit)
-    spec = with_changed_laws(spec, laws_at(given, tested_commands(spec, tests)))
-    typed = laws_to_type(plain, given, tested_commands(spec, tests))
-    varies = not all(command_is_constant(test, spec) for test in tests)
+    tested = CommandedTests.of(spec, tests)
+    spec = with_changed_laws(spec, laws_at(given, tested.commands))
+    typed = laws_to_type(plain, given, tested.commands)
+    varies = tested.vary
     if lagged and not varies:
         raise SettingError(
             "the command is constant in every test, which shows no lag of the driver; leave --driver-lag out (in "
@@ -428,14 +422,16 @@ def prepare_search(
             "laws are chosen by tests left out of their fits, and one test was given; give more, or a record of a "
             "command that shows its levels three times"
         )
-    short = tuple(middle_excerpt(test, per_cycle=PER_CYCLE) for test in tests)
-    commands = tested_commands(spec, short)
-    refuse_few_levels(spec, len(commands))
+    short = tuple(map(middle_excerpt, tests))
+    tested = CommandedTests.of(spec, short)
+    tested.refuse_few()
+    commands = tested.commands
     splits = replace(splits_of(tests, leave_out), parts=parts)
     # A split beyond the rest keeps a test at every command, and lowers no degree.
     rests = zip(splits.splits, rests_of(short, splits.members), strict=True)
     n_levels = min(
-        (len(tested_commands(spec, rest)) for split, rest in rests if not split.beyond), default=len(commands)
+        (len(CommandedTests.of(spec, rest).commands) for split, rest in rests if not split.beyond),
+        default=len(commands),
     )
     most = min(MOST_DEGREE, n_levels - 1)
     if most < 1:
@@ -451,7 +447,7 @@ def prepare_search(
         full = {each.name: CommandLaw(degree, form=_first_form(each)) for each in plain.parameters}
         linear = plain.with_current_laws(laws_at(full, commands), unit=unit, lagged=lagged)
     else:
-        levels = np.searchsorted(commands, [float(*tested_commands(spec, (test,))) for test in short])
+        levels = np.searchsorted(commands, tested.set_points)
     excerpts = Objective.of(spec, short, settings, threads=threads)
     shares = np.tile(excerpts.shares, (1 + splits.n_splits, 1))
     for row, members in enumerate(splits.members, start=1):

@@ -201,7 +201,7 @@ class _ChoosingLaws(Choosing):
         first, *others = (self._fitted(neighbour) for neighbour in (chosen, *near))
         sets, rows = list[tuple[LawSearch, FittedLaws]](), list[Floats]()
         for search, laws in (first, *self._other_forms(*first), *others):
-            fastest = [*fastest_at_commands(laws.spec, search.tests).values()]
+            fastest = fastest_at_commands(laws.spec, search.tests)
             test, loading = max(fastest, key=lambda pair: float(np.abs(pair[0].velocity).max()))
             between = 0.5 * (search.folds.commands[:-1] + search.folds.commands[1:])
             motions = [*fastest, *((test, replace(loading, command=command)) for command in between.tolist())]

@@ -59,24 +59,20 @@ def _positive(spec: DamperSpec) -> set[str]:
 
 def fastest_at_commands(
     spec: DamperSpec, tests: Sequence[DamperTest]
-) -> dict[float, tuple[DamperTest, Loading]]:
+) -> tuple[tuple[DamperTest, Loading], ...]:
     """The fastest motion at each command, with its test; a varying command counts at each of its levels."""
-    fastest: dict[float, tuple[DamperTest, Loading]] = {}
+    unit, fastest = spec.command_unit or "A", dict[float, tuple[DamperTest, Loading]]()
     for test in sorted(tests, key=lambda test: float(np.abs(test.velocity).max())):
         loading = loading_of(test, spec)
-        if loading.command is None:
-            fastest[0.0] = test, loading
-            continue
-        for level in levels_of_command(loading.command):
-            command = command_level(level, spec.command_unit or "A")
-            fastest[command] = test, replace(loading, command=level)
-    return fastest
+        for level in [None] if loading.command is None else levels_of_command(loading.command):
+            fastest[command_level(level or 0.0, unit)] = test, replace(loading, command=level)
+    return tuple(fastest.values())
 
 
 def _falling_force(spec: DamperSpec, theta: Floats, tests: Sequence[DamperTest]) -> str:
     """That the force falls beyond the tested velocities, at the command where it falls most; else empty."""
     worst, sentence = -_FALLS, ""
-    for test, loading in fastest_at_commands(spec, tests).values():
+    for test, loading in fastest_at_commands(spec, tests):
         faster = replace(loading, dt=loading.dt / _FASTER, velocity=test.velocity * _FASTER)
         runs = [simulate_forces(spec, theta[None], each.history()) for each in (loading, faster)]
         if any(run.outcome[0] != Outcome.FINISHED for run in runs):

@@ -20,7 +20,6 @@ from mrwork.base.values import Floats, array_dataclass
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import ALL, DamperSpec
 from mrwork.identification.batch import JournalOf, with_journal
-from mrwork.identification.commands import PER_CYCLE, command_of
 from mrwork.identification.equivalent import search_box, widened
 from mrwork.identification.excerpts import middle_excerpt
 from mrwork.identification.minimise.level_search import unlike_tests
@@ -29,7 +28,7 @@ from mrwork.identification.minimise.race import draw_samples
 from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.settings import FitSettings, Race
 from mrwork.records import DamperTest, observed
-from mrwork.records.damper_test import as_tests
+from mrwork.records.damper_test import as_tests, set_points
 from mrwork.store.journal import Journal
 from mrwork.store.long_call import LongCall, interruptible
 from mrwork.uncertainty.bands.prediction import groups_of, halves
@@ -68,7 +67,7 @@ class Screening:
         """
         constant = [test for test in tests if not test.has_varying_command]
         constant.sort(key=lambda test: [float(np.mean(command)) for command, _ in test.commands])
-        levels = [[*members] for _, members in groupby(constant, command_of)]
+        levels = [[*members] for _, members in groupby(constant, set_points)]
         if not levels:
             return None
         several = [members for members in levels if len(groups_of(members, "test")) > 1]
@@ -86,7 +85,7 @@ class Screening:
             splits = Splits(tests=chosen, splits=(later,), units=(*range(len(chosen)),), fold=None)
         level = np.repeat(np.arange(len(taken)), [len(members) for members in taken])
         return cls(
-            excerpts=tuple(middle_excerpt(test, per_cycle=PER_CYCLE, cycles=_CYCLES) for test in chosen),
+            excerpts=tuple(middle_excerpt(test, _CYCLES) for test in chosen),
             at_level=level == np.arange(len(taken))[:, None],
             splits=splits,
             settings=settings,

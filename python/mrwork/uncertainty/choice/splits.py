@@ -15,10 +15,10 @@ import numpy as np
 
 from mrwork.base.summary import list_names
 from mrwork.base.values import Floats
-from mrwork.identification.commands import command_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.settings import Fold
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import set_points
 from mrwork.uncertainty.bands.prediction import (
     IN_WORDS,
     LATER_CYCLES,
@@ -148,7 +148,7 @@ def splits_of(tests: Sequence[DamperTest], fold: Fold | None = None) -> Splits:
     by_motion = len(motions) >= _MOTIONS
     alike = alike_remark(tests)
     remarks = [alike] if alike else []
-    levels = [command_of(test, "varies") for test in tests]
+    levels = [set_points(test) for test in tests]
     ends: dict[tuple[int, ...], tuple[str, ...]] = {}
     for end, size in _ENDS.items() if by_motion else ():
         sizes = np.array([size(test) for test in tests])
