@@ -31,7 +31,7 @@ from mrwork.identification.objective import up_to
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Identifying
 from mrwork.identification.result import BuildingCost, cost_warning, fit_at
-from mrwork.identification.settings import FitSettings, Race
+from mrwork.identification.settings import FitSettings, Race, Start
 from mrwork.identification.verdicts import fitted_parameters
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -140,12 +140,14 @@ def identify_with(
     examines: bool = True,
     searched: tuple[Box, SearchTrace] | None = None,
     doubt: str = "",
+    near: Start | None = None,
 ) -> Fit:
     """`identify` with its settings as one value.
 
     Without `warns` its warnings are with the fit only. Without `examines` nothing is looked for that speaks against a
     fit which has converged. Where the search was made before, `searched` are the box of the final fit and the trace
     that led to the first start of the settings, from which it begins, and `doubt` says why a lower minimum is possible.
+    The search of laws begins `near` the fit to which other laws have led, and looks whether another route meets it.
     """
     spec = damper(model) if isinstance(model, str) else model
     problem = Problem.of(spec, as_tests(tests), settings, threads=threads, journal=journal)
@@ -162,7 +164,7 @@ def identify_with(
 
     def find_points() -> StartingPoints:
         if searched is None:
-            return starting_points(problem, call).with_given(spec, settings.starts)
+            return starting_points(problem, call, near).with_given(spec, settings.starts)
         start = problem.inside([settings.starts[0][name] for name in spec.names])
         return StartingPoints(
             objective=problem.objective,
@@ -322,8 +324,11 @@ def _single_commands(problem: Problem, fit: Fit) -> tuple[SingleCommand, ...]:
     return tuple(fits)
 
 
-def starting_points(problem: Problem, call: Identifying) -> StartingPoints:
-    """Run the global search of a problem; with current laws that is one of the plain model at each constant command."""
+def starting_points(problem: Problem, call: Identifying, near: Start | None = None) -> StartingPoints:
+    """Run the global search of a problem; with current laws that is one of the plain model at each constant command.
+
+    It begins `near` a fit of the laws, if there is one.
+    """
     search, spec = problem.search, problem.form.spec
     if spec.command_unit is None:
         if isinstance(search, Race):
@@ -333,7 +338,7 @@ def starting_points(problem: Problem, call: Identifying) -> StartingPoints:
     if CommandedTests.of(spec, problem.objective.tests).has_levels:
         from mrwork.identification.minimise.level_search import points_from_levels
 
-        return points_from_levels(problem, search, call=call)
+        return points_from_levels(problem, search, call=call, near=near)
     from mrwork.identification.minimise.varying_search import points_from_scaled_forces
 
     return points_from_scaled_forces(problem, search, call=call)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import ceil, isfinite
+from math import ceil, floor, isfinite
 from typing import Annotated, Any, Final
 
 import numpy as np
@@ -169,22 +169,25 @@ def average_signal(signal: Any, samples: float) -> Any:
     middles *= 0.5
     integral = xp.cumulative_sum(middles, axis=-1, include_initial=True)
 
-    def integral_at(position: Floats) -> Any:
-        # The samples exist, and `take` is several times as fast where it need not look.
-        before = np.minimum(np.floor(position).astype(int), last - 1)
-        share = position - before
-        integral_at_place = xp.take(change, before, axis=-1, mode="clip")
-        integral_at_place *= 0.5 * share
-        integral_at_place += xp.take(signal, before, axis=-1, mode="clip")
-        integral_at_place *= share
-        integral_at_place += xp.take(integral, before, axis=-1, mode="clip")
-        return integral_at_place
+    def integral_at(offset: float) -> Any:
+        # Every sample is as far from the one before it, so that slices do, which are many times as fast as indices.
+        before = floor(offset)
+        first = min(max(0, -before), last + 1)
+        stop = min(max(last - before, first), last + 1)
+        share, within = offset - before, slice(first + before, stop + before)
+        inside = change[..., within] * (0.5 * share)
+        inside += signal[..., within]
+        inside *= share
+        inside += integral[..., within]
+        nothing, whole = integral[..., :1], integral[..., -1:]
+        head = xp.broadcast_to(nothing, (*nothing.shape[:-1], first))
+        tail = xp.broadcast_to(whole, (*whole.shape[:-1], last + 1 - stop))
+        return xp.concat([head, inside, tail], axis=-1)
 
-    start = np.clip(np.arange(last + 1) - 0.5 * samples, 0.0, last)
-    end = np.clip(np.arange(last + 1) + 0.5 * samples, 0.0, last)
-    average = integral_at(end)
-    average -= integral_at(start)
-    average /= end - start
+    half = 0.5 * samples
+    place = np.arange(last + 1)
+    average = integral_at(half) - integral_at(-half)
+    average /= np.minimum(place + half, last) - np.maximum(place - half, 0.0)
     return average
 
 

@@ -32,12 +32,20 @@ from mrwork.identification.equivalent import (
 from mrwork.identification.minimise.levenberg_marquardt import find_minima
 from mrwork.identification.minimise.plain_search import evolved, optimise, plain_routes
 from mrwork.identification.minimise.polish import StartingPoints, no_simulation
-from mrwork.identification.minimise.race import Raced, Route, best_first, distinct_minima, race
+from mrwork.identification.minimise.race import (
+    Raced,
+    Route,
+    best_first,
+    distinct_minima,
+    minima_from,
+    race,
+    same_minimum,
+)
 from mrwork.identification.minimise.varying_search import scaled_laws
-from mrwork.identification.objective import Objective, up_to
+from mrwork.identification.objective import Objective, friction_limit, up_to
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import EXCERPTS, Identifying, OnSearch, part_of
-from mrwork.identification.settings import Race
+from mrwork.identification.settings import Race, Start
 from mrwork.identification.suspicious import far_worse, far_worse_sentence
 from mrwork.records import DamperTest
 
@@ -71,15 +79,25 @@ class LevelFit:
     minima: Floats
 
 
-def points_from_levels(problem: Problem, search: Race | Optimiser, *, call: Identifying) -> StartingPoints:
+def at_levels(spec: DamperSpec, theta: Floats, commands: Sequence[float]) -> list[LevelFit]:
+    """What laws `theta`, (n_params,), are at commands, as the only minima there."""
+    return [
+        LevelFit(command=command, minima=plain_parameters(spec, theta, command)[None]) for command in commands
+    ]
+
+
+def points_from_levels(
+    problem: Problem, search: Race | Optimiser, *, call: Identifying, near: Start | None = None
+) -> StartingPoints:
     """Starting points from fits of the plain model at each constant command, then of the laws to all tests.
 
     Polynomials are searched by as many values at tested commands, other laws as they are. Some tests of each command
-    find the minima; all of them where the others cannot be simulated at these.
+    find the minima; all of them where the others cannot be simulated at these. A fit of the laws `near` which they are
+    takes the place of those at each command, unless no other route meets it.
     """
     for per_command in (_PER_COMMAND, None):
         levels = _LevelSearch.of(problem, search, call, per_command)
-        if (points := levels.points()) is not None:
+        if (points := levels.points(near)) is not None:
             return points
     raise no_simulation(problem.form.spec, problem.objective.tally.simulations)
 
@@ -143,14 +161,21 @@ class _LevelSearch:
         """Settings of the search at all commands together: those of the requested race, else the default ones."""
         return self.search if isinstance(self.search, Race) else Race()
 
-    def points(self) -> StartingPoints | None:
+    def points(self, near: Start | None) -> StartingPoints | None:
         """The starting points; `None` where some tests were searched, and others cannot be simulated there."""
         rng = self.problem.settings.rng
-        middle = len(self.commands) // 2
-        for command in (*self.commands[middle:].tolist(), *self.commands[:middle][::-1].tolist()):
-            self.fits.append(self._fit_level(command))
-        self.fits.sort(key=lambda fit: fit.command)
-        raced = self._race_joint(lambda number: self._starts(self.fits, rng + number), rng)
+
+        def starts(number: int) -> Floats:
+            if near is not None and number == 0:
+                theta = self.problem.inside([near[name] for name in self.problem.spec.names])
+                joint = with_other_laws(self.form.spec, theta, self.joint.spec, self.commands)
+                self.fits = at_levels(self.joint.spec, joint, self.commands.tolist())
+                return np.asarray(self.joint.box.inside(joint[None]))
+            if number == (near is not None):
+                self._fit_levels()
+            return self._starts(self.fits, rng + number)
+
+        raced = self._race_joint(starts, rng)
         theta, misfit = self._on_all_tests(raced)
         if not len(theta) or not np.isfinite(misfit[0]):
             if self.on_searched is not self.on_tests:
@@ -170,10 +195,11 @@ class _LevelSearch:
                 more = np.array(
                     [within_range(self.joint.spec, start, self.commands) for start in (theta[0], *more)]
                 )
-            again = self._race_joint(lambda number: more if number == 0 else more[:0], rng + 1)
-            if len(again.theta) and again.misfit[0] < raced.misfit[0]:
-                raced = again
-                theta, misfit = self._on_all_tests(raced)
+            if self._leads_lower(more, raced):
+                again = self._race_joint(lambda number: more if number == 0 else more[:0], rng + 1)
+                if len(again.theta) and again.misfit[0] < raced.misfit[0]:
+                    raced = again
+                    theta, misfit = self._on_all_tests(raced)
         return StartingPoints(
             objective=up_to(
                 self.problem.objective.on(self.form.spec, self.on_tests.tests), raced.objective.stiffest
@@ -183,6 +209,20 @@ class _LevelSearch:
             trace=raced.trace,
             doubt=raced.doubt,
         )
+
+    def _leads_lower(self, starts: Floats, raced: Raced) -> bool:
+        """Whether local minimisations from the starts end visibly below the minimum of a race."""
+        minima = minima_from(raced.objective, self.joint.box, starts)
+        least = float(raced.misfit[0])
+        return bool(least > same_minimum(float(np.min(raced.objective(minima), initial=least))))
+
+    def _fit_levels(self) -> None:
+        """Fit the plain model at every command, from the middle one on."""
+        self.fits = []
+        middle = len(self.commands) // 2
+        for command in (*self.commands[middle:].tolist(), *self.commands[:middle][::-1].tolist()):
+            self.fits.append(self._fit_level(command))
+        self.fits.sort(key=lambda fit: fit.command)
 
     def _race_joint(self, starts: Callable[[int], Floats], seed: int) -> Raced:
         """The laws of all tests, from the starts of each round, and from a population that shares none of them."""
@@ -280,18 +320,20 @@ class _LevelSearch:
                 return np.concatenate([starts, elite])
 
             routes = (Route(name=search.name, draw=draw_elite),)
-        theta = race(
-            objective,
-            near,
-            routes,
-            replace(self.settings, most_rounds=1),
-            searched=searched,
-            rng=rng,
-            on_search=on_search,
-        ).theta
-        if not len(theta):
-            raise no_simulation(plain, objective.tally.simulations)
-        return LevelFit(command=command, minima=theta[:_MINIMA])
+        # Stiffer loops are looked for by all tests together, unless fixed parameters make every candidate stiff.
+        for each in (up_to(objective, min(friction_limit(tests), objective.stiffest)), objective):
+            theta = race(
+                each,
+                near,
+                routes,
+                replace(self.settings, most_rounds=1),
+                searched=searched,
+                rng=rng,
+                on_search=on_search,
+            ).theta
+            if len(theta):
+                return LevelFit(command=command, minima=theta[:_MINIMA])
+        raise no_simulation(plain, objective.tally.simulations)
 
     def _starts(self, fits: Sequence[LevelFit], rng: int) -> Floats:
         """Starting laws from the minima at single commands: coefficients, shape (n_starts, n_params).
@@ -368,10 +410,7 @@ def worse_together(
     A minimum may be `suspected` to be false.
     """
     spec, tests = problem.form.spec, objective.tests
-    fits = [
-        LevelFit(command=level, minima=plain_parameters(spec, theta, level)[None])
-        for level in CommandedTests.of(spec, tests).at
-    ]
+    fits = at_levels(spec, theta, [*CommandedTests.of(spec, tests).at])
     joint, own = _better_alone(problem, objective, theta, fits)
     alone, worse = np.full(len(tests), np.inf), np.array([*own], dtype=np.intp)
     alone[worse] = [fit.nrmse for fit in own.values()]

@@ -103,8 +103,10 @@ class _ChoosingLaws(Choosing):
         """Records why one of several models cannot be fitted; errors of the only model are raised."""
         return nullcontext() if len(self.searches) == 1 else self.recording_failure(search.name)
 
-    def _fit_alone(self, search: LawSearch, laws: Laws, what: str, settings: FitSettings) -> Fit:
-        """The fit of laws to the excerpts by a search of their own."""
+    def _fit_alone(
+        self, search: LawSearch, laws: Laws, what: str, settings: FitSettings, near: Start | None = None
+    ) -> Fit:
+        """The fit of laws to the excerpts by a search of their own, which begins `near` one if that is given."""
         spec, _ = search.model(laws)
 
         def fit(journal: Journal | None) -> Fit:
@@ -117,6 +119,7 @@ class _ChoosingLaws(Choosing):
                 journal=journal,
                 warns=False,
                 examines=False,
+                near=near,
             )
 
         return with_journal(self.journal_of, f"{search.name}/{what.split()[0]}", fit)
@@ -130,7 +133,7 @@ class _ChoosingLaws(Choosing):
         doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
         if laws.laws == search.first_laws:
             return laws.start, doubt
-        alone = self._fit_alone(search, laws.laws, "chosen laws", search.excerpt_settings)
+        alone = self._fit_alone(search, laws.laws, "chosen laws", search.excerpt_settings, laws.start)
         doubt = alone.status_reason if alone.status == "lower_minimum_possible" else ""
         near, own = 0.0, np.inf
         if alone.spec.names == laws.spec.names:
